@@ -1,0 +1,31 @@
+"""``python -m dragon_ros NAME ...``: run an executable by the name that ``ros2 run dragon_ros`` knows."""
+import difflib
+import importlib
+import sys
+
+from dragon_ros.executables import EXECUTABLES
+
+
+def main(argv: list[str]) -> int:
+    """Run ``NAME ARGUMENTS...`` and return the exit code."""
+    if not argv or argv[0] in ('-h', '--help'):
+        print(usage())
+        return 0 if argv else 2
+    name, *rest = argv
+    if name not in EXECUTABLES:
+        near = difflib.get_close_matches(name, EXECUTABLES, n=1)
+        hint = f'did you mean {near[0]}?' if near else f'the names are {", ".join(EXECUTABLES)}'
+        print(f'dragon_ros: there is no {name!r}; {hint}', file=sys.stderr)
+        return 2
+    code: int = importlib.import_module(EXECUTABLES[name].module).main(rest)
+    return code
+
+
+def usage() -> str:
+    """Return the list of executables."""
+    rows = '\n'.join(f'  {name:<9} {executable.help}' for name, executable in EXECUTABLES.items())
+    return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (NAME --help tells more)\n\n{rows}'
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,33 @@
+"""Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit."""
+from math import isfinite
+from typing import Any
+
+from dragon_ros.core.errors import FieldError
+
+
+def number(field: str, value: Any, *, low: float | None = None, above: float | None = None,
+           high: float | None = None) -> float:
+    """Return the value as a float if it is a finite number within the limits, else raise FieldError."""
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise FieldError(field, value, f'it is {_kind(value)}, not a number', 'give a number')
+    if not isfinite(value):
+        raise FieldError(field, value, 'only finite numbers are', 'give a finite number')
+    if low is not None and value < low:
+        raise FieldError(field, value, f'the smallest is {low:g}', f'give at least {low:g}')
+    if above is not None and value <= above:
+        raise FieldError(field, value, f'it must exceed {above:g}', f'give more than {above:g}')
+    if high is not None and value > high:
+        raise FieldError(field, value, f'the largest is {high:g}', f'give at most {high:g}')
+    return float(value)
+
+
+def whole(field: str, value: Any, *, low: int, high: int) -> int:
+    """Return the value if it is an integer within the limits, else raise FieldError."""
+    if isinstance(value, bool) or not isinstance(value, int):
+        raise FieldError(field, value, f'it is {_kind(value)}, not a whole number', 'give a whole number')
+    number(field, value, low=low, high=high)
+    return value
+
+
+def _kind(value: Any) -> str:
+    return 'empty' if value is None else f'a {type(value).__name__}'

@@ -1,0 +1,43 @@
+"""Errors that a person can act on: each states the value, the limit and the cure, and carries them as fields."""
+from typing import Any
+
+
+class DragonError(Exception):
+    """Root of every error that dragon_ros raises on purpose.
+
+    ``fields`` holds the numbers behind the message, for programs.
+    """
+
+    def __init__(self, message: str, **fields: Any) -> None:
+        """Keep the message for people and the fields for programs."""
+        super().__init__(message)
+        self.fields = fields
+
+
+class InputError(DragonError):
+    """A value from outside (file, parameter, command line, message, bag) is not acceptable."""
+
+
+class FieldError(InputError):
+    """One named field has an unacceptable value."""
+
+    def __init__(self, field: str, value: Any, limit: str, cure: str) -> None:
+        """Say which field, what it was, what it may be and what to do."""
+        super().__init__(f'{field}: {value!r} is not possible, {limit}; {cure}',
+                         field=field, value=value, limit=limit, cure=cure)
+
+
+class MissingError(InputError):
+    """Something that was asked for by name or path is not there or cannot be read."""
+
+
+class ModelEnd(DragonError):
+    """The model has no state at the asked time; ``fields`` has ``t_s`` and the limit."""
+
+
+class TrackEndError(ModelEnd):
+    """The head would have left the track."""
+
+
+class ChainLockError(ModelEnd):
+    """A link finds no place on the track any more: the smallest root of its chord equation has vanished."""

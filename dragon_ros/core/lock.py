@@ -1,0 +1,64 @@
+"""Where a chain locks: the innermost place of the head from which every link still finds its next handle.
+
+Moving in, the first peak of the chord equation (``march.first_peak``) sinks; where it meets the link's length the
+smallest root vanishes and the follower's speed goes to infinity.
+"""
+from functools import lru_cache
+from math import cos, inf, pi, sin
+
+from dragon_ros.core.march import chord_of, first_guess, first_peak, step
+from dragon_ros.core.root import bracketed_newton
+
+
+@lru_cache(maxsize=256)
+def lock_angle(chord: float) -> float:
+    """Return the polar angle below which a link (``chord`` in units of b) has no place; 0 if it always has one."""
+    low, high = max(0.0, 0.5 * (chord - 1.5 * pi)), 0.5 * (chord - pi)
+    if high <= 0.0 or chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
+        return 0.0
+    return _bisect(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) >= chord, max(low, _first_with_peak()), high)
+
+
+def head_lock_angle(head_chord: float, body_chord: float | None) -> tuple[float, int]:
+    """Return (polar angle of the head where the chain first locks on its way in, link); (0, 0) if it never does.
+
+    Links behind link 1 equal it and lie further out, so they lock later, if at all. Link 1 may lock before link 0
+    only where body links are longer than the head's or the head passes close to the centre.
+    """
+    head = lock_angle(head_chord)
+    body = lock_angle(body_chord) if body_chord else 0.0
+    if not body:
+        return head, 0
+    turning = follower_turns(head, max(body, head), head_chord)
+    if follower(turning, head_chord) >= body:
+        return head, 0
+    return _bisect(lambda theta: follower(theta, head_chord) >= body, turning, max(body, turning)), 1
+
+
+def follower(theta: float, chord: float) -> float:
+    """Return the polar angle of the next handle; infinite where there is none."""
+    return theta + step(theta, chord, first_guess(theta, chord), 1e-8)[0]
+
+
+def follower_turns(low: float, high: float, chord: float) -> float:
+    """Return the head angle where the follower stops coming in (link across the tangent's foot); ``low`` if nowhere."""
+    def comes_in(theta: float) -> bool:
+        delta = step(theta, chord, first_guess(theta, chord), 1e-8)[0]
+        if delta == inf:
+            return False
+        s = sin(0.5 * delta)
+        return delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) > 0
+    return low if comes_in(low) else _bisect(comes_in, low, high)
+
+
+@lru_cache(maxsize=1)
+def _first_with_peak() -> float:
+    """Return the polar angle (about 0.9, a pure number) from which on the chord has a first peak at all."""
+    return _bisect(lambda theta: first_peak(theta, pi)[0] < inf, 0.5, 2.0)
+
+
+def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped-def]
+    """Return the smallest float in (low, high] for which a monotone condition holds; it must hold at ``high``."""
+    while low < (middle := low + 0.5 * (high - low)) < high:
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high

@@ -1,0 +1,166 @@
+"""Handle after handle along the spiral: the chord equation, solved by safeguarded Newton.
+
+Between handles at polar angles theta and theta + delta the chord in units of b obeys
+
+    c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
+
+the paper's equation 15 in a form without cancellation. Its smallest root delta > 0 is the next handle. Half its
+slope, ``phi`` below, is positive up to delta = pi, where c = 2 theta + pi: shorter links have one root there.
+"""
+from dataclasses import dataclass
+from functools import cached_property
+from math import asin, cos, inf, pi, sin, sqrt
+
+import numpy as np
+
+from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.path import Spiral, points
+from dragon_ros.core.root import bracketed_newton
+from dragon_ros.core.types import Floats, read_only
+
+
+@dataclass(frozen=True)
+class Chain:
+    """All handles at one instant (or at many: the arrays then have a leading axis).
+
+    ``theta + theta_lo`` (..., N+1) are polar angles in rad, ``delta`` (..., N) the angle that each link spans,
+    ``p`` (..., N+1, 2) coordinates in metres, ``evaluations`` how often the chord equation was evaluated.
+    """
+
+    theta: Floats
+    theta_lo: Floats
+    delta: Floats
+    p: Floats
+    evaluations: int
+    links_m: Floats
+
+    @cached_property
+    def residuals_m(self) -> Floats:
+        """Distance of consecutive handles minus link length, from the coordinates, shape (..., N)."""
+        return np.hypot(*np.moveaxis(np.diff(self.p, axis=-2), -1, 0)) - self.links_m
+
+    @cached_property
+    def worst(self) -> tuple[float, int]:
+        """Largest |residual| in metres and its link."""
+        link = int(np.argmax(np.abs(self.residuals_m)) % self.links_m.size)
+        return float(np.max(np.abs(self.residuals_m))), link
+
+
+def place(spiral: Spiral, links_m: Floats, head: Angle, tolerance: float) -> Chain:
+    """Place every handle behind ``head``. Raises ChainLockError where a link has no place."""
+    deltas, thetas, lows, spent = [], [head.hi], [head.lo], 0
+    at, guess, last = head, 0.0, -1.0
+    for number, link in enumerate((links_m / spiral.b_m).tolist()):
+        guess = guess * thetas[-2] / at.hi if link == last else first_guess(at.hi, link)
+        guess, evaluations = step(at.hi, link, guess, tolerance)
+        if guess == inf:
+            raise locked(spiral, number, at.hi, link)
+        last, spent = link, spent + evaluations
+        at = plus(at, guess)
+        deltas.append(guess)
+        thetas.append(at.hi)
+        lows.append(at.lo)
+    return chain_of(spiral, links_m, np.array(thetas), np.array(lows), np.array(deltas), spent)
+
+
+def chain_of(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, delta: Floats, spent: int) -> Chain:
+    """Return the chain with its coordinates, closed for writing."""
+    p = points(spiral.b_m, theta, theta_lo)
+    return Chain(*(read_only(a) for a in (theta, theta_lo, delta, p)), evaluations=spent, links_m=links_m)
+
+
+def locked(spiral: Spiral, link: int, theta: float, chord: float) -> ChainLockError:
+    """Return the error that names the link without a place."""
+    radius = spiral.b_m * theta
+    return ChainLockError(
+        f'the chain locks: link {link} of {chord * spiral.b_m:.6g} m finds no place behind its front handle at radius '
+        f'{radius:.6f} m; end the scene earlier, or use shorter benches or a larger pitch',
+        link=link, radius_m=radius, theta_rad=theta)
+
+
+def first_guess(theta: float, chord: float) -> float:
+    """Return about the angle that a chord spans, from a circle as wide as the spiral there."""
+    return 2 * asin(min(1.0, chord / (2 * theta + pi)))
+
+
+def step(theta: float, chord: float, guess: float, tolerance: float) -> tuple[float, int]:
+    """Return (smallest delta > 0 with the given chord, evaluations); inf where the chain locks.
+
+    ``chord`` is in units of b. Newton's next error is about half the square of its last relative step, so a step
+    below ``tolerance`` leaves an error below tolerance^2 / 2 of the link.
+    """
+    if chord > 2 * theta + pi:
+        return _far_step(theta, chord)
+    if chord == 0.0:
+        return 0.0, 0
+    square, delta = chord * chord, guess
+    for evaluations in range(1, 12):
+        half = 0.5 * delta
+        s = sin(half)
+        across = 2 * theta * s
+        outer = theta + delta
+        phi = delta + across * s + across * outer * cos(half)
+        change = 0.5 * (delta * delta + 2 * across * outer * s - square) / phi
+        delta -= change
+        if not 0.0 < delta <= pi:
+            break
+        if -tolerance * delta <= change <= tolerance * delta and delta < 1.5:
+            return delta, evaluations
+    delta, more = bracketed_newton(lambda d: chord_excess(theta, chord, d), 0.0, pi, guess)
+    return delta, evaluations + more
+
+
+def chord_excess(theta: float, chord: float, delta: float) -> tuple[float, float]:
+    """Return (c(delta)^2 - chord^2) / 2 and its slope phi(delta)."""
+    s = sin(0.5 * delta)
+    half = 0.5 * (delta * delta - chord * chord) + 2 * theta * (theta + delta) * s * s
+    return half, phi_of(theta, delta)
+
+
+def phi_of(theta: float, delta: float) -> float:
+    """Return half the slope of the squared chord, delta + 2 theta sin^2(delta/2) + theta (theta + delta) sin(delta)."""
+    s = sin(0.5 * delta)
+    return delta + 2 * theta * s * (s + (theta + delta) * cos(0.5 * delta))
+
+
+def chord_of(theta: float, delta: float) -> float:
+    """Return the chord in units of b."""
+    s = sin(0.5 * delta)
+    return sqrt(delta * delta + 4 * theta * (theta + delta) * s * s)
+
+
+def _far_step(theta: float, chord: float) -> tuple[float, int]:
+    """Return the smallest root beyond delta = pi; inf where the chord turns back before it reaches the link."""
+    low, spent = pi, 0
+    while low < chord:
+        peak, evaluations = first_peak(theta, low)
+        spent += evaluations
+        high = low + 2 * pi if peak == inf else peak
+        if chord_of(theta, high) >= chord:
+            delta, evaluations = bracketed_newton(lambda d: chord_excess(theta, chord, d), low, high, low)
+            return delta, spent + evaluations
+        if peak < inf:
+            return inf, spent
+        low = high
+    return inf, spent  # pragma: no cover - the chord is at least delta
+
+
+def first_peak(theta: float, low: float) -> tuple[float, int]:
+    """Return where the chord first stops growing in [low, low + pi], low an odd multiple of pi; inf if nowhere.
+
+    There phi starts positive, falls to one lowest place and rises again.
+    """
+    def phi_slope(delta: float) -> tuple[float, float]:
+        s, c = sin(delta), cos(delta)
+        outer = theta * (theta + delta)
+        return 1 + 2 * theta * s + outer * c, 3 * theta * c - outer * s
+
+    high = low + pi
+    if phi_slope(low)[0] >= 0:
+        return inf, 1
+    lowest, spent = bracketed_newton(phi_slope, low, high, low + 0.5 * pi)
+    if phi_of(theta, lowest) > 0:
+        return inf, spent
+    peak, more = bracketed_newton(lambda d: (-phi_of(theta, d), -phi_slope(d)[0]), low, lowest, low)
+    return peak, spent + more

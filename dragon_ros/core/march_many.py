@@ -1,0 +1,65 @@
+"""The march for many instants at once: one vectorised Newton a link, over all instants.
+
+It solves the same equation as ``march`` and agrees with it to the tier's metres, not bit for bit.
+"""
+from math import pi
+
+import numpy as np
+
+from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.march import Chain, chain_of, first_guess, locked, step
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.types import Floats
+
+
+def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, tolerance: float) -> Chain:
+    """Place the chains behind many heads, given as (M,) polar angles; the arrays of the result start with M."""
+    count = links_m.size
+    out = np.empty((count + 1, theta.size))
+    low, deltas = np.empty_like(out), np.empty((count, theta.size))
+    out[0], low[0], spent, last = theta, theta_lo, 0, -1.0
+    for i, chord in enumerate((links_m / spiral.b_m).tolist()):
+        guess = deltas[i - 1] * out[i - 1] / out[i] if chord == last else _first_guesses(out[i], chord)
+        try:
+            deltas[i], evaluations = steps(out[i], chord, guess, tolerance)
+        except ChainLockError as error:
+            raise locked(spiral, i, error.fields['theta_rad'], chord) from None
+        last, spent = chord, spent + evaluations
+        out[i + 1], low[i + 1] = plus(Angle(out[i], low[i]), deltas[i])  # type: ignore[arg-type]
+    return chain_of(spiral, links_m, out.T, low.T, deltas.T, spent)
+
+
+def _first_guesses(theta: Floats, chord: float) -> Floats:
+    return 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + pi)))
+
+
+def steps(theta: Floats, chord: float, guess: Floats, tolerance: float) -> tuple[Floats, int]:
+    """Return the smallest delta > 0 for each theta, and evaluations summed over the instants (see ``march.step``)."""
+    if chord == 0.0:
+        return np.zeros_like(theta), 0
+    delta, spent, square = guess.copy(), 0, chord * chord
+    wild = np.ones(theta.shape, dtype=bool)
+    for _ in range(12):
+        half = 0.5 * delta
+        s = np.sin(half)
+        across, outer = 2 * theta * s, theta + delta
+        phi = delta + across * (s + outer * np.cos(half))
+        change = 0.5 * (delta * delta + 2 * across * outer * s - square) / np.maximum(phi, 1e-300)
+        delta = np.clip(delta - change, 1e-300, pi)
+        spent += theta.size
+        wild = (np.abs(change) > tolerance * delta) | (delta >= 1.5) | (chord > 2 * theta + pi)
+        if not np.any(wild & (delta < 1.5)):
+            break
+    for lane in np.flatnonzero(wild):
+        delta[lane], evaluations = _alone(float(theta[lane]), chord, tolerance)
+        spent += evaluations
+    return delta, spent
+
+
+def _alone(theta: float, chord: float, tolerance: float) -> tuple[float, int]:
+    """Solve one lane that is not of the common kind; raises ChainLockError with its angle."""
+    delta, evaluations = step(theta, chord, first_guess(theta, chord), tolerance)
+    if delta == float('inf'):
+        raise ChainLockError('locked', theta_rad=theta)
+    return delta, evaluations

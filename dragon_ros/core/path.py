@@ -1,0 +1,103 @@
+"""The track: an Archimedean spiral r = b theta, b = pitch / 2 pi (paper, equation 1).
+
+Places on the track are polar angles, counted from the centre outwards, so they grow from the head to the tail.
+"""
+from dataclasses import dataclass
+from functools import cached_property
+from math import asinh, pi, sqrt
+
+import numpy as np
+
+from dragon_ros.core.angle import Angle, from_turns, plus
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import TrackEndError
+from dragon_ros.core.root import bracketed_newton
+from dragon_ros.core.types import Floats
+
+
+@dataclass(frozen=True)
+class Spiral:
+    """r = pitch_m / (2 pi) * theta about the origin; the head starts at polar angle 2 pi start_turns."""
+
+    pitch_m: float = 0.55
+    start_turns: float = 16.0
+
+    def __post_init__(self) -> None:
+        """Refuse a spiral that is not one."""
+        number('track.pitch_m', self.pitch_m, low=1e-12, high=1e12)
+        number('track.start_turns', self.start_turns, low=0.0, high=1e9)
+
+    @cached_property
+    def b_m(self) -> float:
+        """Radius gained for each radian."""
+        return self.pitch_m / (2 * pi)
+
+    @cached_property
+    def start(self) -> Angle:
+        """Polar angle of the head's front handle at t = 0."""
+        return from_turns(self.start_turns)
+
+    @cached_property
+    def length_m(self) -> float:
+        """Arc length from the start to the centre: S(theta) = b/2 (theta sqrt(1 + theta^2) + asinh theta)."""
+        return self.distance_to(0.0)
+
+    def inward(self, distance_m: float) -> Angle:
+        """Return the place that lies ``distance_m`` of arc length further in than the start (negative: further out).
+
+        Solved for the angle turned, from a difference of arc lengths: no digits are lost far from the centre.
+        Raises TrackEndError beyond the centre.
+        """
+        if distance_m > self.length_m:
+            raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
+                                f'{self.length_m:.9g} m', distance_m=distance_m, limit_m=self.length_m)
+        return plus(self.start, -self._turned(distance_m / self.b_m))
+
+    def distance_to(self, theta: float) -> float:
+        """Return the arc length from the start inwards to polar angle ``theta``, in metres."""
+        return self.b_m * arc_between(self.start.hi, self.start.hi - theta)
+
+    def _turned(self, arc: float) -> float:
+        """Return the angle between the start and the place ``arc`` (in units of b) further in."""
+        theta = self.start.hi
+        squared = theta * theta - 2 * arc
+        guess = 2 * arc / (theta + sqrt(max(squared, 0.0))) if arc else 0.0
+        low, high = (0.0, theta) if arc >= 0 else (-2 * sqrt(-2 * arc) - 1.0, 0.0)
+
+        def beyond(turned: float) -> tuple[float, float]:
+            return arc_between(theta, turned) - arc, sqrt(1 + (theta - turned) ** 2)
+
+        return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
+
+
+def arc_between(theta: float, turned: float) -> float:
+    """Return the arc length from theta - turned to theta in units of b, without cancellation.
+
+    Each difference of the closed form is written as ``turned`` times a positive factor.
+    """
+    inner = theta - turned
+    w_outer, w_inner = sqrt(1 + theta * theta), sqrt(1 + inner * inner)
+    square = turned * (theta + inner)
+    product = theta * w_inner + inner * w_outer
+    along = turned * w_outer + inner * square / (w_outer + w_inner)
+    return 0.5 * (along + asinh(square / product)) if product else 0.0
+
+
+def points(b_m: float, theta: Floats, theta_lo: Floats) -> Floats:
+    """Return the places at polar angles theta + theta_lo as (..., 2) coordinates in metres."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    radius = b_m * theta
+    out = np.empty((*theta.shape, 2))
+    out[..., 0] = radius * (cos - theta_lo * sin)
+    out[..., 1] = radius * (sin + theta_lo * cos)
+    return out
+
+
+def tangents(theta: Floats) -> Floats:
+    """Return unit tangents pointing outwards, towards the tail, shape (..., 2)."""
+    cos, sin = np.cos(theta), np.sin(theta)
+    out = np.empty((*theta.shape, 2))
+    out[..., 0] = cos - theta * sin
+    out[..., 1] = sin + theta * cos
+    out /= np.sqrt(1 + theta * theta)[..., None]
+    return out

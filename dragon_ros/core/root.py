@@ -1,0 +1,59 @@
+"""One root finder for all scalar equations of the core: Newton kept inside a bracket."""
+from collections.abc import Callable
+from math import inf, nextafter
+
+_ULP = 2.0 ** -52
+
+
+def bracketed_newton(function: Callable[[float], tuple[float, float]], low: float, high: float, start: float,
+                     tolerance: float = 0.0) -> tuple[float, int]:
+    """Return the root of an increasing function in [low, high] and the number of evaluations.
+
+    ``function(x)`` gives (value, slope). The function must change sign once in the bracket, from minus to plus.
+    The result is converged when a step is at most ``tolerance`` times |x|, or one ulp. A step that leaves the
+    bracket, or shrinks it too slowly, is replaced by bisection.
+    """
+    x = min(max(start, low), high)
+    last = high - low
+    for evaluations in range(1, 400):
+        value, slope = function(x)
+        if value > 0:
+            high = x
+        elif value < 0:
+            low = x
+        else:
+            return x, evaluations
+        step = value / slope if slope > 0 else inf
+        following = x - step
+        if abs(step) > max(tolerance, _ULP) * abs(following) and (
+                not low <= following <= high or abs(step) > 0.5 * last):
+            following = low + 0.5 * (high - low)
+            step = following - x
+        last = abs(step)
+        if last <= max(tolerance, _ULP) * abs(following) or nextafter(low, high) >= high:
+            return min(max(following, low), high), evaluations
+        x = following
+    return x, evaluations
+
+
+def illinois(function: Callable[[float], float], low: float, high: float, at_low: float, at_high: float) -> float:
+    """Return the root of a function of unlike signs at ``low`` and ``high``: regula falsi, Illinois variant.
+
+    It needs no slope. The result is the end of the last bracket where the function has the sign of ``at_high``.
+    """
+    for _ in range(200):
+        x = high - at_high * (high - low) / (at_high - at_low)
+        if not min(low, high) < x < max(low, high):
+            x = low + 0.5 * (high - low)
+            if x in (low, high):
+                break
+        value = function(x)
+        if value == 0.0:
+            return x
+        if (value > 0) == (at_high > 0):
+            low, at_low, high, at_high = low, 0.5 * at_low, x, value
+        else:
+            low, at_low, high, at_high = x, value, high, 0.5 * at_high
+        if abs(high - low) <= 2 * _ULP * abs(x):
+            break
+    return high

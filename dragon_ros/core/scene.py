@@ -1,0 +1,136 @@
+"""A scene: everything that is simulated, and nothing else."""
+from dataclasses import dataclass, field
+from fractions import Fraction
+from functools import cached_property
+from math import ceil, floor
+
+from dragon_ros.core.checks import number
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.effects import Effect
+from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
+from dragon_ros.core.head import Head
+from dragon_ros.core.lock import head_lock_angle
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.tiers import Tier, tier_for
+
+NS = 10**9
+LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
+
+
+@dataclass(frozen=True)
+class Run:
+    """When a run starts and stops, and how many ticks a second it has; ``stop_s`` None means as far as the model goes."""
+
+    start_s: float = 0.0
+    stop_s: float | None = None
+    rate_hz: float = 50.0
+
+    def __post_init__(self) -> None:
+        """Refuse a run that ends before it starts."""
+        number('run.start_s', self.start_s, low=0.0, high=LATEST_S)
+        number('run.rate_hz', self.rate_hz, low=1e-6, high=1e6)
+        if self.stop_s is not None:
+            number('run.stop_s', self.stop_s, high=LATEST_S)
+            if self.stop_s < self.start_s:
+                raise FieldError('run.stop_s', self.stop_s, f'the run starts at {self.start_s} s', 'stop later')
+
+    @cached_property
+    def start_ns(self) -> int:
+        """First tick, in nanoseconds."""
+        return round(self.start_s * NS)
+
+    @cached_property
+    def _period_ns(self) -> Fraction:
+        return NS / Fraction(repr(float(self.rate_hz)))
+
+    def time_ns(self, k: int) -> int:
+        """Return the time of tick k: start + k / rate, rounded down to a nanosecond, never a sum of steps."""
+        return self.start_ns + floor(k * self._period_ns)
+
+    def tick_at(self, t_ns: int) -> int:
+        """Return the number of the tick at ``t_ns``, or of the last one before it."""
+        return ceil((t_ns - self.start_ns + 1) / self._period_ns) - 1
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a scene ends: time, why ('stop', 'lock' or 'track') and the link that locks."""
+
+    t_s: float
+    reason: str
+    link: int | None = None
+
+
+@dataclass(frozen=True)
+class Scene:
+    """A dragon on a track, led by its head, at an accuracy, with effects, for a run."""
+
+    dragon: Dragon = field(default_factory=Dragon)
+    track: Spiral = field(default_factory=Spiral)
+    head: Head = field(default_factory=Head)
+    run: Run = field(default_factory=Run)
+    accuracy: str | float = 'exact'
+    effects: Effect = Effect.VELOCITY | Effect.BENCHES
+
+    def __post_init__(self) -> None:
+        """Refuse an accuracy that no tier keeps."""
+        tier_for(self.accuracy)
+
+    @cached_property
+    def tier(self) -> Tier:
+        """The accuracy as a promise."""
+        return tier_for(self.accuracy)
+
+    @cached_property
+    def limit(self) -> End | None:
+        """Where the model itself ends: the chain locks or the head reaches the centre; None if never."""
+        links = self.dragon.link_lengths_m / self.track.b_m
+        body = float(links[1]) if links.size > 1 else None
+        angle, link = head_lock_angle(float(links[0]), body)
+        if self.track.start.hi < angle:
+            raise ChainLockError(
+                f'the chain is locked from the start: link {link} finds no place while the head is nearer to the '
+                f'centre than {self.track.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
+                'shorter benches', link=link, radius_m=self.track.b_m * angle, t_s=0.0)
+        if self.head.speed_m_s <= 0:
+            return None
+        t_s = self.track.distance_to(angle) / self.head.speed_m_s
+        return End(t_s, 'lock', link) if angle else End(t_s, 'track')
+
+    @cached_property
+    def end(self) -> End:
+        """Where the run ends. Raises FieldError where nothing ends it."""
+        stop, limit = self.run.stop_s, self.limit
+        if stop is not None and (limit is None or stop <= limit.t_s):
+            return End(stop, 'stop')
+        if limit is None:
+            raise FieldError('run.stop_s', None, 'a head that does not move inwards never reaches an end',
+                             'say when to stop')
+        if limit.t_s < self.run.start_s:
+            raise self.beyond(self.run.start_s)
+        return limit
+
+    @cached_property
+    def last_tick(self) -> int:
+        """Number of the last tick of the run."""
+        if self.end.t_s > LATEST_S:
+            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s and stamps end at '
+                             f'{LATEST_S} s', 'say when to stop')
+        return self.run.tick_at(max(self.run.start_ns, floor(self.end.t_s * NS)))
+
+    def check_time(self, t_s: float) -> None:
+        """Raise FieldError or ModelEnd where the model has no state at ``t_s``."""
+        number('t_s', t_s, low=0.0)
+        if self.limit is not None and t_s > self.limit.t_s:
+            raise self.beyond(t_s)
+
+    def beyond(self, t_s: float) -> ModelEnd:
+        """Return the error for a time after the model's end."""
+        limit = self.limit
+        assert limit is not None
+        why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
+        kind = TrackEndError if limit.reason == 'track' else ChainLockError
+        radius = self.track.b_m * self.track.inward(min(self.track.length_m, limit.t_s * self.head.speed_m_s)).hi
+        return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
+                    f'radius {radius:.6f} m; ask for an earlier time', t_s=t_s, limit_s=limit.t_s, link=limit.link,
+                    radius_m=radius)

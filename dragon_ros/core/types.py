@@ -1,0 +1,15 @@
+"""Array types of the core."""
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+Floats = NDArray[np.float64]
+Ints = NDArray[np.int64]
+Array = NDArray[Any]
+
+
+def read_only(array: Floats) -> Floats:
+    """Return the array, closed for writing: what leaves the core does not change under its reader."""
+    array.flags.writeable = False
+    return array

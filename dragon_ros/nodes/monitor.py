@@ -1,0 +1,93 @@
+"""``monitor``: watches the handles and benches of any publisher and reports each contact as an event."""
+import threading
+from typing import Any
+
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from rclpy.node import Node
+
+from dragon_ros.core.watch import NS, Event, Watch
+from dragon_ros.nodes import qos, shell
+from dragon_ros.wire import cli
+from dragon_ros.wire.cdr import stamp_of
+from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns
+from dragon_ros.wire.channels import channels
+from dragon_ros.wire.pairing import Pairing
+from dragon_ros.wire.sights import check_handles, sight_of
+
+
+class Monitor(Node):
+    """Pairs handles with benches by their stamp, looks at each pair, publishes ``collision``."""
+
+    def __init__(self) -> None:
+        """Subscribe to the raw bytes of handles and benches."""
+        super().__init__('monitor', namespace=shell.NAMESPACE)
+        rows = channels()
+        self._pairs, self._watch = Pairing(), Watch()
+        self.dropped = 0
+        self._out = self.create_publisher(DiagnosticArray, 'collision', qos.of_channel(rows['collision']))
+        for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
+            row = rows[name]
+            self.create_subscription(shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)),
+                                     raw=True)
+
+    def _on_handles(self, data: bytes) -> None:
+        self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data).t_ns, data)))
+
+    def _on_benches(self, data: bytes) -> None:
+        # The first marker's stamp stands behind the count, where a header of its own would stand.
+        self._guarded(lambda: self._look(self._pairs.add_benches(read_stamp_ns(data[:4] + data[8:]), data)))
+
+    def _guarded(self, work: Any) -> None:
+        """Do the work; a message that nobody can use is counted and logged, and the node goes on."""
+        try:
+            work()
+        except MessageError as error:
+            self._drop(str(error))
+
+    def _look(self, pair: tuple[bytes, bytes] | None) -> None:
+        for stamp in self._pairs.take_unmatched():
+            self._drop(f'handles at {stamp / NS:.9f} s: no benches came with that stamp')
+        if pair is not None and (event := self._watch.look(sight_of(*pair))):
+            self._report(event)
+
+    def _drop(self, why: str) -> None:
+        self.dropped += 1
+        self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
+
+    def _report(self, event: Event) -> None:
+        message = DiagnosticArray(status=[status_of(event)])
+        message.header.frame_id = 'dragon'
+        message.header.stamp.sec, message.header.stamp.nanosec = stamp_of(event.after_ns)
+        self._out.publish(message)
+        self.get_logger().error(message.status[0].message)
+
+
+def status_of(event: Event) -> DiagnosticStatus:
+    """Return a contact as a diagnostic status with all its numbers."""
+    before = event.after_ns if event.before_ns is None else event.before_ns
+    values = {
+        'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
+        't_before_s': f'{before / NS:.9f}', 't_after_s': f'{event.after_ns / NS:.9f}',
+        't_contact_s': f'{event.t_contact_s:.9f}', 'x_m': f'{event.point_m[0]:.9f}', 'y_m': f'{event.point_m[1]:.9f}',
+        'gap_m': f'{event.gap_m:.12f}', 'bracket': 'open' if event.before_ns is None else 'closed'}
+    return DiagnosticStatus(
+        level=DiagnosticStatus.ERROR, name='dragon: collision', hardware_id='dragon',
+        message=f'contact of benches {event.benches[0]} and {event.benches[1]} at {event.t_contact_s:.6f} s, '
+                f'at ({event.point_m[0]:.4f}, {event.point_m[1]:.4f}) m',
+        values=[KeyValue(key=key, value=value) for key, value in values.items()])
+
+
+def main(argv: list[str]) -> int:
+    """Run the monitor; return the exit code."""
+    options = cli.parser('monitor', 'Watch topics handles and benches, and publish each contact on collision.',
+                         'ros2 run dragon_ros monitor --ros-args -r __ns:=/other_dragon')
+    options.parse_args(shell.own_arguments(argv))
+    return shell.run('monitor', argv, _run)
+
+
+def _run(stop: threading.Event) -> int:
+    node = Monitor()
+    try:
+        return shell.spin(node, stop)
+    finally:
+        node.destroy_node()

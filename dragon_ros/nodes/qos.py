@@ -1,0 +1,37 @@
+"""QoS profiles from the rows of topics.yaml and from bags."""
+from typing import Any
+
+from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
+
+from dragon_ros.wire.channels import Channel
+
+
+def profile(reliability: str, durability: str, depth: int) -> QoSProfile:
+    """Return a keep-last profile."""
+    return QoSProfile(
+        history=HistoryPolicy.KEEP_LAST, depth=depth, reliability=ReliabilityPolicy[reliability.upper()],
+        durability=DurabilityPolicy[durability.upper()])
+
+
+def of_channel(channel: Channel) -> QoSProfile:
+    """Return the profile to publish a channel or to subscribe to it."""
+    return profile(channel.reliability, channel.durability, channel.depth)
+
+
+def lossless(qos: QoSProfile) -> QoSProfile:
+    """Return the profile with unbounded history: a full queue holds a lossless publisher back, nothing is dropped.
+
+    Depth bounds nothing then; the middleware does (5,000 messages with Fast DDS).
+    """
+    qos.history = HistoryPolicy.KEEP_ALL
+    return qos
+
+
+def of_bag(qos: dict[str, Any]) -> QoSProfile:
+    """Return the profile that a bag has for a topic; where it says nothing, reliable and volatile."""
+    def policy(key: str, allowed: tuple[str, ...]) -> str:
+        return next((name for name in allowed if str(qos.get(key)).lower() == name), allowed[0])
+    depth = qos.get('depth')
+    return profile(policy('reliability', ('reliable', 'best_effort')),
+                   policy('durability', ('volatile', 'transient_local')),
+                   depth if isinstance(depth, int) and 0 < depth <= 10_000 else 100)

@@ -1,0 +1,65 @@
+"""The life of a node: arguments, signals, spinning, errors in one line, exit codes."""
+import importlib
+import signal
+import sys
+import threading
+from collections.abc import Callable
+from typing import Any
+
+import rclpy
+from rclpy.executors import SingleThreadedExecutor
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+from rclpy.utilities import remove_ros_args
+
+from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.wire.cli import BAD_INPUT, OK
+
+NAMESPACE = '/dragon'
+
+
+def own_arguments(argv: list[str]) -> list[str]:
+    """Return the arguments that are not for ROS (``--ros-args ...``)."""
+    rest: list[str] = remove_ros_args(['dragon', *argv])[1:]
+    return rest
+
+
+def run(name: str, argv: list[str], body: Callable[[threading.Event], int]) -> int:
+    """Initialise ROS, run ``body(stop)`` and shut down; SIGINT and SIGTERM set ``stop``.
+
+    rclpy's own signal handlers would end the context in the middle of a tick; here a node always ends between two.
+    """
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
+    except Exception as error:  # rcl raises its own types for bad --ros-args
+        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+        return BAD_INPUT
+    try:
+        return body(stop)
+    except DragonError as error:
+        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+        return BAD_INPUT
+    finally:
+        rclpy.try_shutdown()
+
+
+def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False) -> int:
+    """Serve a node's callbacks until a signal or until ``until()``; then serve what is already queued."""
+    executor = SingleThreadedExecutor()
+    executor.add_node(node)
+    while not stop.is_set() and not until():
+        executor.spin_once(timeout_sec=0.1)
+    executor.shutdown()
+    return OK
+
+
+def message_type(name: str) -> Any:
+    """Return the class of a message type such as geometry_msgs/msg/PoseArray."""
+    package, _, kind = name.partition('/msg/')
+    try:
+        return getattr(importlib.import_module(f'{package}.msg'), kind)
+    except (ImportError, AttributeError, ValueError):
+        raise MissingError(f'message type {name}: is not installed here; install the package {package!r}') from None

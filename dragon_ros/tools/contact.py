@@ -1,0 +1,55 @@
+"""``contact``: the first contact of a scene."""
+import json
+import time
+from argparse import Namespace
+from functools import partial
+from typing import Any
+
+from dragon_ros.core.first_contact import Contact, NoContact, first_contact
+from dragon_ros.wire import cli
+
+
+def main(argv: list[str]) -> int:
+    """Print the first contact; return the exit code."""
+    options = cli.parser('contact', 'Find the first contact between two benches that are not neighbours in the chain.',
+                         'python -m dragon_ros contact --scene winding --format json')
+    cli.add_scene_options(options)
+    cli.add_output_options(options)
+    return cli.guarded('contact', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    scene = cli.scene_from(arguments)
+    start = time.perf_counter()
+    found = first_contact(scene)
+    values = values_of(found)
+    values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
+    cli.write_output(arguments.output, _FORMATS[arguments.format](values))
+    return cli.OK
+
+
+def values_of(found: Contact | NoContact) -> dict[str, Any]:
+    """Return the result as plain values."""
+    if isinstance(found, NoContact):
+        end = found.end
+        return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link}
+    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m)}
+
+
+def _text(values: dict[str, Any]) -> str:
+    stats = f'{values["stats"]["states"]} states in {values["stats"]["elapsed_s"]:.3f} s'
+    if values['t_s'] is None:
+        why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
+        return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
+    (inner, outer), (x, y) = values['benches'], values['point_m']
+    return f'first contact at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
+
+
+def _csv(values: dict[str, Any]) -> str:
+    inner, outer = values.get('benches', ('', ''))
+    x, y = values.get('point_m', ('', ''))
+    row = ['' if v is None else v for v in (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'))]
+    return 't_s,inner,outer,x_m,y_m,end,t_end_s\n' + ','.join(map(str, row))
+
+
+_FORMATS = {'text': _text, 'csv': _csv, 'json': json.dumps}

@@ -1,0 +1,169 @@
+"""``demo``: the whole package once. Real nodes in processes of their own, a bag, its replay, a check, a picture."""
+import re
+import signal
+import subprocess
+import sys
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from typing import IO
+
+from tqdm import tqdm
+
+from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.tools.picture import contact_picture, save
+from dragon_ros.wire import cli
+from dragon_ros.wire.cdr_read import Status, read_diagnostics
+from dragon_ros.wire.compare import compare_with_model
+from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.scenes import load_scene
+
+SCENE = 'first_contact'
+_READERS = 'handles=2,benches=2,velocities=1'
+_PROGRESS = re.compile(r'at ([\d.]+) s, tick')
+_LONGEST_S = 120.0
+
+
+def main(argv: list[str]) -> int:
+    """Run the demonstration; return the exit code."""
+    options = cli.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first contact; replay '
+                         'the bag, check it against the model, draw the dragon.', 'python -m dragon_ros demo --pace 4')
+    options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
+                         help='where the bag and the picture go; files of an earlier demo are replaced (dragon_demo)')
+    options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (2)')
+    return cli.guarded('demo', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    folder: Path = arguments.output
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MissingError(f'--output {folder}: cannot be made: {error.strerror}') from None
+    live, again = folder / 'first_contact.mcap', folder / 'replayed.mcap'
+    say(f'1. sim, monitor and recorder, three processes over DDS, {arguments.pace:g} times real time')
+    with _processes(folder / 'live.log') as start:
+        _bystanders(start, live)
+        sim = start('sim', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={arguments.pace}',
+                    '-p', f'wait_subscribers:=[{_READERS}]')
+        _follow(sim)
+    say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
+    with _processes(folder / 'replay.log') as start:
+        _bystanders(start, again)
+        topics = '/dragon/handles,/dragon/benches,/dragon/velocities'
+        _finished(start('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
+                        ','.join(f'/dragon/{reader}' for reader in _READERS.split(','))))
+    return _check(folder, live, again)
+
+
+def _check(folder: Path, live: Path, again: Path) -> int:
+    """Compare live, replayed and model; draw the picture; say what there is to see."""
+    scene = load_scene(SCENE)
+    with LogReader(live) as bag, LogReader(again) as replayed:
+        comparison = compare_with_model(bag, scene)
+        event, second = _event(bag), _event(replayed)
+        same = _by_topic(bag) == _by_topic(replayed)
+    value = event.values
+    pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
+    pictures = save(contact_picture(scene, float(value['t_contact_s']), pair, point), folder / 'contact')
+    say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
+    say(f'   {comparison.equal} recorded messages are bit for bit what the model says, {len(comparison.faults)} are not')
+    say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
+        f'{"the same event" if second == event else "ANOTHER EVENT"}')
+    for path in (live, again, *pictures):
+        say(f'   {path}')
+    return cli.OK if same and second == event and not comparison.faults else cli.FAILED
+
+
+def say(line: str) -> None:
+    """Print one line at once."""
+    print(line, flush=True)
+
+
+@contextmanager
+def _processes(log: Path) -> Iterator['_Start']:
+    """Start executables in a domain of their own; at the end, interrupt those that still run and wait for them."""
+    with log.open('w') as file:
+        start = _Start(file)
+        try:
+            yield start
+            for process in start.waited:
+                _finished(process)
+        finally:
+            for process in start.all:
+                process.send_signal(signal.SIGINT)
+            for process in start.all:
+                try:
+                    process.wait(timeout=20)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+
+
+class _Start:
+    """Starts ``python -m dragon_ros NAME ...``; output goes to a log file."""
+
+    def __init__(self, log: IO[str]) -> None:
+        self.log, self.environment = log, local_environment(free_domain())
+        self.environment['PYTHONUNBUFFERED'] = '1'
+        self.all: list[subprocess.Popen[str]] = []
+        self.waited: list[subprocess.Popen[str]] = []
+
+    def __call__(self, name: str, *arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], env=self.environment,
+                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE if name == 'sim' else self.log,
+                                   stderr=subprocess.STDOUT, text=True)
+        self.all.append(process)
+        return process
+
+
+def _bystanders(start: _Start, bag: Path) -> None:
+    """Start a monitor and a recorder; the recorder ends with the run."""
+    start('monitor')
+    start.waited.append(start('record', '--output', str(bag), '--force'))
+
+
+def _follow(sim: 'subprocess.Popen[str]') -> None:
+    """Show how far the simulator is, from what it logs."""
+    run = load_scene(SCENE).run
+    stop_s = run.stop_s or run.start_s
+    assert sim.stdout is not None
+    with tqdm(total=stop_s - run.start_s, unit='s', disable=None, leave=False, bar_format='{l_bar}{bar}| {n:.1f} of '
+              '{total:.0f} s [{elapsed}<{remaining}]') as bar:
+        for line in sim.stdout:
+            if found := _PROGRESS.search(line):
+                bar.update(float(found[1]) - run.start_s - bar.n)
+                if bar.disable:
+                    say(f'   at {float(found[1]):.2f} s of {stop_s:g} s')
+    _finished(sim)
+
+
+def _finished(process: 'subprocess.Popen[str]') -> None:
+    """Wait for a process. Raises DragonError where it fails or hangs."""
+    name = process.args[3] if isinstance(process.args, list) else '?'
+    try:
+        code = process.wait(timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        raise DragonError(f'{name} did not end within {_LONGEST_S:g} s; see the .log files in the output folder') from None
+    if code:
+        raise DragonError(f'{name} ended with exit code {code}; see the .log files in the output folder')
+
+
+def _by_topic(bag: LogReader) -> dict[str, list[tuple[int, bytes]]]:
+    """Return the messages of each topic in order; between topics of one time there is no order."""
+    out: dict[str, list[tuple[int, bytes]]] = {}
+    for message in bag.messages():
+        out.setdefault(message.topic, []).append((message.t_ns, message.data))
+    return out
+
+
+def _event(bag: LogReader) -> Status:
+    """Return the one contact in a bag."""
+    events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)]
+    if len(events) != 1:
+        raise DragonError(f'{bag.path}: {len(events)} contacts were reported; expected one')
+    return events[0]
+
+

@@ -1,0 +1,92 @@
+"""``table``: positions and velocities of handles at given times."""
+import csv
+import io
+import json
+from argparse import Namespace
+from functools import partial
+
+import numpy as np
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.rates import velocities
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import states
+from dragon_ros.wire import cli
+
+COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
+Row = tuple[float, int, float, float, float, float, float]
+
+
+def main(argv: list[str]) -> int:
+    """Print the table; return the exit code."""
+    options = cli.parser('table', 'Print positions and velocities of the handles (0 is the head, the last the tail).',
+                         'python -m dragon_ros table --times 0,60,300 --handles 0,1,51,223')
+    cli.add_scene_options(options)
+    options.add_argument('--times', default='0', metavar='T,...|START:STOP:STEP', help='seconds (0)')
+    options.add_argument('--handles', metavar='I,...', help='handles (all)')
+    cli.add_output_options(options)
+    return cli.guarded('table', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    scene = cli.scene_from(arguments)
+    rows = table(scene, times_of(arguments.times), handles_of(arguments.handles, scene.dragon.benches))
+    cli.write_output(arguments.output, _FORMATS[arguments.format](rows))
+    return cli.OK
+
+
+def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
+    """Return one row for each time and handle, in the order of COLUMNS."""
+    chain = states(scene, times_s)
+    velocity = velocities(chain, scene.head.speed_m_s)
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
+    return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)
+            for handle, values in zip(handles, group, strict=True)]
+
+
+def times_of(text: str) -> list[float]:
+    """Return the times of ``0,60,300`` or ``start:stop:step`` (the stop is included)."""
+    try:
+        if ':' not in text:
+            return [float(part) for part in text.split(',')]
+        start, stop, step = (float(part) for part in text.split(':'))
+    except ValueError:
+        raise InputError(f'--times {text}: write numbers as 0,60,300 or start:stop:step', field='times') from None
+    if not (step > 0 and stop >= start and (stop - start) / step < 1e7):
+        raise InputError(f'--times {text}: step must be positive, stop not before start, and 1e7 times at most')
+    return [start + k * step for k in range(int((stop - start) / step * (1 + 1e-12)) + 1)]
+
+
+def handles_of(text: str | None, benches: int) -> list[int]:
+    """Return the handles of ``0,1,51``; all where there is no text."""
+    if text is None:
+        return list(range(benches + 1))
+    try:
+        handles = [int(part) for part in text.split(',')]
+    except ValueError:
+        raise InputError(f'--handles {text}: write whole numbers as 0,1,51', field='handles') from None
+    for handle in handles:
+        if not 0 <= handle <= benches:
+            raise InputError(f'--handles {handle}: the dragon has the handles 0 to {benches}', field='handles')
+    return handles
+
+
+def _text(rows: list[Row]) -> str:
+    head = f'{"t_s":>12} {"handle":>6}' + ''.join(f' {name:>15}' for name in COLUMNS[2:])
+    return '\n'.join([head, *(f'{row[0]:12.6f} {row[1]:6d}' + ''.join(f' {value:15.9f}' for value in row[2:])
+                              for row in rows)])
+
+
+def _csv(rows: list[Row]) -> str:
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerows([COLUMNS, *rows])
+    return out.getvalue().rstrip('\n')
+
+
+def _json(rows: list[Row]) -> str:
+    return json.dumps([dict(zip(COLUMNS, row, strict=True)) for row in rows])
+
+
+_FORMATS = {'text': _text, 'csv': _csv, 'json': _json}

@@ -1,0 +1,1 @@
+"""Bytes and files: scenes, topics, CDR messages, MCAP logs. Never imports rclpy."""

@@ -1,0 +1,63 @@
+"""What the command lines of all executables share: options, exit codes, and errors in one line."""
+import argparse
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
+from dragon_ros.core.scene import Scene
+from dragon_ros.wire.scenes import load_scene
+
+OK, FAILED, BAD_INPUT = 0, 1, 2
+
+
+def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
+    """Return a parser with the executable's name, purpose and example."""
+    return argparse.ArgumentParser(prog=name, description=text, epilog=f'example: {example}', allow_abbrev=False,
+                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def add_scene_options(options: argparse.ArgumentParser) -> None:
+    """Add --scene, --set and --accuracy."""
+    options.add_argument('--scene', default='winding', metavar='NAME|FILE', help='scene by name or file (winding)')
+    options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
+                         help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
+    options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or by tier')
+
+
+def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...] = ('text', 'csv', 'json')) -> None:
+    """Add --format and --output."""
+    options.add_argument('--format', choices=formats, default=formats[0], help=f'output format ({formats[0]})')
+    options.add_argument('--output', type=Path, metavar='FILE', help='write to a file, not to standard output')
+
+
+def scene_from(arguments: argparse.Namespace) -> Scene:
+    """Return the scene that the options describe."""
+    accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
+    return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
+
+
+def write_output(path: Path | None, text: str) -> None:
+    """Write to a file or to standard output."""
+    if path is None:
+        print(text)
+        return
+    try:
+        path.write_text(f'{text}\n', encoding='utf-8')
+    except OSError as error:
+        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
+
+
+def guarded(name: str, body: Callable[[], int]) -> int:
+    """Run a command; a DragonError becomes one line on standard error and an exit code."""
+    try:
+        return body()
+    except BrokenPipeError:
+        sys.stderr.close()
+        return FAILED
+    except KeyboardInterrupt:
+        return FAILED
+    except DragonError as error:
+        line = ' '.join(str(error).split())
+        print(f'{name}: {line}', file=sys.stderr)
+        return BAD_INPUT if isinstance(error, (InputError, ModelEnd)) else FAILED

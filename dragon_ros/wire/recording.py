@@ -1,0 +1,58 @@
+"""Simulation time for every recorded message, also for those without a stamp of their own.
+
+A message with a header is logged at its stamp. One without (velocities) belongs to the tick whose handles were
+published last before it: that is decided by the publishers' source times, since topics overtake each other on the way.
+"""
+from bisect import bisect_right
+from collections.abc import Callable
+from typing import NamedTuple
+
+Write = Callable[[str, bytes, int, int], None]
+_KEEP = 1000
+
+
+class _Held(NamedTuple):
+    source_ns: int
+    topic: str
+    data: bytes
+    sequence: int
+
+
+class SimulationClock:
+    """Holds messages without a stamp back until it is known which tick they belong to."""
+
+    def __init__(self, write: Write) -> None:
+        """``write(topic, data, t_ns, sequence)`` gets every message once."""
+        self._write = write
+        self._sources: list[int] = []
+        self._stamps: list[int] = []
+        self._held: list[_Held] = []
+
+    def mark(self, source_ns: int, t_ns: int) -> None:
+        """Note that the handles of ``t_ns`` were published at ``source_ns``."""
+        at = bisect_right(self._sources, source_ns)
+        self._sources.insert(at, source_ns)
+        self._stamps.insert(at, t_ns)
+        if len(self._sources) > 2 * _KEEP:
+            del self._sources[:_KEEP], self._stamps[:_KEEP]
+        self._release(lambda held: held.source_ns < self._sources[-1])
+
+    def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int) -> None:
+        """Log a message without a stamp as soon as its tick is known."""
+        self._held.append(_Held(source_ns, topic, data, sequence))
+        self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
+
+    def flush(self) -> None:
+        """Log what still waits."""
+        self._release(lambda _: True)
+
+    def _release(self, known: Callable[[_Held], bool]) -> None:
+        """Log the held messages whose tick is known; one of a tick before the first that was seen is left out."""
+        ready = [held for held in self._held if known(held)]
+        if ready:
+            self._held = [held for held in self._held if not known(held)]
+        for held in ready:
+            at = bisect_right(self._sources, held.source_ns) - 1
+            if at >= 0 or not self._sources:
+                t_ns = self._stamps[at] if self._sources else held.source_ns
+                self._write(held.topic, held.data, t_ns, held.sequence)

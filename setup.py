@@ -1,0 +1,40 @@
+"""Install dragon_ros: with colcon on a ROS 2 install, or with pip beside the ROS 2 wheels."""
+from pathlib import Path
+
+from setuptools import find_packages, setup
+
+NAME = 'dragon_ros'
+
+
+def files(folder: str, pattern: str = '*') -> list[str]:
+    """Return the files of a folder, sorted, as paths relative to this one."""
+    return sorted(path.as_posix() for path in Path(folder).glob(pattern) if path.is_file() and path.suffix != '.py')
+
+
+def configuration() -> list[tuple[str, list[str]]]:
+    """Return every folder below msg_configs with its files, for share/."""
+    folders = [Path('msg_configs'), *sorted(path for path in Path('msg_configs').rglob('*') if path.is_dir())]
+    return [(f'share/{NAME}/{folder.as_posix()}', files(folder.as_posix())) for folder in folders]
+
+
+setup(
+    name=NAME,
+    version='0.1.0',
+    description='Bench dragon simulator for ROS 2',
+    license='Apache-2.0',
+    maintainer='dragon_ros maintainers',
+    maintainer_email='maintainers@users.noreply.h-seed-4158cdd4.example',
+    packages=find_packages(include=[NAME, f'{NAME}.*']),
+    # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
+    data_files=[
+        ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
+        (f'share/{NAME}', ['package.xml']),
+        (f'lib/{NAME}', files('scripts')),
+        *configuration(),
+    ],
+    python_requires='>=3.10',
+    # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
+    install_requires=['matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0', 'shapely>=2.0', 'tqdm>=4.64'],
+    extras_require={'test': ['hypothesis', 'pytest>=7.4']},
+    zip_safe=False,
+)

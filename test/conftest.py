@@ -1,0 +1,15 @@
+"""What all tests share: floating-point errors raise, properties are repeatable."""
+import numpy as np
+import pytest
+from hypothesis import HealthCheck, settings
+
+settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,
+                          suppress_health_check=[HealthCheck.too_slow])
+settings.load_profile('repeatable')
+
+
+@pytest.fixture(autouse=True)
+def _floating_point_errors_raise():
+    # Underflow to zero is exact enough everywhere here and stays quiet.
+    with np.errstate(all='raise', under='ignore'):
+        yield
