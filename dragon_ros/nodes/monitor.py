@@ -81,7 +81,7 @@ def main(argv: list[str]) -> int:
     """Run the monitor; return the exit code."""
     options = cli.parser('monitor', 'Watch topics handles and benches, and publish each contact on collision.',
                          'ros2 run dragon_ros monitor --ros-args -r __ns:=/other_dragon')
-    options.parse_args(shell.own_arguments(argv))
+    shell.parse(options, argv)
     return shell.run('monitor', argv, _run)
 
 

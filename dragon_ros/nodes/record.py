@@ -73,7 +73,7 @@ def main(argv: list[str]) -> int:
                          'ros2 run dragon_ros record --output run.mcap')
     options.add_argument('--output', type=Path, metavar='FILE', help='bag to write (dragon_DATE_TIME.mcap)')
     options.add_argument('--force', action='store_true', help='replace an existing file')
-    arguments = options.parse_args(shell.own_arguments(argv))
+    arguments = shell.parse(options, argv)
     return shell.run('record', argv, partial(_run, arguments))
 
 

@@ -69,7 +69,7 @@ def main(argv: list[str]) -> int:
                          help='publish only these topics (full names)')
     options.add_argument('--wait-subscribers', type=lambda text: text.split(','), default=[], metavar='NAME=N,...',
                          help='start when topics have so many subscribers')
-    arguments = options.parse_args(shell.own_arguments(argv))
+    arguments = shell.parse(options, argv)
     return shell.run('replay', argv, partial(_run, arguments))
 
 

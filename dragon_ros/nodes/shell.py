@@ -1,4 +1,5 @@
 """The life of a node: arguments, signals, spinning, errors in one line, exit codes."""
+import argparse
 import importlib
 import signal
 import sys
@@ -18,10 +19,13 @@ from dragon_ros.wire.cli import BAD_INPUT, OK
 NAMESPACE = '/dragon'
 
 
-def own_arguments(argv: list[str]) -> list[str]:
-    """Return the arguments that are not for ROS (``--ros-args ...``)."""
-    rest: list[str] = remove_ros_args(['dragon', *argv])[1:]
-    return rest
+def parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespace:
+    """Parse the arguments that are not for ROS (``--ros-args ...``); exit with code 2 where any is wrong."""
+    try:
+        rest: list[str] = remove_ros_args([options.prog, *argv])[1:]
+    except Exception as error:  # rcl raises its own types for bad --ros-args
+        options.exit(BAD_INPUT, f'{options.prog}: {" ".join(str(error).split())}\n')
+    return options.parse_args(rest)
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int]) -> int:
@@ -32,11 +36,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int]) -> i
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    try:
-        rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
-    except Exception as error:  # rcl raises its own types for bad --ros-args
-        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
-        return BAD_INPUT
+    rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     try:
         return body(stop)
     except DragonError as error:

@@ -96,7 +96,7 @@ def main(argv: list[str]) -> int:
                          'ros2 run dragon_ros sim --scene first_contact --ros-args -p time_scale:=2.0')
     cli.add_scene_options(options)
     options.set_defaults(scene=None)
-    arguments = options.parse_args(shell.own_arguments(argv))
+    arguments = shell.parse(options, argv)
     return shell.run('sim', argv, partial(_run, arguments))
 
 

@@ -23,7 +23,8 @@ class Document:
         raise InputError(f'{self.place(key)}: {key}: {why}', field=key)
 
     def place(self, key: str) -> str:
-        """Return where ``key``, or the nearest section above it, stands."""
+        """Return where ``key``, or something below it, or the nearest section above it, stands."""
+        key = next((place for place in self.places if place.startswith(f'{key}.')), key)
         while key and key not in self.places:
             key = key.rpartition('.')[0]
         return self.places.get(key, self.name)

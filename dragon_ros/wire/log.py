@@ -2,20 +2,21 @@
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
+from os import SEEK_END
 from pathlib import Path
 from typing import IO, Any
 
 import yaml
-from mcap.exceptions import InvalidMagic, McapError
-from mcap.reader import SeekingReader
+from mcap.reader import SeekingReader, Summary
 from mcap.writer import CompressionType, Writer
 
 from dragon_ros import __version__
-from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.wire import config
 from dragon_ros.wire.channels import Channel
 from dragon_ros.wire.documents import read_document
 
+_MAGIC = b'\x89MCAP0\r\n'
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 
 
@@ -95,11 +96,19 @@ class LogReader:
             self._file = path.open('rb')
         except OSError as error:
             raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
-        with _bag_errors(path):
-            self._reader = SeekingReader(self._file, validate_crcs=True)
-            summary = self._reader.get_summary()
+        try:
+            with _bag_errors(path):
+                _check_ends(path, self._file)
+                self._reader = SeekingReader(self._file, validate_crcs=True)
+                self._take(self._reader.get_summary())
+        except BagError:
+            self._file.close()
+            raise
+
+    def _take(self, summary: Summary | None) -> None:
+        """Keep what the index says."""
         if summary is None or summary.statistics is None:
-            raise BagError(f'{path}: has no index at its end; the recording was cut off')
+            raise BagError(f'{self.path}: has no index at its end; the recording was cut off')
         self.start_ns = summary.statistics.message_start_time
         self.end_ns = summary.statistics.message_end_time
         counts = summary.statistics.channel_message_counts
@@ -107,7 +116,7 @@ class LogReader:
                              _qos_of(channel.metadata), counts.get(channel.id, 0))
                        for channel in summary.channels.values()]
         if not summary.statistics.message_count:
-            raise BagError(f'{path}: is empty, there is no message in it')
+            raise BagError(f'{self.path}: is empty, there is no message in it')
 
     def messages(self, topics: list[str] | None = None, start_ns: int | None = None) -> Iterator[Message]:
         """Yield messages in order of time."""
@@ -164,13 +173,24 @@ def _qos_of(metadata: dict[str, str]) -> dict[str, Any]:
         return {}
 
 
+def _check_ends(path: Path, file: IO[bytes]) -> None:
+    """Refuse a file that does not start or end as a closed MCAP file does."""
+    size = file.seek(0, SEEK_END)
+    file.seek(0)
+    if file.read(len(_MAGIC)) != _MAGIC:
+        raise BagError(f'{path}: is {f"not an MCAP file ({size} bytes)" if size else "empty (0 bytes)"}')
+    file.seek(max(0, size - len(_MAGIC)))
+    if file.read() != _MAGIC or size == len(_MAGIC):
+        raise BagError(f'{path}: was cut off before its end; it has no index ({size} bytes)')
+    file.seek(0)
+
+
 @contextmanager
 def _bag_errors(path: Path) -> Iterator[None]:
     """Turn what the MCAP library raises on damaged files into one clear error."""
     try:
         yield
-    except InvalidMagic:
-        raise BagError(f'{path}: is not an MCAP file, or was cut off before its end '
-                       f'({path.stat().st_size} bytes)') from None
-    except (McapError, ValueError, KeyError, IndexError, OSError, RuntimeError, MemoryError, ArithmeticError) as error:
+    except DragonError:
+        raise
+    except Exception as error:  # the library and its decompressors trip over damage in many ways
         raise BagError(f'{path}: is damaged: {error or type(error).__name__}') from None

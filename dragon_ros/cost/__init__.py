@@ -1,0 +1,1 @@
+"""What accuracy and effects cost: the named hard cases, and the pages that measure them."""

@@ -1,0 +1,110 @@
+"""Real nodes in real processes over real DDS: one domain a test, waiting on conditions, never on sleeps."""
+import os
+import signal
+import subprocess
+import sys
+import threading
+import time
+
+import pytest
+
+from dragon_ros.wire.domain import free_domain, local_environment
+
+pytest.importorskip('rclpy')
+
+PATIENCE_S = 60.0
+
+
+class Process:
+    """One executable of the package; what it prints is collected line by line."""
+
+    def __init__(self, arguments, environment, cwd):
+        self._child = subprocess.Popen([sys.executable, '-m', 'dragon_ros', *arguments], env=environment, cwd=cwd,
+                                       stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
+                                       text=True)
+        self.lines, self._new = [], threading.Condition()
+        self._reader = threading.Thread(target=self._read, daemon=True)
+        self._reader.start()
+
+    def _read(self):
+        for line in self._child.stdout:
+            with self._new:
+                self.lines.append(line)
+                self._new.notify_all()
+        with self._new:
+            self._new.notify_all()
+
+    @property
+    def text(self):
+        return ''.join(self.lines)
+
+    def wait_for(self, words):
+        """Wait until the process has printed ``words``."""
+        end = time.monotonic() + PATIENCE_S
+        with self._new:
+            while words not in self.text:
+                assert self._new.wait(timeout=max(0.0, end - time.monotonic())), f'no {words!r} in:\n{self.text}'
+                assert words in self.text or self._child.poll() is None, f'ended without {words!r}:\n{self.text}'
+
+    def stop(self, number=signal.SIGINT):
+        """Signal the process and return its exit code."""
+        self._child.send_signal(number)
+        return self.end()
+
+    def end(self):
+        """Wait for the end and return the exit code."""
+        code = self._child.wait(timeout=PATIENCE_S)
+        self._reader.join(timeout=PATIENCE_S)
+        return code
+
+    def kill(self):
+        if self._child.poll() is None:
+            self._child.kill()
+        self._child.wait()
+        self._reader.join(timeout=PATIENCE_S)
+        self._child.stdout.close()
+
+
+@pytest.fixture
+def domain(monkeypatch):
+    """A domain of the test's own, also for nodes in this process."""
+    number = free_domain()
+    for key, value in local_environment(number).items():
+        monkeypatch.setenv(key, value)
+    return number
+
+
+@pytest.fixture
+def start(domain, tmp_path):
+    """Start executables that end with the test."""
+    running = []
+    environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log')}
+
+    def run(*arguments):
+        running.append(Process([str(a) for a in arguments], environment, tmp_path))
+        return running[-1]
+    yield run
+    for process in running:
+        process.kill()
+
+
+@pytest.fixture
+def node(domain):
+    """A node of the test itself."""
+    import rclpy
+    context = rclpy.Context()
+    rclpy.init(context=context)
+    node = rclpy.create_node('observer', context=context, namespace='/dragon')
+    executor = rclpy.executors.SingleThreadedExecutor(context=context)
+    executor.add_node(node)
+
+    def until(condition):
+        end = time.monotonic() + PATIENCE_S
+        while not condition():
+            assert time.monotonic() < end, 'the condition did not come true in time'
+            executor.spin_once(timeout_sec=0.05)
+    node.until = until
+    yield node
+    executor.shutdown()
+    node.destroy_node()
+    rclpy.shutdown(context=context)

@@ -1,0 +1,263 @@
+"""The proof of the whole, and each node's part of it."""
+import signal
+
+import pytest
+from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
+from dragon_ros.wire.channels import channels
+from dragon_ros.wire.compare import compare_with_model
+from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.scenes import load_scene
+
+READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
+SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
+
+
+def overrides(*pairs):
+    return [part for pair in pairs for part in ('--set', pair)]
+
+
+def events_of(path):
+    with LogReader(path) as bag:
+        return [row for message in bag.messages(['/dragon/collision']) for row in read_diagnostics(message.data)]
+
+
+def by_topic(path):
+    with LogReader(path) as bag:
+        out = {}
+        for message in bag.messages():
+            out.setdefault(message.topic, []).append((message.t_ns, message.data))
+        return out
+
+
+@pytest.mark.parametrize('scale', [0.0, 4.0])
+def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, tmp_path, scale):
+    bag = tmp_path / 'run.mcap'
+    monitor, record = start('monitor'), start('record', '--output', bag)
+    sim = start('sim', '--scene', 'first_contact', *overrides('run.start_s=409'), '--ros-args', '-p', READERS,
+                '-p', f'time_scale:={scale}')
+    assert sim.end() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert monitor.stop() == 0, monitor.text
+    with LogReader(bag) as run:
+        result = compare_with_model(run, load_scene('first_contact', ['run.start_s=409']))
+    assert result.faults == []
+    assert result.equal == 3 * 201
+    (event,) = events_of(bag)
+    assert event.level == 2
+    assert (event.values['inner'], event.values['outer']) == ('0', '8')
+    assert float(event.values['t_contact_s']) == pytest.approx(412.4738377, abs=1e-3)
+    assert (event.values['t_before_s'], event.values['t_after_s']) == ('412.460000000', '412.480000000')
+    assert float(event.values['x_m']) == pytest.approx(1.474395, abs=1e-3)
+    assert float(event.values['y_m']) == pytest.approx(2.110665, abs=1e-3)
+    assert float(event.values['gap_m']) < 0
+
+
+@pytest.fixture(scope='module')
+def recorded(tmp_path_factory):
+    """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
+    from dragon_ros.core.step import tick
+    from dragon_ros.core.watch import Watch
+    from dragon_ros.nodes.monitor import status_of
+    from dragon_ros.wire.encode import encoders
+    from dragon_ros.wire.log import LogWriter
+    from dragon_ros.wire.sights import sight_of
+    scene, path = load_scene('first_contact', SHORT), tmp_path_factory.mktemp('bag') / 'short.mcap'
+    encode, watch, events = encoders(scene), Watch(), []
+    with LogWriter(path) as bag:
+        for name in encode:
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        for k in range(scene.last_tick + 1):
+            frame = tick(scene, k)
+            data = {name: encode[name](frame) for name in encode}
+            for name, message in data.items():
+                bag.write(f'/dragon/{name}', message, frame.t_ns, k + 1)
+            if event := watch.look(sight_of(data['handles'], data['benches'])):
+                events.append(status_of(event))
+    return path, {value.key: value.value for value in events[0].values}
+
+
+@pytest.mark.parametrize('rate', ['0', '1', '4'])
+def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, tmp_path, recorded, rate):
+    path, event = recorded
+    again = tmp_path / 'again.mcap'
+    monitor, record = start('monitor'), start('record', '--output', again)
+    replay = start('replay', path, '--rate', rate, '--wait-subscribers',
+                   '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
+    assert replay.end() == 0, replay.text
+    assert record.end() == 0, record.text
+    assert monitor.stop(signal.SIGTERM) == 0, monitor.text
+    first, second = by_topic(path), by_topic(again)
+    assert {name: second[name] for name in first} == first
+    assert events_of(again)[0].values == event
+
+
+def test_replay_can_start_later_and_loop_until_it_is_stopped(start, node, recorded):
+    from geometry_msgs.msg import PoseArray
+    stamps = []
+    node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 100, raw=True)
+    replay = start('replay', recorded[0], '--start', '0.3', '--loop', '--topics', '/dragon/handles',
+                   '--wait-subscribers', '/dragon/handles=1')
+    node.until(lambda: len(stamps) > 25)
+    assert replay.stop() == 0, replay.text
+    assert stamps[:12] == [412_500_000_000 + 20_000_000 * (k % 11) for k in range(12)]
+
+
+def test_a_late_joiner_still_gets_the_event(start, node):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from dragon_ros.nodes import qos
+    monitor = start('monitor')
+    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',
+                'wait_subscribers:=[handles=1,benches=1]', '-p', 'time_scale:=0.0')
+    assert sim.end() == 0, sim.text
+    monitor.wait_for('contact of benches 0 and 8')
+    got = []
+    node.create_subscription(DiagnosticArray, 'collision', got.append, qos.of_channel(channels()['collision']))
+    node.until(lambda: got)
+    assert got[0].status[0].level == b'\x02'
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_closes_the_bag_properly(start, tmp_path, number):
+    bag = tmp_path / 'run.mcap'
+    record = start('record', '--output', bag)
+    sim = start('sim', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1,velocities=1]')
+    sim.wait_for(', tick ')
+    assert record.stop(number) == 0, record.text
+    assert sim.stop(number) == 0, sim.text
+    for process in (record, sim):
+        assert 'Traceback' not in process.text
+    counts = {name: len(messages) for name, messages in by_topic(bag).items()}
+    assert counts['/dragon/handles'] > 10
+    assert max(counts.values()) - min(counts.values()) <= 2
+
+
+def test_the_sim_stands_in_any_namespace_and_publishes_what_its_effects_ask_for(start, node):
+    start('sim', '--set', 'effects=[]', '--ros-args', '-r', '__ns:=/another', '-p', 'rate_hz:=20')
+    node.until(lambda: node.count_publishers('/another/handles') == 1)
+    assert node.count_publishers('/another/benches') == 0
+    assert node.count_publishers('/another/velocities') == 0
+    assert node.count_publishers('/dragon/handles') == 0
+
+
+def test_parameters_are_described_with_type_range_and_text(start, node):
+    from rcl_interfaces.srv import DescribeParameters
+    start('sim')
+    client = node.create_client(DescribeParameters, '/dragon/sim/describe_parameters')
+    node.until(client.service_is_ready)
+    names = ['scene', 'set', 'accuracy', 'start_s', 'stop_s', 'rate_hz', 'time_scale', 'wait_subscribers', 'frame_id']
+    future = client.call_async(DescribeParameters.Request(names=names))
+    node.until(future.done)
+    rows = {row.name: row for row in future.result().descriptors}
+    assert all(row.description and row.read_only for row in rows.values())
+    assert rows['time_scale'].floating_point_range[0].to_value == 1e6
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['sim', '--scene', 'windin'], 'first_contact, winding'),
+    (['sim', '--set', 'track.pitch_m=-1'], 'track.pitch_m'),
+    (['sim', '--ros-args', '-p', 'time_scale:=-1.0'], 'time_scale'),
+    (['sim', '--ros-args', '-p', 'rate_hz:=fast'], 'rate_hz'),
+    (['sim', '--ros-args', '-p', 'rate_hz:=0.0'], 'run.rate_hz'),
+    (['sim', '--ros-args', '-p', 'start_s:=500.0'], '432.917924'),
+    (['sim', '--ros-args', '-p', 'wait_subscribers:=[tails=2]'], 'tails=2'),
+    (['sim', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
+    (['sim', '--sceen', 'x'], '--sceen'),
+    (['sim', '--ros-args', '-p', 'time_scale'], 'time_scale'),
+    (['monitor', 'extra'], 'extra'),
+    (['record', '--output', 'no/such/folder.mcap'], 'no/such/folder.mcap'),
+    (['replay'], 'BAG'),
+    (['replay', 'nothing.mcap'], 'nothing.mcap'),
+])
+def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
+    process = start(*arguments)
+    assert process.end() == 2, process.text
+    assert says in process.text
+    assert 'Traceback' not in process.text
+
+
+@pytest.mark.parametrize(('content', 'says'), [(b'', 'empty'), (b'x' * 500, 'not an MCAP')])
+def test_replay_of_what_is_no_bag_is_refused(start, tmp_path, content, says):
+    (tmp_path / 'bad.mcap').write_bytes(content)
+    process = start('replay', tmp_path / 'bad.mcap')
+    assert process.end() == 2
+    assert says in process.text
+
+
+def test_replay_of_a_truncated_bag_is_refused(start, tmp_path, recorded):
+    data = recorded[0].read_bytes()
+    (tmp_path / 'cut.mcap').write_bytes(data[:len(data) // 2])
+    process = start('replay', tmp_path / 'cut.mcap')
+    assert process.end() == 2
+    assert 'cut off' in process.text
+
+
+@pytest.mark.parametrize(('options', 'says'), [(['--rate', '-1'], '--rate'), (['--start', '9'], '--start'),
+                                               (['--topics', '/dragon/tails'], '/dragon/tails')])
+def test_replay_options_that_do_not_fit_are_refused(start, recorded, options, says):
+    process = start('replay', recorded[0], *options)
+    assert process.end() == 2
+    assert says in process.text
+
+
+def test_record_never_overwrites_unasked(start, tmp_path):
+    (tmp_path / 'mine.mcap').write_bytes(b'precious')
+    process = start('record', '--output', tmp_path / 'mine.mcap')
+    assert process.end() == 2
+    assert '--force' in process.text
+    assert (tmp_path / 'mine.mcap').read_bytes() == b'precious'
+
+
+def test_record_writes_to_a_dated_file_unless_told(start, tmp_path):
+    process = start('record')
+    process.wait_for('records to dragon_')
+    assert process.stop() == 0
+    assert len(list(tmp_path.glob('dragon_20*.mcap'))) == 1
+
+
+def test_the_monitor_survives_every_message_that_nobody_can_use(start, node):
+    from geometry_msgs.msg import Pose, PoseArray
+    from visualization_msgs.msg import Marker, MarkerArray
+    monitor = start('monitor')
+    handles = node.create_publisher(PoseArray, 'handles', 10)
+    benches = node.create_publisher(MarkerArray, 'benches', 10)
+    node.until(lambda: handles.get_subscription_count() and benches.get_subscription_count())
+
+    def poses(count, sec, x=0.0):
+        message = PoseArray(poses=[Pose() for _ in range(count)])
+        message.header.stamp.sec = sec
+        for n, pose in enumerate(message.poses):
+            pose.position.x = x + n
+        return message
+
+    handles.publish(PoseArray())
+    monitor.wait_for('0 poses')
+    handles.publish(poses(1, 1))
+    handles.publish(poses(3, 2, float('nan')))
+    handles.publish(poses(3, 3))
+    benches.publish(MarkerArray())
+    benches.publish(MarkerArray(markers=[Marker(ns='bench', type=Marker.CUBE)]))
+    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',
+                'wait_subscribers:=[handles=1,benches=1]', '-p', 'time_scale:=2.0')
+    monitor.wait_for('contact of benches 0 and 8')
+    assert sim.end() == 0
+    assert monitor.stop() == 0
+    assert 'Traceback' not in monitor.text
+
+
+def test_handles_without_benches_are_counted_and_logged(start, node):
+    from geometry_msgs.msg import Pose, PoseArray
+    from visualization_msgs.msg import Marker, MarkerArray
+    monitor = start('monitor')
+    handles = node.create_publisher(PoseArray, 'handles', 10)
+    benches = node.create_publisher(MarkerArray, 'benches', 10)
+    node.until(lambda: handles.get_subscription_count() and benches.get_subscription_count())
+    for sec in (1, 2):
+        message = PoseArray(poses=[Pose(), Pose()])
+        message.header.stamp.sec = sec
+        handles.publish(message)
+    marker = Marker(ns='bench', type=Marker.CUBE)
+    marker.header.stamp.sec = 2
+    marker.scale.x = marker.scale.y = 1.0
+    benches.publish(MarkerArray(markers=[marker]))
+    monitor.wait_for('handles at 1.000000000 s: no benches')
+    assert monitor.stop() == 0

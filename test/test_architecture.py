@@ -1,0 +1,140 @@
+"""The house stays in order: imports point down, one list of executables, packaging, lint and types."""
+import ast
+import os
+import runpy
+import shutil
+import subprocess
+import sys
+import zipfile
+from pathlib import Path
+from xml.etree import ElementTree
+
+import pytest
+
+import dragon_ros
+from dragon_ros.executables import EXECUTABLES
+
+ROOT = Path(__file__).parents[1]
+PACKAGE = ROOT / 'dragon_ros'
+LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
+          'nodes': ('core', 'wire', 'nodes')}
+LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml'},
+             'tools': {'numpy', 'matplotlib', 'tqdm'}}
+
+
+def imports(path):
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.Import):
+            yield from (name.name for name in node.names)
+        elif isinstance(node, ast.ImportFrom):
+            assert node.level == 0, f'{path}: relative import'
+            yield node.module
+
+
+MODULES = [(layer, path) for layer in LAYERS for path in sorted((PACKAGE / layer).rglob('*.py'))]
+
+
+@pytest.mark.parametrize(('layer', 'path'), MODULES, ids=lambda v: getattr(v, 'name', v))
+def test_imports_point_down(layer, path):
+    for name in imports(path):
+        top, *rest = name.split('.')
+        if top == 'dragon_ros' and rest:
+            assert rest[0] in LAYERS[layer], f'{path.name} imports {name}'
+        elif top != 'dragon_ros' and layer in LIBRARIES:
+            assert top in LIBRARIES[layer] or top in sys.stdlib_module_names, f'{path.name} imports {name}'
+
+
+def test_the_core_runs_where_there_is_no_ros():
+    code = ('import sys\nfor name in ("rclpy", "yaml", "mcap", "matplotlib"): sys.modules[name] = None\n'
+            'from dragon_ros.core.scene import Scene\nfrom dragon_ros.core.step import tick\n'
+            'from dragon_ros.core.first_contact import first_contact\n'
+            'print(len(tick(Scene(), 0).chain.p), first_contact(Scene()).benches)')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ['224', '(0,', '8)']
+
+
+def test_scripts_are_the_executables_and_all_the_same():
+    scripts = {path.name: path.read_text() for path in (ROOT / 'scripts').iterdir()}
+    assert set(scripts) == set(EXECUTABLES)
+    assert len(set(scripts.values())) == 1
+    assert all(os.access(ROOT / 'scripts' / name, os.X_OK) for name in scripts)
+
+
+def test_package_xml_setup_py_and_code_agree():
+    tree = ElementTree.parse(ROOT / 'package.xml').getroot()
+    assert tree.attrib['format'] == '3'
+    assert tree.findtext('version') == dragon_ros.__version__
+    assert f"version='{dragon_ros.__version__}'" in (ROOT / 'setup.py').read_text()
+    assert f'## {dragon_ros.__version__}' in (ROOT / 'CHANGELOG.md').read_text()
+    declared = {node.text for node in tree if node.tag.endswith('depend')}
+    used = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
+    ros = {name for name in used if name == 'rclpy' or name.endswith(('_msgs', '_srvs', '_interfaces'))}
+    assert ros <= declared
+    assert {f'python3-{name}' for name in used & {'numpy', 'shapely', 'matplotlib', 'tqdm'}} <= declared
+
+
+def installed_names(prefix):
+    return {path.name for path in (prefix / 'lib' / 'dragon_ros').iterdir()}
+
+
+def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path):
+    source = tmp_path / 'source'
+    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns('.venv*', '.git', 'build', '*.egg-info', 'demo', '.*'))
+    subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-deps', '--no-build-isolation',
+                    '--disable-pip-version-check', '-w', tmp_path, source], check=True)
+    (wheel,) = tmp_path.glob('*.whl')
+    names = zipfile.ZipFile(wheel).namelist()
+    assert not [name for name in names if 'entry_points' in name or '/scripts/' in name]
+    data = [name.split('.data/data/')[1] for name in names if '.data/data/' in name]
+    assert {name.split('/')[-1] for name in data if name.startswith('lib/dragon_ros/')} == set(EXECUTABLES)
+    configs = {path.relative_to(ROOT).as_posix() for path in (ROOT / 'msg_configs').rglob('*')
+               if path.is_file() and path.suffix in ('.yaml', '.msg', '.rviz', '.json')}
+    assert {name.removeprefix('share/dragon_ros/') for name in data if '/msg_configs/' in name} == configs
+    assert 'share/ament_index/resource_index/packages/dragon_ros' in data
+    packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
+    assert packages == {name.rpartition('/')[0] for name in names if name.startswith('dragon_ros/')}
+
+
+@pytest.mark.skipif(not shutil.which('colcon'), reason='colcon is not installed here')
+@pytest.mark.parametrize('options', [[], ['--symlink-install']], ids=['install', 'symlink'])
+def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, options):
+    workspace = tmp_path / 'ws'
+    shutil.copytree(ROOT, workspace / 'src' / 'dragon_ros',
+                    ignore=shutil.ignore_patterns('.venv*', '.git', 'build', '*.egg-info', 'demo', '.*'), symlinks=True)
+    environment = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
+    subprocess.run(['colcon', 'build', *options], cwd=workspace, env=environment, check=True, capture_output=True)
+    prefix = workspace / 'install' / 'dragon_ros'
+    assert installed_names(prefix) == set(EXECUTABLES)
+    assert not (prefix / 'bin').exists()
+    assert (prefix / 'share/ament_index/resource_index/packages/dragon_ros').exists()
+    script = f'. {workspace}/install/setup.sh && cd / && {prefix}/lib/dragon_ros/contact --set dragon.benches=20'
+    done = subprocess.run(['sh', '-c', script], env=environment, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stderr
+    assert '412.4738' in done.stdout
+
+
+def test_setup_lists_what_find_packages_must_not_forget():
+    given = {}
+    import setuptools
+    original, setuptools.setup = setuptools.setup, given.update
+    try:
+        here = os.getcwd()
+        os.chdir(ROOT)
+        runpy.run_path('setup.py')
+    finally:
+        os.chdir(here)
+        setuptools.setup = original
+    assert 'dragon_ros.core' in given['packages']
+    assert 'entry_points' not in given
+
+
+@pytest.mark.skipif(not shutil.which('ruff'), reason='ruff is not installed here')
+def test_ruff_finds_nothing():
+    done = subprocess.run(['ruff', 'check', '--no-cache', '.'], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout
+
+
+@pytest.mark.skipif(not shutil.which('mypy'), reason='mypy is not installed here')
+def test_types_hold_strictly():
+    done = subprocess.run(['mypy', '--cache-dir', os.devnull], cwd=ROOT, capture_output=True, text=True, check=False)
+    assert done.returncode == 0, done.stdout

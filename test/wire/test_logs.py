@@ -1,0 +1,148 @@
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dragon_ros.core.errors import DragonError, InputError, MissingError
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.wire.channels import channels
+from dragon_ros.wire.compare import compare_with_model
+from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.log import LogReader, LogWriter, schema_text, type_hash
+from dragon_ros.wire.pairing import Pairing
+from dragon_ros.wire.recording import SimulationClock
+
+SCENE = Scene(run=Run(412, 412.5))
+
+
+def write_bag(path, ticks=range(SCENE.last_tick + 1)):
+    encode = encoders(SCENE)
+    with LogWriter(path) as bag:
+        for name, row in channels().items():
+            bag.add_channel(f'/dragon/{name}', row)
+        for k in ticks:
+            frame = tick(SCENE, k)
+            for name in encode:
+                bag.write(f'/dragon/{name}', encode[name](frame), frame.t_ns, k)
+    return path
+
+
+@pytest.fixture(scope='module')
+def bag_bytes(tmp_path_factory):
+    return write_bag(tmp_path_factory.mktemp('bag') / 'a.mcap').read_bytes()
+
+
+def test_a_bag_of_the_model_equals_the_model(tmp_path):
+    with LogReader(write_bag(tmp_path / 'a.mcap')) as bag:
+        result = compare_with_model(bag, SCENE)
+        assert bag.start_ns == 412 * 10**9
+    assert (result.equal, result.faults) == (3 * 26, [])
+
+
+def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path):
+    ticks = [k for k in range(26) if k != 7] + [9]
+    with LogReader(write_bag(tmp_path / 'a.mcap', ticks)) as bag:
+        faults = compare_with_model(bag, SCENE).faults
+        assert [f for f in faults if 'handles' in f] == ['tick 7: handles is missing', 'tick 9: handles is there 2 times']
+    with LogReader(write_bag(tmp_path / 'b.mcap')) as bag:
+        other = compare_with_model(bag, Scene(run=Run(412, 412.4)))
+        assert len(other.faults) == 3 * 5
+        assert 'belongs to no tick' in other.faults[0]
+
+
+def test_channels_carry_what_rosbag2_wants(tmp_path):
+    from mcap.reader import make_reader
+    with write_bag(tmp_path / 'a.mcap').open('rb') as file:
+        summary = make_reader(file).get_summary()
+        header = make_reader(file).get_header()
+    assert header.profile == 'ros2'
+    for channel in summary.channels.values():
+        assert channel.message_encoding == 'cdr'
+        assert channel.metadata['topic_type_hash'].startswith('RIHS01_')
+        assert 'reliability: reliable' in channel.metadata['offered_qos_profiles']
+        assert summary.schemas[channel.schema_id].encoding == 'ros2msg'
+
+
+@pytest.mark.parametrize('name', sorted({row.type for row in channels().values()}))
+def test_bundled_schemas_and_hashes_are_those_of_the_installed_ros(name):
+    pytest.importorskip('ament_index_python')
+    import runpy
+
+    from dragon_ros.wire import config
+    script = config.folder() / 'schemas' / 'make_schemas.py'
+    maker = runpy.run_path(str(script))
+    assert schema_text(name) == maker['schema'](name)
+    assert type_hash(name) == maker['type_hash'](name)
+
+
+def test_a_bag_is_never_overwritten_unasked(tmp_path):
+    path = write_bag(tmp_path / 'a.mcap')
+    before = path.read_bytes()
+    with pytest.raises(MissingError, match='--force'):
+        LogWriter(path)
+    assert path.read_bytes() == before
+    with pytest.raises(MissingError, match='cannot be written'):
+        LogWriter(tmp_path / 'no' / 'folder.mcap')
+
+
+@pytest.mark.parametrize('damage', ['empty', 'text', 'truncated', 'magic only', 'no messages'])
+def test_a_damaged_bag_is_a_clear_error_naming_the_file(tmp_path, bag_bytes, damage):
+    path = tmp_path / 'bad.mcap'
+    if damage == 'no messages':
+        LogWriter(path).close()
+    else:
+        path.write_bytes({'empty': b'', 'text': b'hello world, I am not a bag' * 9, 'magic only': bag_bytes[:8],
+                          'truncated': bag_bytes[:len(bag_bytes) // 2]}[damage])
+    with pytest.raises(InputError, match='bad.mcap'), LogReader(path) as bag:
+        list(bag.messages())
+
+
+def test_a_missing_bag_is_a_clear_error(tmp_path):
+    with pytest.raises(MissingError, match='nothing.mcap'):
+        LogReader(tmp_path / 'nothing.mcap')
+
+
+@given(st.booleans(), st.integers(0, 2**20), st.integers(1, 255))
+def test_a_flipped_byte_is_noticed_or_harmless(tmp_path_factory, bag_bytes, from_the_end, place, flip):
+    path = tmp_path_factory.mktemp('flip') / 'a.mcap'
+    at = len(bag_bytes) - 1 - place % 3000 if from_the_end else place % len(bag_bytes)
+    path.write_bytes(bag_bytes[:at] + bytes([bag_bytes[at] ^ flip]) + bag_bytes[at + 1:])
+    try:
+        with LogReader(path) as bag:
+            for _ in bag.messages():
+                pass
+    except DragonError:
+        pass
+
+
+def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[0::2]))
+    clock.unstamped('v', b'early', 5, 0)        # of a tick before the first that was seen
+    clock.mark(10, 100)
+    clock.mark(20, 200)
+    clock.unstamped('v', b'1', 12, 1)           # overtaken by the next handles
+    clock.unstamped('v', b'2', 22, 2)           # must wait for the next handles
+    assert out == [('v', 100)]
+    clock.unstamped('v', b'3', 32, 3)           # came before its own handles
+    clock.mark(30, 300)
+    clock.flush()
+    assert out == [('v', 100), ('v', 200), ('v', 300)]
+
+
+def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
+    pairs = Pairing()
+    assert pairs.add_handles(1, b'h1') is None
+    assert pairs.add_handles(2, b'h2') is None
+    assert pairs.add_benches(2, b'b2') == (b'h2', b'b2')
+    assert pairs.take_unmatched() == [1]
+    assert pairs.add_benches(3, b'b3') is None
+    assert pairs.add_handles(3, b'h3') == (b'h3', b'b3')
+    assert pairs.take_unmatched() == []
+
+
+def test_waiting_for_partners_is_bounded():
+    pairs, large = Pairing(), bytes(2**20)
+    for t_ns in range(300):
+        pairs.add_handles(t_ns, large)
+    assert len(pairs.take_unmatched()) == 300 - 128
