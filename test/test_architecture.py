@@ -73,13 +73,22 @@ def test_package_xml_setup_py_and_code_agree():
     assert {f'python3-{name}' for name in used & {'numpy', 'shapely', 'matplotlib', 'tqdm'}} <= declared
 
 
+def copy_source(target):
+    """Copy what a fresh checkout has of the package, and return the copy."""
+    target.mkdir(parents=True)
+    for name in ('package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md', 'LICENSE'):
+        shutil.copy(ROOT / name, target)
+    for name in ('dragon_ros', 'msg_configs', 'resource', 'scripts', 'test'):
+        shutil.copytree(ROOT / name, target / name, symlinks=True, ignore=shutil.ignore_patterns('__pycache__'))
+    return target
+
+
 def installed_names(prefix):
     return {path.name for path in (prefix / 'lib' / 'dragon_ros').iterdir()}
 
 
 def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path):
-    source = tmp_path / 'source'
-    shutil.copytree(ROOT, source, ignore=shutil.ignore_patterns('.venv*', '.git', 'build', '*.egg-info', 'demo', '.*'))
+    source = copy_source(tmp_path / 'source')
     subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-deps', '--no-build-isolation',
                     '--disable-pip-version-check', '-w', tmp_path, source], check=True)
     (wheel,) = tmp_path.glob('*.whl')
@@ -99,8 +108,7 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
 @pytest.mark.parametrize('options', [[], ['--symlink-install']], ids=['install', 'symlink'])
 def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, options):
     workspace = tmp_path / 'ws'
-    shutil.copytree(ROOT, workspace / 'src' / 'dragon_ros',
-                    ignore=shutil.ignore_patterns('.venv*', '.git', 'build', '*.egg-info', 'demo', '.*'), symlinks=True)
+    copy_source(workspace / 'src' / 'dragon_ros')
     environment = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
     subprocess.run(['colcon', 'build', *options], cwd=workspace, env=environment, check=True, capture_output=True)
     prefix = workspace / 'install' / 'dragon_ros'

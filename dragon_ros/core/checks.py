@@ -26,7 +26,7 @@ def whole(field: str, value: Any, *, low: int, high: int) -> int:
     if isinstance(value, bool) or not isinstance(value, int):
         raise FieldError(field, value, f'it is {_kind(value)}, not a whole number', 'give a whole number')
     number(field, value, low=low, high=high)
-    return value
+    return int(value)
 
 
 def _kind(value: Any) -> str:

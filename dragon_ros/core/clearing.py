@@ -54,6 +54,6 @@ def clear(look: Look, start: float, stop: float, spacing: float, finest: float) 
 
 def _with(stretches: Floats, end: int, x: Floats, value: Floats, rate: Floats) -> Floats:
     """Return the stretches with one end (0 or 1) replaced."""
-    out = stretches.copy()
+    out: Floats = stretches.copy()
     out[end], out[2 + end], out[4 + end] = x, value, rate
     return out

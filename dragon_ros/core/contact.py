@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.types import Floats, Index
 
 
 @dataclass(frozen=True)
@@ -49,12 +49,13 @@ class Placement:
         return out
 
 
-def placement(benches: Benches, i: Array, j: Array) -> Placement:
+def placement(benches: Benches, i: Index, j: Index) -> Placement:
     """Return benches j as seen from benches i; the last axes but one are benches, i and j may be any indices."""
     offset = benches.centre[j] - benches.centre[i]
     u, w = benches.axis[i], benches.axis[j]
     return Placement(
-        offset[..., 0] * u[..., 0] + offset[..., 1] * u[..., 1], offset[..., 1] * u[..., 0] - offset[..., 0] * u[..., 1],
+        offset[..., 0] * u[..., 0] + offset[..., 1] * u[..., 1],
+        offset[..., 1] * u[..., 0] - offset[..., 0] * u[..., 1],
         u[..., 0] * w[..., 0] + u[..., 1] * w[..., 1], u[..., 0] * w[..., 1] - u[..., 1] * w[..., 0],
         (benches.half_length[i], benches.half_width[i]), (benches.half_length[j], benches.half_width[j]))
 
@@ -68,7 +69,7 @@ def signed_gap(pairs: Placement) -> Floats:
     return out
 
 
-def gaps(benches: Benches, i: Array, j: Array) -> Floats:
+def gaps(benches: Benches, i: Index, j: Index) -> Floats:
     """Return the signed gaps of benches i and j in metres."""
     return signed_gap(placement(benches, i, j))
 

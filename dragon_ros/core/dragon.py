@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dragon_ros.core.checks import whole, number
+from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.types import Floats, read_only
 

@@ -7,7 +7,6 @@ from functools import lru_cache
 from math import cos, inf, pi, sin
 
 from dragon_ros.core.march import chord_of, first_guess, first_peak, step
-from dragon_ros.core.root import bracketed_newton
 
 
 @lru_cache(maxsize=256)

@@ -38,7 +38,9 @@ class Chain:
     @cached_property
     def residuals_m(self) -> Floats:
         """Distance of consecutive handles minus link length, from the coordinates, shape (..., N)."""
-        return np.hypot(*np.moveaxis(np.diff(self.p, axis=-2), -1, 0)) - self.links_m
+        step = np.diff(self.p, axis=-2)
+        out: Floats = np.hypot(step[..., 0], step[..., 1]) - self.links_m
+        return out
 
     @cached_property
     def worst(self) -> tuple[float, int]:
@@ -67,7 +69,7 @@ def place(spiral: Spiral, links_m: Floats, head: Angle, tolerance: float) -> Cha
 def chain_of(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, delta: Floats, spent: int) -> Chain:
     """Return the chain with its coordinates, closed for writing."""
     p = points(spiral.b_m, theta, theta_lo)
-    return Chain(*(read_only(a) for a in (theta, theta_lo, delta, p)), evaluations=spent, links_m=links_m)
+    return Chain(read_only(theta), read_only(theta_lo), read_only(delta), read_only(p), spent, links_m)
 
 
 def locked(spiral: Spiral, link: int, theta: float, chord: float) -> ChainLockError:

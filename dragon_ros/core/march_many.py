@@ -26,12 +26,13 @@ def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats,
         except ChainLockError as error:
             raise locked(spiral, i, error.fields['theta_rad'], chord) from None
         last, spent = chord, spent + evaluations
-        out[i + 1], low[i + 1] = plus(Angle(out[i], low[i]), deltas[i])  # type: ignore[arg-type]
+        out[i + 1], low[i + 1] = plus(Angle(out[i], low[i]), deltas[i])
     return chain_of(spiral, links_m, out.T, low.T, deltas.T, spent)
 
 
 def _first_guesses(theta: Floats, chord: float) -> Floats:
-    return 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + pi)))
+    out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + pi)))
+    return out
 
 
 def steps(theta: Floats, chord: float, guess: Floats, tolerance: float) -> tuple[Floats, int]:

@@ -19,7 +19,7 @@ LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
 
 @dataclass(frozen=True)
 class Run:
-    """When a run starts and stops, and how many ticks a second it has; ``stop_s`` None means as far as the model goes."""
+    """When a run starts and stops, and its ticks a second; ``stop_s`` None means as far as the model goes."""
 
     start_s: float = 0.0
     stop_s: float | None = None

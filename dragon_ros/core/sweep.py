@@ -45,7 +45,7 @@ class Leader:
         later, valid = window(chain.theta)
         row = np.arange(theta.size)[:, None]
         lead = np.zeros_like(later)
-        gap = np.where(valid, gaps(*_pairs(benches, row, lead, later)), np.inf)
+        gap = np.where(valid, gaps(_of_each_row(benches), (row, lead), (row, later)), np.inf)
         b_m = self.spiral.b_m
         fastest = fastest_points(b_m, chain, benches, b_m * np.sqrt(1 + theta * theta))
         rate = fastest[:, 0] + np.max(np.where(valid, fastest[row, later], 0.0), axis=1)
@@ -66,11 +66,11 @@ class Leader:
         return min(self.follow, ceil(3 * pi / smallest) + 5)
 
 
-def _pairs(benches: Benches, row: Ints, lead: Ints, later: Ints) -> tuple[Benches, tuple[Ints, Ints], tuple[Ints, Ints]]:
+def _of_each_row(benches: Benches) -> Benches:
+    """Return the benches with their sizes repeated for each row, so that (row, bench) finds them."""
     shape = benches.axis.shape[:-1]
-    wide = Benches(benches.centre, benches.axis, np.broadcast_to(benches.half_length, shape),
+    return Benches(benches.centre, benches.axis, np.broadcast_to(benches.half_length, shape),
                    np.broadcast_to(benches.half_width, shape))
-    return wide, (row, lead), (row, later)
 
 
 def window(angle: Floats) -> tuple[Ints, Floats]:

@@ -7,6 +7,7 @@ from numpy.typing import NDArray
 Floats = NDArray[np.float64]
 Ints = NDArray[np.int64]
 Array = NDArray[Any]
+Index = Array | tuple[Array, ...]
 
 
 def read_only(array: Floats) -> Floats:

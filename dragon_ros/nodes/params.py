@@ -46,6 +46,6 @@ def declare(node: Node, parameter: Parameter) -> Any:
 
 def _widen(node: Node, parameter: Parameter) -> None:
     """Take a whole number for a float parameter: ``-p rate_hz:=50`` means 50.0."""
-    given = node._parameter_overrides.get(parameter.name)  # noqa: SLF001 - rclpy has no public way to see it
+    given = node._parameter_overrides.get(parameter.name)
     if given is not None and isinstance(parameter.default, float) and type(given.value) is int:
-        node._parameter_overrides[parameter.name] = RosParameter(parameter.name, value=float(given.value))  # noqa: SLF001
+        node._parameter_overrides[parameter.name] = RosParameter(parameter.name, value=float(given.value))

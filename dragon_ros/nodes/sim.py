@@ -1,6 +1,7 @@
 """``sim``: computes tick after tick of a scene and publishes it as bytes."""
 import threading
 import time
+from contextlib import suppress
 from functools import partial
 from typing import Any
 
@@ -25,7 +26,7 @@ PARAMETERS = (
     Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key'),
     Parameter('accuracy', '', 'Largest position error: metres or a tier; empty: as the scene says'),
     Parameter('start_s', _AS_SCENE, 'First tick, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
-    Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
+    Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: its own', -1.0, LATEST_S),
     Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
     Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0: as fast as the readers follow', 0.0, 1e6),
     Parameter('wait_subscribers', [''], 'Start when topics have so many subscribers, e.g. [handles=2, velocities=1]'),
@@ -117,7 +118,5 @@ def _run(arguments: Any, stop: threading.Event) -> int:
 
 def _serve(executor: SingleThreadedExecutor) -> None:
     """Serve parameter requests beside the ticks."""
-    try:
+    with suppress(ExternalShutdownException):
         executor.spin()
-    except ExternalShutdownException:
-        pass

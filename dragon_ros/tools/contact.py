@@ -2,6 +2,7 @@
 import json
 import time
 from argparse import Namespace
+from collections.abc import Callable
 from functools import partial
 from typing import Any
 
@@ -48,8 +49,9 @@ def _text(values: dict[str, Any]) -> str:
 def _csv(values: dict[str, Any]) -> str:
     inner, outer = values.get('benches', ('', ''))
     x, y = values.get('point_m', ('', ''))
-    row = ['' if v is None else v for v in (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'))]
+    cells = (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'))
+    row = ['' if cell is None else cell for cell in cells]
     return 't_s,inner,outer,x_m,y_m,end,t_end_s\n' + ','.join(map(str, row))
 
 
-_FORMATS = {'text': _text, 'csv': _csv, 'json': json.dumps}
+_FORMATS: dict[str, Callable[[dict[str, Any]], str]] = {'text': _text, 'csv': _csv, 'json': json.dumps}

@@ -70,7 +70,7 @@ def _check(folder: Path, live: Path, again: Path) -> int:
     pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
     pictures = save(contact_picture(scene, float(value['t_contact_s']), pair, point), folder / 'contact')
     say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
-    say(f'   {comparison.equal} recorded messages are bit for bit what the model says, {len(comparison.faults)} are not')
+    say(f'   {comparison.equal} messages are bit for bit what the model says, {len(comparison.faults)} are not')
     say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
         f'{"the same event" if second == event else "ANOTHER EVENT"}')
     for path in (live, again, *pictures):
@@ -146,9 +146,9 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
     try:
         code = process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
-        raise DragonError(f'{name} did not end within {_LONGEST_S:g} s; see the .log files in the output folder') from None
+        raise DragonError(f'{name} did not end within {_LONGEST_S:g} s; see the .log files beside the bag') from None
     if code:
-        raise DragonError(f'{name} ended with exit code {code}; see the .log files in the output folder')
+        raise DragonError(f'{name} ended with exit code {code}; see the .log files beside the bag')
 
 
 def _by_topic(bag: LogReader) -> dict[str, list[tuple[int, bytes]]]:

@@ -4,6 +4,7 @@ The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every
 counted from the end of the 4-byte encapsulation header. Padding is zero.
 """
 import struct
+from itertools import pairwise
 
 import numpy as np
 
@@ -88,7 +89,7 @@ class BenchMarkersTemplate:
                   for bench, length in enumerate(lengths_m.tolist())]
         self._data = writer.finish()
         stride = places[1][0] - places[0][0] if len(places) > 1 else len(self._data)
-        assert all(b[0] - a[0] == stride for a, b in zip(places, places[1:], strict=False))
+        assert all(after[0] - before[0] == stride for before, after in pairwise(places))
         stamp, pose = places[0]
         self._stamp = strided(self._data, '<u4', stamp, stride, len(places), 2)
         self._pose = strided(self._data, '<f8', pose, stride, len(places), 7)

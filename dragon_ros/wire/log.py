@@ -7,7 +7,8 @@ from pathlib import Path
 from typing import IO, Any
 
 import yaml
-from mcap.reader import SeekingReader, Summary
+from mcap.reader import SeekingReader
+from mcap.summary import Summary
 from mcap.writer import CompressionType, Writer
 
 from dragon_ros import __version__
@@ -54,7 +55,7 @@ class LogWriter:
     def close(self) -> None:
         """Write the index and close the file; twice does no harm."""
         if not self._file.closed:
-            self._writer.finish()
+            self._writer.finish()  # type: ignore[no-untyped-call]
             self._file.close()
 
     def __enter__(self) -> 'LogWriter':

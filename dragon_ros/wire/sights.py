@@ -13,15 +13,13 @@ _NAMESPACE = 'bench'
 
 def sight_of(handles: bytes, benches: bytes) -> Sight:
     """Return the sight of two messages of one tick. Raises MessageError, naming message and field."""
-    poses, markers = read_pose_array(handles), read_marker_array(benches)
-    if len(poses.poses) < 2:
-        raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
+    poses, markers = check_handles(handles), read_marker_array(benches)
     rectangles = _rectangles(markers)
     if len(rectangles.centre) != len(poses.poses) - 1:
         raise MessageError(f'benches: {len(rectangles.centre)} for {len(poses.poses)} handles; expected one less')
     if poses.frame_id != markers.frame_id:
         raise MessageError(f'benches: frame {markers.frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
-    return Sight(poses.t_ns, _finite('handles: position', poses.poses[:, :2]), rectangles)
+    return Sight(poses.t_ns, np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64), rectangles)
 
 
 def check_handles(data: bytes) -> Poses:
@@ -37,7 +35,8 @@ def _rectangles(markers: Markers) -> Benches:
     """Return the cubes in namespace ``bench`` in the order of their ids, 0 to N-1."""
     mine = [n for n, name in enumerate(markers.ns) if name == _NAMESPACE]
     mine = [n for n in mine if markers.type[n] == CUBE and markers.action[n] == _ADD]
-    order = np.array(mine, dtype=int)[np.argsort(markers.id[mine], kind='stable')] if mine else np.array(mine, dtype=int)
+    order = np.array(mine, dtype=int)
+    order = order[np.argsort(markers.id[order], kind='stable')]
     if not np.array_equal(markers.id[order], np.arange(order.size)):
         raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
     poses = _finite('benches: pose', markers.poses[order])

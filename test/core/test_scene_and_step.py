@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import Effect, effects_of
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.head import Head
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
@@ -62,7 +62,7 @@ def test_what_leaves_the_core_cannot_be_changed():
 
 def test_every_tick_of_the_first_contact_scene_keeps_its_links_to_1e_9_m():
     scene = Scene(run=Run(400, 413))
-    for k in range(0, scene.last_tick + 1):
+    for k in range(scene.last_tick + 1):
         assert tick(scene, k).chain.worst[0] < 1e-9
 
 

@@ -2,6 +2,7 @@
 import signal
 
 import pytest
+
 from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.compare import compare_with_model
@@ -94,7 +95,8 @@ def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, tmp_path,
 def test_replay_can_start_later_and_loop_until_it_is_stopped(start, node, recorded):
     from geometry_msgs.msg import PoseArray
     stamps = []
-    node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 100, raw=True)
+    node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 100,
+                             raw=True)
     replay = start('replay', recorded[0], '--start', '0.3', '--loop', '--topics', '/dragon/handles',
                    '--wait-subscribers', '/dragon/handles=1')
     node.until(lambda: len(stamps) > 25)
@@ -104,6 +106,7 @@ def test_replay_can_start_later_and_loop_until_it_is_stopped(start, node, record
 
 def test_a_late_joiner_still_gets_the_event(start, node):
     from diagnostic_msgs.msg import DiagnosticArray
+
     from dragon_ros.nodes import qos
     monitor = start('monitor')
     sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',

@@ -42,8 +42,8 @@ def test_a_bag_of_the_model_equals_the_model(tmp_path):
 def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path):
     ticks = [k for k in range(26) if k != 7] + [9]
     with LogReader(write_bag(tmp_path / 'a.mcap', ticks)) as bag:
-        faults = compare_with_model(bag, SCENE).faults
-        assert [f for f in faults if 'handles' in f] == ['tick 7: handles is missing', 'tick 9: handles is there 2 times']
+        faults = [f for f in compare_with_model(bag, SCENE).faults if 'handles' in f]
+        assert faults == ['tick 7: handles is missing', 'tick 9: handles is there 2 times']
     with LogReader(write_bag(tmp_path / 'b.mcap')) as bag:
         other = compare_with_model(bag, Scene(run=Run(412, 412.4)))
         assert len(other.faults) == 3 * 5
