@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
 
@@ -104,13 +105,13 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
     assert packages == {name.rpartition('/')[0] for name in names if name.startswith('dragon_ros/')}
 
 
-@pytest.mark.skipif(not shutil.which('colcon'), reason='colcon is not installed here')
+@pytest.mark.skipif(not find_spec('colcon_core'), reason='colcon is not installed here')
 @pytest.mark.parametrize('options', [[], ['--symlink-install']], ids=['install', 'symlink'])
 def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, options):
     workspace = tmp_path / 'ws'
     copy_source(workspace / 'src' / 'dragon_ros')
     environment = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
-    subprocess.run(['colcon', 'build', *options], cwd=workspace, env=environment, check=True, capture_output=True)
+    subprocess.run([sys.executable, '-m', 'colcon', 'build', *options], cwd=workspace, env=environment, check=True, capture_output=True)
     prefix = workspace / 'install' / 'dragon_ros'
     assert installed_names(prefix) == set(EXECUTABLES)
     assert not (prefix / 'bin').exists()
@@ -136,13 +137,15 @@ def test_setup_lists_what_find_packages_must_not_forget():
     assert 'entry_points' not in given
 
 
-@pytest.mark.skipif(not shutil.which('ruff'), reason='ruff is not installed here')
+@pytest.mark.skipif(not find_spec('ruff'), reason='ruff is not installed here')
 def test_ruff_finds_nothing():
-    done = subprocess.run(['ruff', 'check', '--no-cache', '.'], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, '-m', 'ruff', 'check', '--no-cache', '.'], cwd=ROOT, capture_output=True,
+                          text=True, check=False)
     assert done.returncode == 0, done.stdout
 
 
-@pytest.mark.skipif(not shutil.which('mypy'), reason='mypy is not installed here')
+@pytest.mark.skipif(not find_spec('mypy'), reason='mypy is not installed here')
 def test_types_hold_strictly():
-    done = subprocess.run(['mypy', '--cache-dir', os.devnull], cwd=ROOT, capture_output=True, text=True, check=False)
+    done = subprocess.run([sys.executable, '-m', 'mypy', '--cache-dir', os.devnull], cwd=ROOT, capture_output=True,
+                          text=True, check=False)
     assert done.returncode == 0, done.stdout

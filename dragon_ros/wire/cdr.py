@@ -133,7 +133,8 @@ def half_turns(axis: Floats) -> Floats:
 def strided(data: bytes | bytearray, kind: str, offset: int, stride: int, rows: int, columns: int) -> Array:
     """Return a (rows, columns) view of equal fields that stand ``stride`` bytes apart."""
     width = np.dtype(kind).itemsize
-    return np.ndarray((rows, columns), kind, data, offset, (stride, width))
+    out: Array = np.ndarray((rows, columns), kind, data, offset, (stride, width))
+    return out
 
 
 def _bench_marker(writer: Writer, bench: int, length_m: float, width_m: float, frame_id: str) -> tuple[int, int]:
