@@ -111,7 +111,8 @@ def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, option
     workspace = tmp_path / 'ws'
     copy_source(workspace / 'src' / 'dragon_ros')
     environment = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
-    subprocess.run([sys.executable, '-m', 'colcon', 'build', *options], cwd=workspace, env=environment, check=True, capture_output=True)
+    subprocess.run([sys.executable, '-m', 'colcon', 'build', *options], cwd=workspace, env=environment, check=True,
+                   capture_output=True)
     prefix = workspace / 'install' / 'dragon_ros'
     assert installed_names(prefix) == set(EXECUTABLES)
     assert not (prefix / 'bin').exists()

@@ -63,20 +63,21 @@ class _Way:
 
     def __init__(self, scene: Scene) -> None:
         self.scene, self.dragon, self.spiral = scene, scene.dragon, scene.track
+        self.effort = EXACT.effort(scene.size_m, scene.length_m)
         self.sign = -1.0 if scene.head.speed_m_s > 0 else 1.0
         self.start, stop = (self.sign * self._theta(t_s) for t_s in (scene.run.start_s, scene.end.t_s))
         # The model's own end is left out by a hair: speeds are infinite at a lock.
         self.stop = stop if scene.end.reason == 'stop' else max(self.start, stop - 1e-12 * (1 + abs(stop)))
 
     def _theta(self, t_s: float) -> float:
-        return self.spiral.inward(self.scene.head.travelled_m(t_s)).hi
+        return self.spiral.inward(*self.scene.head.travelled_m(t_s)).hi
 
     def radians(self, metres: float) -> float:
         """Return the turn of the head for some metres where it is furthest out."""
         return metres / (self.spiral.b_m * (1 + max(abs(self.start), abs(self.stop))))
 
     def head_pairs(self) -> Leader:
-        return Leader(self.spiral, self.dragon, 0, self.dragon.benches, EXACT.step_tolerance)
+        return Leader(self.spiral, self.dragon, 0, self.dragon.benches, self.effort)
 
     def clear(self, leader: Leader) -> Clearing:
         return clear(lambda x: leader.closest(self.sign * x)[:2], self.start, self.stop,
@@ -92,12 +93,12 @@ class _Way:
         if head[0] < turning:
             inner = min(inner, follower(turning, chord))
         outer = max(float(theta[-2]) for theta in places)
-        leader = Leader(self.spiral, self.dragon, 1, self.dragon.benches - 1, EXACT.step_tolerance)
+        leader = Leader(self.spiral, self.dragon, 1, self.dragon.benches - 1, self.effort)
         spacing = _FIRST_M / (self.spiral.b_m * (1 + outer))
         return clear(lambda x: leader.closest(-x)[:2], -outer, -inner, spacing, spacing * _FINEST_M / _FIRST_M)
 
     def chain(self, x: float) -> Chain:
-        return place(self.spiral, self.dragon.link_lengths_m, Angle(self.sign * x, 0.0), EXACT.step_tolerance)
+        return place(self.spiral, self.dragon.link_lengths_m, Angle(self.sign * x, 0.0), self.effort)
 
     def all_pairs(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the smallest gap of all pairs and a bound on its rate, at each place."""

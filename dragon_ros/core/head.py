@@ -1,8 +1,8 @@
 """The head law: how far the leading handle has gone along the track at a time."""
 from dataclasses import dataclass
 
+from dragon_ros.core.angle import product
 from dragon_ros.core.checks import number
-
 
 @dataclass(frozen=True)
 class Head:
@@ -14,6 +14,6 @@ class Head:
         """Refuse a speed that is not a number."""
         number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9)
 
-    def travelled_m(self, t_s: float) -> float:
-        """Return the arc length from the start to the head at ``t_s``, positive inwards."""
-        return self.speed_m_s * t_s
+    def travelled_m(self, t_s: float) -> tuple[float, float]:
+        """Return the arc length from the start to the head at ``t_s``, positive inwards, as (hi, lo)."""
+        return product(self.speed_m_s, t_s)

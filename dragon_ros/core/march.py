@@ -7,6 +7,7 @@ Between handles at polar angles theta and theta + delta the chord in units of b 
 the paper's equation 15 in a form without cancellation. Its smallest root delta > 0 is the next handle. Half its
 slope, ``phi`` below, is positive up to delta = pi, where c = 2 theta + pi: shorter links have one root there.
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import asin, cos, inf, pi, sin, sqrt
@@ -19,6 +20,7 @@ from dragon_ros.core.path import Spiral, points
 from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats, read_only
 
+_TRUSTED = 3        # links that follow unchecked, at most
 
 @dataclass(frozen=True)
 class Chain:
@@ -49,20 +51,47 @@ class Chain:
         return float(np.max(np.abs(self.residuals_m))), link
 
 
-def place(spiral: Spiral, links_m: Floats, head: Angle, tolerance: float) -> Chain:
-    """Place every handle behind ``head``. Raises ChainLockError where a link has no place."""
-    deltas, thetas, lows, spent = [], [head.hi], [head.lo], 0
-    at, guess, last = head, 0.0, -1.0
-    for number, link in enumerate((links_m / spiral.b_m).tolist()):
-        guess = guess * thetas[-2] / at.hi if link == last else first_guess(at.hi, link)
-        guess, evaluations = step(at.hi, link, guess, tolerance)
-        if guess == inf:
-            raise locked(spiral, number, at.hi, link)
-        last, spent = link, spent + evaluations
-        at = plus(at, guess)
-        deltas.append(guess)
-        thetas.append(at.hi)
-        lows.append(at.lo)
+@dataclass(frozen=True)
+class Effort:
+    """How hard to work on one link, relative to the angle that it spans.
+
+    Newton stops at a step below ``newton``: its next error is about half the square. A prediction is taken unchecked
+    while the last check changed less than ``trust`` (0: never).
+    """
+
+    newton: float
+    trust: float = 0.0
+
+
+def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Chain:
+    """Place every handle behind ``head``. Raises ChainLockError where a link has no place.
+
+    The next link is predicted from theta'^2 - theta^2, which is almost 2 chord: by the parabola through the last
+    three, d1, d2 and d3 (this loop is the hot one: it calls little and makes no objects).
+    """
+    theta, low = head
+    thetas, lows, deltas, spent = [theta], [low], [], 0
+    last, unchecked, d1, d2, d3 = -1.0, 0, 0.0, 0.0, 0.0
+    for number, chord in enumerate((links_m / spiral.b_m).tolist()):
+        if chord != last:
+            last, unchecked, d1, d2, d3 = chord, 0, 0.0, 0.0, 0.0
+        square = 3 * (d1 - d2) + d3 if d3 else d1
+        delta = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
+        if unchecked:
+            unchecked -= 1
+        else:
+            guess = delta
+            delta, evaluations = step(theta, chord, guess, effort.newton)
+            if delta == inf:
+                raise locked(spiral, number, theta, chord)
+            spent += evaluations
+            if d3 and abs(delta - guess) < effort.trust * delta:
+                unchecked = _TRUSTED
+        d1, d2, d3 = delta * (2 * theta + delta), d1, d2
+        theta, low = plus(theta, low, delta)
+        deltas.append(delta)
+        thetas.append(theta)
+        lows.append(low)
     return chain_of(spiral, links_m, np.array(thetas), np.array(lows), np.array(deltas), spent)
 
 
@@ -70,6 +99,13 @@ def chain_of(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, d
     """Return the chain with its coordinates, closed for writing."""
     p = points(spiral.b_m, theta, theta_lo)
     return Chain(read_only(theta), read_only(theta_lo), read_only(delta), read_only(p), spent, links_m)
+
+
+def stack(chains: Sequence[Chain]) -> Chain:
+    """Return chains of one dragon as one, with a leading axis."""
+    theta, theta_lo, delta, p = (read_only(np.stack([getattr(chain, name) for chain in chains]))
+                                 for name in ('theta', 'theta_lo', 'delta', 'p'))
+    return Chain(theta, theta_lo, delta, p, sum(chain.evaluations for chain in chains), chains[0].links_m)
 
 
 def locked(spiral: Spiral, link: int, theta: float, chord: float) -> ChainLockError:

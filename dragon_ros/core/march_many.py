@@ -6,33 +6,40 @@ from math import pi
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.angle import plus
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.march import Chain, chain_of, first_guess, locked, step
+from dragon_ros.core.march import Chain, Effort, chain_of, first_guess, locked, step
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.types import Floats
 
 
-def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, tolerance: float) -> Chain:
+def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, effort: Effort) -> Chain:
     """Place the chains behind many heads, given as (M,) polar angles; the arrays of the result start with M."""
     count = links_m.size
     out = np.empty((count + 1, theta.size))
     low, deltas = np.empty_like(out), np.empty((count, theta.size))
-    out[0], low[0], spent, last = theta, theta_lo, 0, -1.0
-    for i, chord in enumerate((links_m / spiral.b_m).tolist()):
-        guess = deltas[i - 1] * out[i - 1] / out[i] if chord == last else _first_guesses(out[i], chord)
+    out[0], low[0], spent, start = theta, theta_lo, 0, 0
+    chords = (links_m / spiral.b_m).tolist()
+    for i, chord in enumerate(chords):
+        if i and chord != chords[i - 1]:
+            start = i
         try:
-            deltas[i], evaluations = steps(out[i], chord, guess, tolerance)
+            deltas[i], evaluations = steps(out[i], chord, _guesses(out, deltas, start, i, chord), effort.newton)
         except ChainLockError as error:
             raise locked(spiral, i, error.fields['theta_rad'], chord) from None
-        last, spent = chord, spent + evaluations
-        out[i + 1], low[i + 1] = plus(Angle(out[i], low[i]), deltas[i])
+        spent += evaluations
+        out[i + 1], low[i + 1] = plus(out[i], low[i], deltas[i])
     return chain_of(spiral, links_m, out.T, low.T, deltas.T, spent)
 
 
-def _first_guesses(theta: Floats, chord: float) -> Floats:
-    out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + pi)))
-    return out
+def _guesses(theta: Floats, delta: Floats, start: int, i: int, chord: float) -> Floats:
+    """Predict link i from the equal links since ``start``, as ``march.place`` does."""
+    if i - start < 3:
+        out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta[i] + pi)))
+        return out
+    square = delta[i - 3:i] * (2 * theta[i - 3:i] + delta[i - 3:i])
+    ahead = np.maximum(3 * (square[2] - square[1]) + square[0], 0.0)
+    return ahead / (theta[i] + np.sqrt(theta[i] ** 2 + ahead) + 1e-300)
 
 
 def steps(theta: Floats, chord: float, guess: Floats, tolerance: float) -> tuple[Floats, int]:

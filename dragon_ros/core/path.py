@@ -8,7 +8,7 @@ from math import asinh, pi, sqrt
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, from_turns, plus
+from dragon_ros.core.angle import TURN, Angle, from_turns, plus, product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import TrackEndError
 from dragon_ros.core.root import bracketed_newton
@@ -42,16 +42,38 @@ class Spiral:
         """Arc length from the start to the centre: S(theta) = b/2 (theta sqrt(1 + theta^2) + asinh theta)."""
         return self.distance_to(0.0)
 
-    def inward(self, distance_m: float) -> Angle:
-        """Return the place that lies ``distance_m`` of arc length further in than the start (negative: further out).
+    def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> Angle:
+        """Return the place that lies some arc length further in than the start (negative: further out).
 
-        Solved for the angle turned, from a difference of arc lengths: no digits are lost far from the centre.
+        Solved for the angle turned, from a difference of arc lengths, in floats; what floats then miss is made up for
+        with twice their digits, so that none are lost far from the centre or after a long way.
         Raises TrackEndError beyond the centre.
         """
         if distance_m > self.length_m:
             raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
                                 f'{self.length_m:.9g} m', distance_m=distance_m, limit_m=self.length_m)
-        return plus(self.start, -self._turned(distance_m / self.b_m))
+        if distance_m == 0:
+            return self.start
+        turned = self._turned(distance_m / self.b_m)
+        missing = self._missing(turned, distance_m, distance_lo_m) / sqrt(1 + (self.start.hi - turned) ** 2)
+        return Angle(*plus(*plus(*self.start, -turned), -missing))
+
+    def _missing(self, turned: float, distance_m: float, distance_lo_m: float) -> float:
+        """Return the arc, in units of b, that ``turned`` falls short of the distance.
+
+        2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need many digits.
+        """
+        theta, inner = self.start.hi, self.start.hi - turned
+        rest = theta / (theta + sqrt(1 + theta * theta)) - inner / (inner + sqrt(1 + inner * inner))
+        both, both_lo = plus(2 * theta, 2 * self.start.lo, -turned)
+        squares, squares_lo = product(turned, both)
+        squares_lo += turned * both_lo + rest + _asinh_between(theta, turned)
+        scaled, scaled_lo = product(distance_m, TURN.hi)
+        scaled_lo += distance_m * TURN.lo + distance_lo_m * TURN.hi
+        wanted = scaled / self.pitch_m
+        back, back_lo = product(wanted, self.pitch_m)
+        wanted_lo = ((scaled - back) - back_lo + scaled_lo) / self.pitch_m
+        return (wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo)
 
     def distance_to(self, theta: float) -> float:
         """Return the arc length from the start inwards to polar angle ``theta``, in metres."""
@@ -77,10 +99,15 @@ def arc_between(theta: float, turned: float) -> float:
     """
     inner = theta - turned
     w_outer, w_inner = sqrt(1 + theta * theta), sqrt(1 + inner * inner)
-    square = turned * (theta + inner)
-    product = theta * w_inner + inner * w_outer
-    along = turned * w_outer + inner * square / (w_outer + w_inner)
-    return 0.5 * (along + asinh(square / product)) if product else 0.0
+    along = turned * w_outer + inner * turned * (theta + inner) / (w_outer + w_inner)
+    return 0.5 * (along + _asinh_between(theta, turned))
+
+
+def _asinh_between(theta: float, turned: float) -> float:
+    """Return asinh(theta) - asinh(theta - turned)."""
+    inner = theta - turned
+    product = theta * sqrt(1 + inner * inner) + inner * sqrt(1 + theta * theta)
+    return asinh(turned * (theta + inner) / product) if product else 0.0
 
 
 def points(b_m: float, theta: Floats, theta_lo: Floats) -> Floats:

@@ -2,7 +2,9 @@
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from math import ceil, floor
+from math import ceil, floor, hypot, sqrt
+
+import numpy as np
 
 from dragon_ros.core.checks import number
 from dragon_ros.core.dragon import Dragon
@@ -10,6 +12,7 @@ from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.head import Head
 from dragon_ros.core.lock import head_lock_angle
+from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.tiers import Tier, tier_for
 
@@ -74,12 +77,34 @@ class Scene:
 
     def __post_init__(self) -> None:
         """Refuse an accuracy that no tier keeps."""
-        tier_for(self.accuracy)
+        tier_for(self.accuracy, self.size_m)
+
+    @cached_property
+    def size_m(self) -> float:
+        """How far from the centre a handle can be in this run, in metres (a bound)."""
+        moved = max(0.0, -self.head.speed_m_s * (self.run.stop_s or 0.0))
+        track = self.track
+        return track.b_m * (1 + hypot(track.start.hi, sqrt(2 * (self.length_m + moved) / track.b_m)))
+
+    @cached_property
+    def length_m(self) -> float:
+        """Length of the whole chain, handle to handle."""
+        return float(np.sum(self.dragon.link_lengths_m))
 
     @cached_property
     def tier(self) -> Tier:
         """The accuracy as a promise."""
-        return tier_for(self.accuracy)
+        return tier_for(self.accuracy, self.size_m)
+
+    @property
+    def promise_m(self) -> float:
+        """The largest position error that this scene may have."""
+        return self.tier.promise_for_m(self.size_m)
+
+    @cached_property
+    def effort(self) -> Effort:
+        """The work on each link that keeps the promise."""
+        return self.tier.effort(self.size_m, self.length_m)
 
     @cached_property
     def limit(self) -> End | None:

@@ -7,13 +7,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dragon_ros.core import paper, rates
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.march import Chain, place
+from dragon_ros.core.march import Chain, place, stack
 from dragon_ros.core.march_many import place_many
-from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.types import Floats
 
 
@@ -40,21 +41,30 @@ def tick(scene: Scene, k: int) -> Frame:
 def state(scene: Scene, t_s: float) -> Chain:
     """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
     scene.check_time(t_s)
-    head = scene.track.inward(scene.head.travelled_m(t_s))
-    return place(scene.track, scene.dragon.link_lengths_m, head, scene.tier.step_tolerance)
+    if scene.tier is PAPER:
+        return paper.place(scene.track, scene.dragon.link_lengths_m, scene.head.speed_m_s, t_s)
+    head = scene.track.inward(*scene.head.travelled_m(t_s))
+    return place(scene.track, scene.dragon.link_lengths_m, head, scene.effort)
+
+
+def velocity_of(scene: Scene, chain: Chain) -> Floats:
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2)."""
+    return (paper if scene.tier is PAPER else rates).velocities(chain, scene.head.speed_m_s)
 
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
     effects, axis = scene.effects, axes_of(chain)
     return Frame(k, t_ns, chain, axis,
-                 velocities(chain, scene.head.speed_m_s) if Effect.VELOCITY in effects else None,
+                 velocity_of(scene, chain) if Effect.VELOCITY in effects else None,
                  benches_of(chain, scene.dragon, axis) if Effect.BENCHES in effects else None)
 
 
 def states(scene: Scene, times_s: Sequence[float]) -> Chain:
     """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
+    if scene.tier is PAPER:
+        return stack([state(scene, t_s) for t_s in times_s])
     for t_s in times_s:
         scene.check_time(t_s)
-    heads = np.array([scene.track.inward(scene.head.travelled_m(t_s)) for t_s in times_s]).reshape(-1, 2)
-    return place_many(scene.track, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], scene.tier.step_tolerance)
+    heads = np.array([scene.track.inward(*scene.head.travelled_m(t_s)) for t_s in times_s]).reshape(-1, 2)
+    return place_many(scene.track, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], scene.effort)

@@ -10,7 +10,7 @@ import numpy as np
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.march import Chain
+from dragon_ros.core.march import Chain, Effort
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.rates import velocities
@@ -27,7 +27,7 @@ class Leader:
     dragon: Dragon
     first: int
     follow: int
-    tolerance: float
+    effort: Effort
 
     def closest(self, theta: Floats) -> tuple[Floats, Floats, Ints]:
         """Return, for places (M,) of the front handle: smallest gap in m, its rate bound in m/rad, and its bench.
@@ -40,7 +40,7 @@ class Leader:
 
     def _closest(self, theta: Floats) -> tuple[Floats, Floats, Ints]:
         links = self.dragon.link_lengths_m[self.first:self.first + self._reach(theta)]
-        chain = place_many(self.spiral, links, theta, np.zeros_like(theta), self.tolerance)
+        chain = place_many(self.spiral, links, theta, np.zeros_like(theta), self.effort)
         benches = benches_of(chain, self.dragon if self.first == 0 else self._body, axes_of(chain))
         later, valid = window(chain.theta)
         row = np.arange(theta.size)[:, None]

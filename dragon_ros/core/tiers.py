@@ -1,37 +1,75 @@
 """Accuracy as a promise in metres, and the only tolerances of the core.
 
-A tier promises the largest position error over all handles and times of a scene, for coordinates up to 20 m; beyond
-that the promise grows with the coordinates, since a float holds no more digits.
+A tier promises the largest position error over all handles and times of a scene. Speeds are promised to the same
+figure per metre, relative to the head's speed and to the conditioning of the links (``rates.conditioning``). The
+promises are measured against a 50-digit reference on every case of ``cost/problems.py``.
 """
 from dataclasses import dataclass
+from math import sqrt
 from typing import Any
 
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.march import Effort
+
+_FLOAT_SIZE_M = 20.0        # beyond it a float cannot keep 2e-12 m, and the exact tier grows with the coordinates
 
 
 @dataclass(frozen=True)
 class Tier:
-    """A named promise: ``promise_m`` metres, kept by stopping Newton at the relative step ``step_tolerance``."""
+    """A named promise in metres."""
 
     name: str
     promise_m: float
-    step_tolerance: float
+
+    def promise_for_m(self, size_m: float) -> float:
+        """Return what is promised where coordinates reach ``size_m``."""
+        return max(self.promise_m, best_m(size_m)) if self is EXACT else self.promise_m
+
+    def effort(self, size_m: float, length_m: float) -> Effort:
+        """Return the work for a chain of a total length whose coordinates reach ``size_m``.
+
+        A Newton step e of a link leaves an error of e^2 / 2 of its length, an unchecked prediction one of about the
+        last correction; all errors may add up along the chain. A quarter of the promise is spent on the former.
+        """
+        promise_m = self.promise_for_m(size_m)
+        if self is EXACT:
+            promise_m = min(promise_m, best_m(_FLOAT_SIZE_M) * size_m / _FLOAT_SIZE_M)     # as exact in the small
+        share = promise_m / max(length_m, 1e-300)
+        return Effort(min(sqrt(0.5 * share), 0.01), min(share, 1e-3) if self is not EXACT else 0.0)
 
 
-EXACT = Tier('exact', 2e-12, 1e-8)
-TIERS = {tier.name: tier for tier in (EXACT,)}
+PAPER = Tier('paper', 12.0)
+EXACT = Tier('exact', 2e-12)
+TIERS = {tier.name: tier for tier in (PAPER, Tier('preview', 1e-3), Tier('standard', 1e-6), Tier('fine', 1e-9), EXACT)}
 
 
-def tier_for(accuracy: Any) -> Tier:
-    """Return the cheapest tier that keeps ``accuracy``: a tier's name, or metres."""
+def best_m(size_m: float) -> float:
+    """Return the smallest promise that floats keep where coordinates reach ``size_m``."""
+    return EXACT.promise_m * max(1.0, size_m / _FLOAT_SIZE_M)
+
+
+def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
+    """Return the tier of a name, or the cheapest one that keeps a number of metres where coordinates reach ``size_m``.
+
+    Raises FieldError, with what can be had, where floats cannot keep it. The paper's recipe must be asked for by name.
+    """
     if isinstance(accuracy, str):
         if accuracy not in TIERS:
             raise FieldError('accuracy', accuracy, f'the tiers are {", ".join(TIERS)}', 'give one of these, or metres')
-        return TIERS[accuracy]
+        tier = TIERS[accuracy]
+        if tier.promise_for_m(size_m) < best_m(size_m):
+            raise _beyond_floats(accuracy, size_m)
+        return tier
     metres = number('accuracy', accuracy, above=0.0)
-    fitting = [tier for tier in TIERS.values() if tier.promise_m <= metres]
+    fitting = [tier for tier in TIERS.values()
+               if tier is not PAPER and best_m(size_m) <= tier.promise_for_m(size_m) <= metres]
     if not fitting:
-        raise FieldError('accuracy', accuracy, f'floats keep no more than {EXACT.promise_m:g} m',
-                         f'ask for {EXACT.promise_m:g} m or more')
+        raise _beyond_floats(accuracy, size_m)
     return max(fitting, key=lambda tier: tier.promise_m)
+
+
+def _beyond_floats(accuracy: Any, size_m: float) -> FieldError:
+    best = best_m(size_m)
+    return FieldError('accuracy', accuracy, f'with coordinates up to {max(size_m, _FLOAT_SIZE_M):.4g} m floats keep no '
+                      f'more than {best:.3g} m', f'ask for {best:.3g} m or more, or for exact')

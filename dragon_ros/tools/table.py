@@ -8,9 +8,9 @@ from functools import partial
 import numpy as np
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import states
+from dragon_ros.core.step import states, velocity_of
+from dragon_ros.tools import paper_tables
 from dragon_ros.wire import cli
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
@@ -24,11 +24,16 @@ def main(argv: list[str]) -> int:
     cli.add_scene_options(options)
     options.add_argument('--times', default='0', metavar='T,...|START:STOP:STEP', help='seconds (0)')
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
+    options.add_argument('--paper', action='store_true',
+                         help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
     cli.add_output_options(options)
     return cli.guarded('table', partial(_run, options.parse_args(argv)))
 
 
 def _run(arguments: Namespace) -> int:
+    if arguments.paper:
+        cli.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
+        return cli.OK
     scene = cli.scene_from(arguments)
     rows = table(scene, times_of(arguments.times), handles_of(arguments.handles, scene.dragon.benches))
     cli.write_output(arguments.output, _FORMATS[arguments.format](rows))
@@ -38,7 +43,7 @@ def _run(arguments: Namespace) -> int:
 def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
     """Return one row for each time and handle, in the order of COLUMNS."""
     chain = states(scene, times_s)
-    velocity = velocities(chain, scene.head.speed_m_s)
+    velocity = velocity_of(scene, chain)
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
     return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.lock import follower, head_lock_angle, lock_angle
-from dragon_ros.core.march import chord_of, first_guess, first_peak, place, step
+from dragon_ros.core.march import Effort, chord_of, first_guess, first_peak, place, step
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.rates import speeds, velocities
@@ -16,6 +16,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states
 
 TOLERANCE = 1e-8
+EFFORT = Effort(TOLERANCE)
 CLASSIC = Scene()
 CLASSIC_TIMES = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 400.0, 412.473837682, 430.0, 432.9179]
 
@@ -82,7 +83,7 @@ def test_body_links_longer_than_the_heads_may_lock_first():
     spiral = scene.track
     head = spiral.inward(scene.end.t_s + 1e-6)
     with pytest.raises(ChainLockError, match='link 1'):
-        place(spiral, scene.dragon.link_lengths_m, head, TOLERANCE)
+        place(spiral, scene.dragon.link_lengths_m, head, EFFORT)
 
 
 def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
@@ -109,12 +110,12 @@ def test_one_chain_and_many_agree_wherever_there_is_one(pitch, start, head, body
     spiral = Spiral(pitch, start)
     place_at = spiral.inward(0.0)
     try:
-        alone = place(spiral, links, place_at, TOLERANCE)
+        alone = place(spiral, links, place_at, EFFORT)
     except ChainLockError as error:
         with pytest.raises(ChainLockError, match=f'link {error.fields["link"]}'):
-            place_many(spiral, links, np.array([place_at.hi]), np.array([place_at.lo]), TOLERANCE)
+            place_many(spiral, links, np.array([place_at.hi]), np.array([place_at.lo]), EFFORT)
         return
-    together = place_many(spiral, links, np.array([place_at.hi]), np.array([place_at.lo]), TOLERANCE)
+    together = place_many(spiral, links, np.array([place_at.hi]), np.array([place_at.lo]), EFFORT)
     np.testing.assert_allclose(together.p[0], alone.p, rtol=0, atol=1e-12 * float(np.max(np.abs(alone.p))))
     assert np.all(alone.delta > 0)
 

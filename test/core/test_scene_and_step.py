@@ -103,7 +103,9 @@ def test_a_run_that_stops_before_it_starts_is_refused():
 
 
 def test_metres_choose_the_tier_that_keeps_them():
-    assert tier_for(1e-9) is EXACT
+    assert tier_for(1e-9).name == 'fine'
+    assert tier_for(9e-10) is EXACT
+    assert tier_for(100.0).name == 'preview'
     assert tier_for('exact') is EXACT
     for bad in (1e-16, 0.0, -1.0, 'superb', float('nan')):
         with pytest.raises(FieldError, match='accuracy'):

@@ -55,7 +55,7 @@ def test_tangents_are_unit_vectors_along_the_growing_angle(theta):
 
 @given(st.floats(0, 1e9), st.floats(-3, 3))
 def test_an_angle_pair_keeps_what_one_float_loses(hi, delta):
-    total = plus(Angle(hi, 0.0), delta)
+    total = Angle(*plus(hi, 0.0, delta))
     from fractions import Fraction
     assert Fraction(total.hi) + Fraction(total.lo) == Fraction(hi) + Fraction(delta)
 

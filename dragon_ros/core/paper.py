@@ -1,0 +1,80 @@
+"""The paper's own recipe, as it must have been computed: every printed digit, and every error, is reproduced.
+
+Head: explicit Euler with 0.01 s, without the radial term; the printed point has the radius from before the last step
+and the angle from after it. Links: the angle is stepped by 0.01 rad until the chord is within 0.1 m of the link; the
+last link has the head's length. Speeds: v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is right: positions are up
+to 12 m off.
+"""
+from math import cos, pi, sqrt
+
+import numpy as np
+
+from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
+from dragon_ros.core.march import Chain
+from dragon_ros.core.path import Spiral, tangents
+from dragon_ros.core.types import Floats, read_only
+
+STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
+
+
+def steps_of(t_s: float) -> int:
+    """Return the number of Euler steps up to ``t_s``. Raises FieldError between two steps."""
+    steps = round(t_s / STEP_S)
+    if abs(steps * STEP_S - t_s) > 1e-9 * max(1.0, abs(t_s)):
+        raise FieldError('t_s', t_s, f'the paper computes whole steps of {STEP_S:g} s only',
+                         f'ask for {steps * STEP_S:.2f} s, or for another accuracy')
+    return steps
+
+
+def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> Chain:
+    """Return the chain as the paper has it. Raises ChainLockError or TrackEndError where its recipe finds no place."""
+    theta, rho = _head(spiral, speed_m_s, steps_of(t_s))
+    thetas, radii, evaluations = [theta], [rho], 0
+    for link, length_m in enumerate(_links(links_m)):
+        turned = _turn(spiral.b_m, thetas[-1], radii[-1], length_m)
+        if turned is None:
+            raise ChainLockError(f'the paper finds no place for link {link} within {WITHIN_M} m at radius '
+                                 f'{radii[-1]:.6f} m; ask for an earlier time', link=link, t_s=t_s)
+        evaluations += turned
+        thetas.append(thetas[-1] + turned * STEP_RAD)
+        radii.append(spiral.b_m * thetas[-1])
+    angle, radius = np.array(thetas), np.array(radii)
+    p = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
+    return Chain(read_only(angle), read_only(np.zeros_like(angle)), read_only(np.diff(angle)), read_only(p), evaluations,
+                 links_m)
+
+
+def velocities(chain: Chain, speed_m_s: float) -> Floats:
+    """Return the paper's speeds along the track's tangents, shape (N+1, 2); the power law telescopes."""
+    rho = np.hypot(chain.p[..., 0], chain.p[..., 1])
+    speed = speed_m_s * (rho[..., :1] / rho) ** EXPONENT
+    return read_only(-speed[..., None] * tangents(chain.theta))
+
+
+def _head(spiral: Spiral, speed_m_s: float, steps: int) -> tuple[float, float]:
+    """Return angle and lagged radius of the head after a number of Euler steps."""
+    theta = spiral.start.hi
+    rho = spiral.b_m * theta
+    for _ in range(steps):
+        rho = spiral.b_m * theta
+        if rho <= abs(speed_m_s) * STEP_S:
+            raise TrackEndError('the paper\'s head steps over the centre; ask for an earlier time')
+        theta -= speed_m_s * STEP_S / rho
+    return theta, rho
+
+
+def _links(links_m: Floats) -> list[float]:
+    """Return the link lengths with the paper's slip: the last one is the head's."""
+    links: list[float] = links_m.tolist()
+    return [*links[:-1], links[0]]
+
+
+def _turn(b_m: float, theta: float, rho: float, length_m: float) -> int | None:
+    """Return the smallest number of steps after which the chord (paper, equation 15) is close to the link."""
+    for k in range(1, int(2 * pi / STEP_RAD)):
+        delta = k * STEP_RAD
+        outer = b_m * (theta + delta)
+        squared = rho * rho + outer * outer - 2 * rho * outer * cos(delta)
+        if abs(sqrt(max(squared, 0.0)) - length_m) < WITHIN_M:
+            return k
+    return None
