@@ -18,9 +18,10 @@ from dragon_ros.executables import EXECUTABLES
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
 LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
-          'nodes': ('core', 'wire', 'nodes')}
+          'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml'},
-             'tools': {'numpy', 'matplotlib', 'tqdm'}}
+             'tools': {'numpy', 'matplotlib', 'tqdm'},
+             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm'}}
 
 
 def imports(path):

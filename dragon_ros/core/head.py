@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from dragon_ros.core.angle import product
 from dragon_ros.core.checks import number
 
+
 @dataclass(frozen=True)
 class Head:
     """Constant speed, positive inwards; the head has gone ``speed_m_s * t`` of arc length at time t (paper, eq. 4)."""

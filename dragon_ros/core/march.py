@@ -14,7 +14,7 @@ from math import asin, cos, inf, pi, sin, sqrt
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.angle import Angle
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.path import Spiral, points
 from dragon_ros.core.root import bracketed_newton
@@ -69,26 +69,27 @@ def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Chain
     The next link is predicted from theta'^2 - theta^2, which is almost 2 chord: by the parabola through the last
     three, d1, d2 and d3 (this loop is the hot one: it calls little and makes no objects).
     """
-    theta, low = head
+    (theta, low), newton, trust = head, effort.newton, effort.trust
     thetas, lows, deltas, spent = [theta], [low], [], 0
     last, unchecked, d1, d2, d3 = -1.0, 0, 0.0, 0.0, 0.0
     for number, chord in enumerate((links_m / spiral.b_m).tolist()):
         if chord != last:
             last, unchecked, d1, d2, d3 = chord, 0, 0.0, 0.0, 0.0
         square = 3 * (d1 - d2) + d3 if d3 else d1
-        delta = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
+        guess = delta = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
         if unchecked:
             unchecked -= 1
         else:
-            guess = delta
-            delta, evaluations = step(theta, chord, guess, effort.newton)
+            delta, evaluations = step(theta, chord, guess, newton)
             if delta == inf:
                 raise locked(spiral, number, theta, chord)
             spent += evaluations
-            if d3 and abs(delta - guess) < effort.trust * delta:
+            if d3 and abs(delta - guess) < trust * delta:
                 unchecked = _TRUSTED
         d1, d2, d3 = delta * (2 * theta + delta), d1, d2
-        theta, low = plus(theta, low, delta)
+        more = delta + low                  # angle.plus, written out
+        outer = theta + more
+        theta, low = outer, more - (outer - theta)
         deltas.append(delta)
         thetas.append(theta)
         lows.append(low)

@@ -39,7 +39,8 @@ def _guesses(theta: Floats, delta: Floats, start: int, i: int, chord: float) -> 
         return out
     square = delta[i - 3:i] * (2 * theta[i - 3:i] + delta[i - 3:i])
     ahead = np.maximum(3 * (square[2] - square[1]) + square[0], 0.0)
-    return ahead / (theta[i] + np.sqrt(theta[i] ** 2 + ahead) + 1e-300)
+    predicted: Floats = ahead / (theta[i] + np.sqrt(theta[i] ** 2 + ahead) + 1e-300)
+    return predicted
 
 
 def steps(theta: Floats, chord: float, guess: Floats, tolerance: float) -> tuple[Floats, int]:

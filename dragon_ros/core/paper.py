@@ -40,8 +40,8 @@ def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> Chai
         radii.append(spiral.b_m * thetas[-1])
     angle, radius = np.array(thetas), np.array(radii)
     p = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
-    return Chain(read_only(angle), read_only(np.zeros_like(angle)), read_only(np.diff(angle)), read_only(p), evaluations,
-                 links_m)
+    low = np.zeros_like(angle)
+    return Chain(read_only(angle), read_only(low), read_only(np.diff(angle)), read_only(p), evaluations, links_m)
 
 
 def velocities(chain: Chain, speed_m_s: float) -> Floats:

@@ -73,7 +73,7 @@ class Spiral:
         wanted = scaled / self.pitch_m
         back, back_lo = product(wanted, self.pitch_m)
         wanted_lo = ((scaled - back) - back_lo + scaled_lo) / self.pitch_m
-        return (wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo)
+        return float((wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo))
 
     def distance_to(self, theta: float) -> float:
         """Return the arc length from the start inwards to polar angle ``theta``, in metres."""

@@ -39,3 +39,13 @@ def speeds(chain: Chain, head_speed_m_s: float | Floats) -> Floats:
 def velocities(chain: Chain, head_speed_m_s: float | Floats) -> Floats:
     """Return velocity vectors in m/s, shape (..., N+1, 2)."""
     return read_only(-speeds(chain, head_speed_m_s)[..., None] * tangents(chain.theta))
+
+
+def conditioning(chain: Chain) -> float:
+    """Return how much faster than the head the fastest handle is, at least 1.
+
+    Close to a lock it grows without bound, and with it what the last bit of the head's place does to the handles: a
+    position error is promised in metres times this number. A speed is promised relative to the speed itself over
+    cos^2 beta, that is times the square of it.
+    """
+    return max(1.0, float(np.max(np.abs(speeds(chain, 1.0)))))

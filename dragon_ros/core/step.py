@@ -49,7 +49,8 @@ def state(scene: Scene, t_s: float) -> Chain:
 
 def velocity_of(scene: Scene, chain: Chain) -> Floats:
     """Return the velocities of all handles in m/s, shape (..., N+1, 2)."""
-    return (paper if scene.tier is PAPER else rates).velocities(chain, scene.head.speed_m_s)
+    model = paper.velocities if scene.tier is PAPER else rates.velocities
+    return model(chain, scene.head.speed_m_s)
 
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:

@@ -1,11 +1,12 @@
 """Accuracy as a promise in metres, and the only tolerances of the core.
 
-A tier promises the largest position error over all handles and times of a scene. Speeds are promised to the same
-figure per metre, relative to the head's speed and to the conditioning of the links (``rates.conditioning``). The
-promises are measured against a 50-digit reference on every case of ``cost/problems.py``.
+A tier promises the largest position error over all handles and times of a scene. Close to a lock, where the last bit of
+the head's place moves the handles C times as much (C is ``rates.conditioning``), (C - 1) times what floats can keep is
+added. A speed is promised to the same figure for each link length of error, relative to the speed and times C^2. All
+are measured against a 50-digit reference on every case of ``cost/problems.py``.
 """
 from dataclasses import dataclass
-from math import sqrt
+from math import inf, sqrt
 from typing import Any
 
 from dragon_ros.core.checks import number
@@ -39,7 +40,18 @@ class Tier:
         return Effort(min(sqrt(0.5 * share), 0.01), min(share, 1e-3) if self is not EXACT else 0.0)
 
 
-PAPER = Tier('paper', 12.0)
+def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:
+    """Return the largest position error where coordinates reach ``size_m`` and the chain has a conditioning."""
+    return tier.promise_for_m(size_m) + (condition - 1) * best_m(size_m)
+
+
+def speed_promise_m_s(tier: Tier, size_m: float, mean_link_m: float, condition: float, head_speed_m_s: float) -> float:
+    """Return the largest error of any handle's speed."""
+    relative = tier.promise_for_m(size_m) / max(mean_link_m, 1e-300)
+    return relative * condition**3 * abs(head_speed_m_s)
+
+
+PAPER = Tier('paper', inf)        # promises nothing: up to 14 m off
 EXACT = Tier('exact', 2e-12)
 TIERS = {tier.name: tier for tier in (PAPER, Tier('preview', 1e-3), Tier('standard', 1e-6), Tier('fine', 1e-9), EXACT)}
 

@@ -30,7 +30,8 @@ _ALL = tuple(range(224))
 
 def _some(benches: int) -> tuple[int, ...]:
     """Return a few handles of a long dragon, among them the first and the last."""
-    return tuple(sorted({0, 1, *(k for k in (2, 3, 10) if k < benches), *(benches * k // 20 for k in range(1, 21))}))
+    near = (k for k in (0, 1, 2, 3, 10) if k < benches)
+    return tuple(sorted({*near, *(benches * k // 20 for k in range(1, 21))}))
 
 
 def _scaled(scale: float) -> Scene:
@@ -66,12 +67,13 @@ def problems() -> tuple[Problem, ...]:
         _with('link-beyond-diameter', 'a head link longer than the diameter where its front is', (432.85, 432.9),
               Dragon(20)),
         _with('link-is-diameter', 'a head link of exactly the diameter 2 theta + pi', (0.0,), Dragon(20), diameter),
-        _with('tiny-pitch', 'a thousand turns, almost circles', (0.0, 100.0, 1000.0), None, Spiral(1e-3, 8000.0)),
+        _with('tiny-pitch', 'eight thousand turns, almost circles', (0.0, 100.0, 1000.0, 1.9e5), None,
+              Spiral(1e-3, 8000.0)),
         _with('huge-pitch', 'a track almost straight', (0.0, 100.0, 500.0), None, Spiral(1e3, 2.0)),
         *(Problem(f'scale-{scale:g}', _scaled(scale), (0.0, 300.0, 412.0), _some(40),
                   f'every length and the speed times {scale:g}') for scale in (1e-7, 1e-3, 1e3, 1e7)),
         _with('long', 'a hundred thousand links', (0.0, 400.0), Dragon(100_000)),
-        _with('far-1e4', 'polar angles near 1e4 rad', (0.0, 300.0), None, Spiral(0.55, 1e4 / (2 * pi))),
+        _with('far-1e4', 'polar angles near 1e4 rad', (0.0, 300.0, 4.37e6), None, Spiral(0.55, 1e4 / (2 * pi))),
         _with('far-1e6', 'polar angles near 1e6 rad', (0.0, 300.0), None, Spiral(0.55, 1e6 / (2 * pi))),
         _with('far-1e9', 'polar angles near 1e9 rad', (0.0, 300.0), None, Spiral(0.55, 1e9 / (2 * pi))),
         _with('joined-handles', 'body links of zero length', (0.0, 300.0), Dragon(10, 3.41, 0.55)),

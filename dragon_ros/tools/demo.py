@@ -13,11 +13,12 @@ from typing import IO
 from tqdm import tqdm
 
 from dragon_ros.core.errors import DragonError, MissingError
-from dragon_ros.tools.picture import contact_picture, save
+from dragon_ros.tools.picture import contact_picture
 from dragon_ros.wire import cli
 from dragon_ros.wire.cdr_read import Status, read_diagnostics
 from dragon_ros.wire.compare import compare_with_model
 from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.wire.figures import save
 from dragon_ros.wire.log import LogReader
 from dragon_ros.wire.scenes import load_scene
 

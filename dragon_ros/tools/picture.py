@@ -1,13 +1,10 @@
 """Pictures of a dragon: its benches on their track, and the contact with a closer look."""
-from pathlib import Path
-
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.errors import MissingError
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
@@ -32,17 +29,6 @@ def contact_picture(scene: Scene, t_s: float, pair: tuple[int, int], point: tupl
     close.set_title(f'benches {pair[0]} and {pair[1]} touch at ({point[0]:.6f}, {point[1]:.6f}) m')
     figure.legend(*whole.get_legend_handles_labels(), loc='outside lower center', ncols=5)
     return figure
-
-
-def save(figure: Figure, stem: Path) -> list[Path]:
-    """Write a figure as PNG and SVG beside each other and return both paths."""
-    paths = [stem.with_suffix(suffix) for suffix in ('.png', '.svg')]
-    for path in paths:
-        try:
-            figure.savefig(path, dpi=130)
-        except OSError as error:
-            raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
-    return paths
 
 
 def _draw(axes: Axes, scene: Scene, t_s: float, pair: tuple[int, int]) -> None:

@@ -1,4 +1,5 @@
-from dragon_ros.tools.picture import contact_picture, save
+from dragon_ros.tools.picture import contact_picture
+from dragon_ros.wire.figures import save
 from dragon_ros.wire.scenes import load_scene
 
 

@@ -1,0 +1,52 @@
+"""``cost``: the pages that show what accuracy and effects cost."""
+from argparse import Namespace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+
+from dragon_ros.core.errors import MissingError
+from dragon_ros.wire import cli, figures
+
+PAGES = {'accuracy': 'dragon_ros.cost.workprec'}
+
+
+def main(argv: list[str]) -> int:
+    """Measure one page; return the exit code."""
+    options = cli.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
+                         'python -m dragon_ros cost accuracy --output docs/cost')
+    options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers')
+    options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER', help='where it goes (cost)')
+    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds for each timing (0.3)')
+    options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')
+    return cli.guarded('cost', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    try:
+        page = import_module(PAGES[arguments.page])
+    except ImportError as error:
+        raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
+                           ) from None
+    rows = page.measure(arguments.budget)
+    try:
+        paths = page.write(rows, arguments.output, figures.save)
+    except OSError as error:
+        raise MissingError(f'--output {arguments.output}: cannot be written: {error.strerror}') from None
+    print(page.table(rows))
+    if arguments.readme:
+        renew(arguments.readme, arguments.page, page.summary(rows))
+        paths.append(arguments.readme)
+    print('\n' + '\n'.join(map(str, paths)))
+    return cli.OK
+
+
+def renew(path: Path, page: str, text: str) -> None:
+    """Put ``text`` between the marks <!-- cost PAGE --> and <!-- end --> of a file."""
+    start, end = f'<!-- cost {page} -->', '<!-- end -->'
+    try:
+        old = path.read_text(encoding='utf-8')
+        head, rest = old.split(start, 1)
+        tail = rest.split(end, 1)[1]
+        path.write_text(f'{head}{start}\n{text}\n{end}{tail}', encoding='utf-8')
+    except (OSError, ValueError, IndexError):
+        raise MissingError(f'--readme {path}: cannot be renewed; it needs the marks {start} and {end}') from None

@@ -1,0 +1,57 @@
+"""Measuring: medians with spread, the first call apart, and what machine it was."""
+import platform
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from datetime import datetime
+from importlib.metadata import PackageNotFoundError, version
+from pathlib import Path
+from statistics import median, quantiles
+
+from dragon_ros import __version__
+
+
+@dataclass(frozen=True)
+class Timing:
+    """Seconds a call: median, quartiles, and how many calls after the first."""
+
+    median_s: float
+    low_s: float
+    high_s: float
+    calls: int
+
+
+def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
+    """Call once unmeasured, then as often as fits the budget."""
+    call()
+    spent: list[float] = []
+    while len(spent) < least or (sum(spent) < budget_s and len(spent) < most):
+        start = time.perf_counter()
+        call()
+        spent.append(time.perf_counter() - start)
+    low, _, high = quantiles(spent, n=4)
+    return Timing(median(spent), low, high, len(spent))
+
+
+def circumstances() -> str:
+    """Return processor, versions and date in one line."""
+    return (f'{_processor()}, {platform.system()}, Python {platform.python_version()}, '
+            + ', '.join(f'{name} {_version(name)}' for name in ('numpy', 'scipy'))
+            + f', dragon_ros {__version__}, {datetime.now().astimezone():%Y-%m-%d}')
+
+
+def _version(name: str) -> str:
+    try:
+        return version(name)
+    except PackageNotFoundError:
+        return 'none'
+
+
+def _processor() -> str:
+    try:
+        lines = Path('/proc/cpuinfo').read_text(encoding='ascii', errors='replace').splitlines()
+    except OSError:
+        lines = []
+    names = [line.partition(':')[2].strip() for line in lines if line.startswith('model name')]
+    return names[0] if names else platform.machine() or sys.platform

@@ -1,0 +1,222 @@
+"""``cost accuracy``: error against time for every tier and for what a user would otherwise pick, in one run."""
+import csv
+import io
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.core.errors import FieldError, ModelEnd
+from dragon_ros.core.path import points
+from dragon_ros.core.rates import conditioning
+from dragon_ros.core.step import state, velocity_of
+from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
+from dragon_ros.core.types import Floats
+from dragon_ros.cost.baselines import SOLVERS, euler_steps
+from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.problems import Problem, problems
+from dragon_ros.cost.reference import truth
+
+_TICK_S = 1.0           # a tick of the classic table, for solvers that integrate
+_EULER_S = (1.0, 0.1, 0.01)
+_WRONG_M = 0.01         # a solver without a promise is marked from here
+
+
+@dataclass(frozen=True)
+class Row:
+    """One solver on one problem: its largest error, and its time a tick for positions and, if it has them, velocities.
+
+    ``promise_m`` is None for a solver without promise.
+    """
+
+    problem: str
+    solver: str
+    error_m: float
+    promise_m: float | None
+    timing: Timing | None
+    note: str = ''
+    with_velocities: Timing | None = None
+
+    @property
+    def verdict(self) -> str:
+        """'kept' or 'BROKEN' for a promise; '' or 'WRONG' without one; 'FAILS' where there is no answer."""
+        if not np.isfinite(self.error_m):
+            return 'FAILS'
+        if self.promise_m is None:
+            return 'WRONG' if self.error_m > _WRONG_M else ''
+        return 'kept' if self.error_m <= self.promise_m else 'BROKEN'
+
+
+def measure(budget_s: float = 0.3) -> list[Row]:
+    """Measure everything; progress goes to standard error."""
+    jobs = list(_jobs(budget_s))
+    return [job() for job in tqdm(jobs, desc='cost accuracy', unit='row', disable=None)]
+
+
+def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
+    for problem in problems():
+        for tier in TIERS:
+            if tier != 'paper' or problem.name == 'classic':
+                yield lambda problem=problem, tier=tier: _tier_row(problem, tier, budget_s)
+        if problem.name != 'long':
+            for name in SOLVERS:
+                yield lambda problem=problem, name=name: _baseline_row(problem, name, budget_s)
+        if problem.name == 'classic':
+            for step_s in _EULER_S:
+                yield lambda problem=problem, step_s=step_s: _euler_row(problem, step_s)
+
+
+def _tier_row(problem: Problem, tier: str, budget_s: float) -> Row:
+    try:
+        scene = replace(problem.scene, accuracy=tier)
+    except FieldError:
+        return Row(problem.name, tier, np.inf, None, None, 'refused: floats cannot keep it')
+    times = [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
+    error, worst = 0.0, 1.0
+    for number, t_s in enumerate(problem.times_s):
+        if t_s in times:
+            chain = state(scene, t_s)
+            error = max(error, float(np.max(truth(problem).distance(number, chain.p[list(problem.handles)]))))
+            worst = max(worst, conditioning(chain))
+    note = f'conditioning {worst:.1e}' if worst > 2 else ''
+    promise = None if scene.tier is PAPER else position_promise_m(scene.tier, scene.size_m, worst)
+    both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s)), times, budget_s)
+    alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
+    return Row(problem.name, tier, error, promise, alone, note, both)
+
+
+def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
+    """Time one tick, over all times of the problem."""
+    def run() -> None:
+        for t_s in times:
+            solve(t_s)
+    timing = timed(run, budget_s, 3)
+    n = len(times)
+    return Timing(timing.median_s / n, timing.low_s / n, timing.high_s / n, timing.calls * n)
+
+
+def _baseline_row(problem: Problem, name: str, budget_s: float) -> Row:
+    solve, error = SOLVERS[name], 0.0
+    try:
+        with np.errstate(all='ignore'):
+            for number, t_s in enumerate(problem.times_s):
+                p = solve(problem.scene, t_s)[list(problem.handles)]
+                error = max(error, float(np.max(truth(problem).distance(number, p))))
+            timing = _timed_all(lambda t_s: solve(problem.scene, t_s), problem.times_s, budget_s)
+    except (ValueError, ArithmeticError, ModelEnd, RuntimeWarning) as trouble:
+        return Row(problem.name, name, np.inf, None, None, type(trouble).__name__)
+    return Row(problem.name, name, error if np.isfinite(error) else np.inf, None, timing)
+
+
+def _euler_row(problem: Problem, step_s: float) -> Row:
+    """Integrate all handles from 0 s; a tick is one second of it."""
+    scene = problem.scene
+    chain, advance = euler_steps(scene, step_s)
+    timing = timed(lambda: advance(chain), 0.1)
+    error, steps = 0.0, 0
+    for number, t_s in enumerate(problem.times_s):
+        wanted = round(t_s / step_s)
+        if abs(wanted * step_s - t_s) > 1e-6:
+            continue
+        for _ in range(wanted - steps):
+            chain = advance(chain)
+        steps = wanted
+        p = points(scene.track.b_m, chain.theta, chain.theta_lo)[list(problem.handles)]
+        error = max(error, float(np.max(truth(problem).distance(number, p))))
+    per = _TICK_S / step_s
+    scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)
+    return Row(problem.name, f'Euler {step_s:g} s', error, None, scaled, 'a tick is 1 s', scaled)
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as a Markdown table with the circumstances above it."""
+    head = ('| problem | solver | largest error (m) | promise (m) | verdict | us a tick | quartiles | with velocities |'
+            ' note |\n|---|---|---:|---:|---|---:|---|---:|---|')
+    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
+
+
+def _line(row: Row) -> str:
+    t = row.timing
+    cells = (row.problem, row.solver, f'{row.error_m:.1e}' if np.isfinite(row.error_m) else '-',
+             f'{row.promise_m:.1e}' if row.promise_m else '-',
+             'refused' if row.note.startswith('refused') else row.verdict, f'{t.median_s * 1e6:.0f}' if t else '-',
+             f'{t.low_s * 1e6:.0f} to {t.high_s * 1e6:.0f}' if t else '-',
+             f'{row.with_velocities.median_s * 1e6:.0f}' if row.with_velocities else '-',
+             row.note.removeprefix('refused: '))
+    return '| ' + ' | '.join(cells) + ' |'
+
+
+def summary(rows: list[Row]) -> str:
+    """Return the classic scene's part of the table, and how the promises fared."""
+    broken = [row for row in rows if row.verdict == 'BROKEN']
+    kept = sum(row.verdict == 'kept' for row in rows)
+    return (table([row for row in rows if row.problem == 'classic']) + f'\n\nOn all {len(problems())} hard cases '
+            f'{kept} promises are kept and {len(broken)} broken; every row is in `docs/cost/accuracy.md`.')
+
+
+def csv_text(rows: list[Row]) -> str:
+    """Return the rows as CSV, times in seconds."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerow(['problem', 'solver', 'error_m', 'promise_m', 'verdict', 'median_s', 'low_s', 'high_s', 'calls',
+                     'note'])
+    for row in rows:
+        t = row.timing or Timing(np.nan, np.nan, np.nan, 0)
+        writer.writerow((row.problem, row.solver, row.error_m, row.promise_m, row.verdict, t.median_s, t.low_s,
+                         t.high_s, t.calls, row.note))
+    return out.getvalue()
+
+
+def picture(rows: list[Row]) -> Figure:
+    """Return the work-precision diagram: the classic scene, and the tiers on all hard cases."""
+    figure = Figure(figsize=(13, 6), layout='constrained')
+    classic, hard = figure.subplots(1, 2)
+    mine = [row for row in rows if row.problem == 'classic' and row.timing and np.isfinite(row.error_m)]
+    for row in mine:
+        assert row.timing is not None
+        own = row.solver in TIERS
+        below = -11 if row.solver in ('plain Newton 1e-3 rad', 'fine') else 4
+        colour = '#0072B2' if own else '#D55E00' if row.verdict == 'WRONG' else '#E69F00'
+        classic.loglog(row.timing.median_s * 1e6, row.error_m, 'o' if own else 's', markersize=8, color=colour)
+        label = f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver
+        classic.annotate(label, (row.timing.median_s * 1e6, row.error_m), xytext=(7, below), textcoords='offset points',
+                         fontsize=8)
+    classic.set(xlabel='time a tick (µs): positions of 224 handles', ylabel='largest error (m)',
+                title='Classic scene: dragon_ros tiers (circles) and others (squares)')
+    _hard_panel(hard, rows)
+    for axes in (classic, hard):
+        axes.grid(True, which='major', linewidth=0.4)
+    classic.margins(x=0.18, y=0.08)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def _hard_panel(axes: Axes, rows: list[Row]) -> None:
+    """Draw, for each tier, the error of every hard case as a share of its promise."""
+    names = [problem.name for problem in problems()]
+    styles = {'preview': ('v', '#56B4E9'), 'standard': ('^', '#009E73'), 'fine': ('D', '#E69F00'),
+              'exact': ('o', '#0072B2')}
+    for tier, (marker, colour) in styles.items():
+        mine = {row.problem: row for row in rows if row.solver == tier and np.isfinite(row.error_m) and row.promise_m}
+        shares: Floats = np.array([max(mine[name].error_m / (mine[name].promise_m or 1), 1e-9) for name in mine])
+        axes.semilogx(shares, [names.index(name) for name in mine], marker, color=colour,
+                      label=tier, markersize=5, alpha=0.9)
+    axes.axvline(1.0, color='black', linewidth=1)
+    axes.set_yticks(range(len(names)), names, fontsize=7)
+    axes.invert_yaxis()
+    axes.set(xlabel='largest error / promise (1 is the limit)', title='Hard cases')
+    axes.legend(fontsize=8, loc='upper left')
+
+
+def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write table, CSV and pictures into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'accuracy.md': table(rows) + '\n', 'accuracy.csv': csv_text(rows)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(rows), folder / 'accuracy')]
+
