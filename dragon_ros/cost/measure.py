@@ -21,6 +21,10 @@ class Timing:
     high_s: float
     calls: int
 
+    def shared_by(self, count: int) -> 'Timing':
+        """Return the time of each of ``count`` equal parts of a call."""
+        return Timing(self.median_s / count, self.low_s / count, self.high_s / count, self.calls * count)
+
 
 def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, most: int = 200) -> Timing:
     """Call once unmeasured, then as often as fits the budget."""

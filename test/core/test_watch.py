@@ -1,6 +1,7 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.benches import Benches
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.core.watch import Sight, Watch
@@ -47,6 +48,22 @@ def test_time_going_back_starts_afresh():
 
 def test_a_contact_that_lasts_is_one_event():
     assert len(events(Scene(run=Run(412.4, 414)), range(60))) == 1
+
+
+@pytest.mark.parametrize(('turn', 'mirror'), [(1.0, 1), (-2.5, 1), (0.0, -1), (2.0, -1)])
+def test_a_turned_or_mirrored_dragon_has_the_same_contact(turn, mirror):
+    move = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ np.diag([1, mirror])
+    scene, watch = Scene(run=Run(412.3, 412.6)), Watch()
+    (plain,) = events(scene, range(16))
+    moved = []
+    for sight in sights(scene, range(16)):
+        b = sight.benches
+        benches = Benches(b.centre @ move.T, b.axis @ move.T, b.half_length, b.half_width)
+        moved += filter(None, [watch.look(Sight(sight.t_ns, sight.p @ move.T, benches))])
+    (event,) = moved
+    assert event.benches == plain.benches
+    assert event.t_contact_s == pytest.approx(plain.t_contact_s, abs=1e-9)
+    assert event.point_m == pytest.approx(tuple(move @ plain.point_m), abs=1e-9)
 
 
 def test_another_number_of_benches_starts_afresh():
