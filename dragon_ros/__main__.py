@@ -17,7 +17,10 @@ def main(argv: list[str]) -> int:
         hint = f'did you mean {near[0]}?' if near else f'the names are {", ".join(EXECUTABLES)}'
         print(f'dragon_ros: there is no {name!r}; {hint}', file=sys.stderr)
         return 2
-    code: int = importlib.import_module(EXECUTABLES[name].module).main(rest)
+    try:
+        code: int = importlib.import_module(EXECUTABLES[name].module).main(rest)
+    except KeyboardInterrupt:
+        return 1
     return code
 
 

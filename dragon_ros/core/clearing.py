@@ -26,13 +26,13 @@ def clear(look: Look, start: float, stop: float, spacing: float, finest: float) 
     ``look(x)`` returns values (M,) and bounds on their rates of change. A stretch [a, b] is clear if the mean of
     its end values exceeds half its length times the larger rate; others are halved, down to ``finest``.
     """
-    x = np.linspace(start, stop, max(2, ceil((stop - start) / spacing) + 1))
+    x = np.linspace(start, stop, max(2, ceil((stop - start) / spacing) + 1), dtype=np.float64)
     value, rate = look(x)
     looks, hit = x.size, np.inf
-    stretches = np.stack((x[:-1], x[1:], value[:-1], value[1:], rate[:-1], rate[1:]))
+    stretches: Floats = np.stack((x[:-1], x[1:], value[:-1], value[1:], rate[:-1], rate[1:]))
     if value[0] <= 0:
         return Clearing((start, start), looks)
-    narrow = np.empty((2, 0))
+    narrow: Floats = np.empty((2, 0))
     while stretches.size:
         a, b, value_a, value_b, rate_a, rate_b = stretches
         hit = min(hit, np.min(b[value_b <= 0], initial=np.inf))

@@ -25,10 +25,10 @@ class Dragon:
     def __post_init__(self) -> None:
         """Refuse benches that cannot be built."""
         whole('dragon.benches', self.benches, low=1, high=1_000_000)
-        number('dragon.hole_inset_m', self.hole_inset_m, low=0.0)
-        number('dragon.width_m', self.width_m, above=0.0)
+        number('dragon.hole_inset_m', self.hole_inset_m, low=0.0, high=1e12)
+        number('dragon.width_m', self.width_m, above=0.0, high=1e12)
         for name in ('head_length_m', 'body_length_m'):
-            length = number(f'dragon.{name}', getattr(self, name), above=0.0)
+            length = number(f'dragon.{name}', getattr(self, name), above=0.0, high=1e12)
             if length < 2 * self.hole_inset_m:
                 raise FieldError(f'dragon.{name}', length,
                                  f'a bench must hold its two holes, 2 x {self.hole_inset_m} m from the ends',

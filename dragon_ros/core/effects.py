@@ -15,15 +15,20 @@ class Effect(Flag):
     @property
     def names(self) -> list[str]:
         """Names as a scene file writes them."""
-        return [effect.name.lower() for effect in Effect if effect in self and effect.name]
+        return [name for name, effect in _known().items() if effect in self]
 
 
 def effects_of(names: Iterable[object]) -> Effect:
     """Return the flags for names such as 'velocity'."""
-    known = {str(effect.name).lower(): effect for effect in Effect}
+    known = _known()
     effects = Effect.NONE
     for name in names:
         if not isinstance(name, str) or name not in known:
             raise FieldError('effects', name, f'the effects are {", ".join(known)}', 'name only these')
         effects |= known[name]
     return effects
+
+
+def _known() -> dict[str, Effect]:
+    """Return every effect by name (Python 3.10 iterates over the zero as well)."""
+    return {str(effect.name).lower(): effect for effect in Effect if effect.value}

@@ -41,3 +41,7 @@ class TrackEndError(ModelEnd):
 
 class ChainLockError(ModelEnd):
     """A link finds no place on the track any more: the smallest root of its chord equation has vanished."""
+
+
+class CrowdError(InputError):
+    """So many benches lie in one place that their pairs cannot be tested one by one."""

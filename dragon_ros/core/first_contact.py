@@ -4,6 +4,7 @@ Benches follow each other on one track at one spacing, so whether bench i >= 1 m
 where bench i is: the body's whole stretch is cleared once, and the head's pairs along the head's way. Where the body
 does not clear, all pairs are followed along the head's way.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,6 +13,7 @@ from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.clearing import Clearing, clear
 from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import follower, follower_turns, lock_angle
 from dragon_ros.core.march import Chain, place
 from dragon_ros.core.neighbours import candidates
@@ -22,6 +24,7 @@ from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats
 
 _FIRST_M = 0.25         # distance of the places looked at first
+_LONGEST_M = 1e5        # of the head's way: 400,000 places
 _FINEST_M = 1e-7        # stretches are not halved below this
 
 
@@ -43,9 +46,13 @@ class NoContact:
     states: int
 
 
-def first_contact(scene: Scene) -> Contact | NoContact:
-    """Return the first contact of the scene's run, at the exact tier, or how the run ended without one."""
-    way = _Way(scene)
+def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
+    """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
+
+    ``progress(states)`` is called with every number of states just looked at. Raises FieldError where the way is so
+    long that the search would not end.
+    """
+    way = _Way(scene, progress)
     found = way.clear(way.head_pairs())
     looks = found.looks
     last = found.hit[1] if found.hit else way.stop
@@ -61,8 +68,12 @@ def first_contact(scene: Scene) -> Contact | NoContact:
 class _Way:
     """The head's way through a run; a place x is -theta of the head where it moves in, theta where it moves out."""
 
-    def __init__(self, scene: Scene) -> None:
-        self.scene, self.dragon, self.spiral = scene, scene.dragon, scene.track
+    def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
+        self.scene, self.dragon, self.spiral, self.progress = scene, scene.dragon, scene.track, progress
+        length_m = abs(scene.head.speed_m_s) * (scene.end.t_s - scene.run.start_s)
+        if length_m > _LONGEST_M:
+            raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {length_m:.3g} m and no more than '
+                             f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
         self.effort = EXACT.effort(scene.size_m, scene.length_m)
         self.sign = -1.0 if scene.head.speed_m_s > 0 else 1.0
         self.start, stop = (self.sign * self._theta(t_s) for t_s in (scene.run.start_s, scene.end.t_s))
@@ -77,7 +88,7 @@ class _Way:
         return metres / (self.spiral.b_m * (1 + max(abs(self.start), abs(self.stop))))
 
     def head_pairs(self) -> Leader:
-        return Leader(self.spiral, self.dragon, 0, self.dragon.benches, self.effort)
+        return Leader(self.spiral, self.dragon, 0, self.dragon.benches, self.effort, self.progress)
 
     def clear(self, leader: Leader) -> Clearing:
         return clear(lambda x: leader.closest(self.sign * x)[:2], self.start, self.stop,
@@ -93,7 +104,7 @@ class _Way:
         if head[0] < turning:
             inner = min(inner, follower(turning, chord))
         outer = max(float(theta[-2]) for theta in places)
-        leader = Leader(self.spiral, self.dragon, 1, self.dragon.benches - 1, self.effort)
+        leader = Leader(self.spiral, self.dragon, 1, self.dragon.benches - 1, self.effort, self.progress)
         spacing = _FIRST_M / (self.spiral.b_m * (1 + outer))
         return clear(lambda x: leader.closest(-x)[:2], -outer, -inner, spacing, spacing * _FINEST_M / _FIRST_M)
 
@@ -102,7 +113,10 @@ class _Way:
 
     def all_pairs(self, x: Floats) -> tuple[Floats, Floats]:
         """Return the smallest gap of all pairs and a bound on its rate, at each place."""
-        rows = [self._all_pairs(float(place)) for place in x]
+        rows = []
+        for place_ in x.tolist():
+            rows.append(self._all_pairs(place_))
+            self.progress(1)
         gap, rate = np.array(rows).T
         return gap, rate
 

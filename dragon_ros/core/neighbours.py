@@ -8,7 +8,11 @@ import numpy as np
 import shapely
 
 from dragon_ros.core.benches import Benches
+from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.types import Floats, Ints
+
+_AT_ONCE = 256
+_MOST_PAIRS = 1_000_000
 
 
 def polar_angles(p: Floats) -> Floats | None:
@@ -59,7 +63,14 @@ def box_pairs(benches: Benches) -> tuple[Ints, Ints]:
     corners = benches.corners
     low, high = corners.min(axis=-2), corners.max(axis=-2)
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-    i, j = shapely.STRtree(boxes).query(boxes)
-    keep = j >= i + 2
-    order = np.lexsort((j[keep], i[keep]))
-    return i[keep][order], j[keep][order]
+    tree, found, count = shapely.STRtree(boxes), [], 0
+    for start in range(0, boxes.size, _AT_ONCE):
+        i, j = tree.query(boxes[start:start + _AT_ONCE])
+        keep = j >= i + start + 2
+        found.append(np.stack((i[keep] + start, j[keep])))
+        if (count := count + int(np.sum(keep))) > _MOST_PAIRS:
+            raise CrowdError(f'{boxes.size} benches lie so close that more than {_MOST_PAIRS:,} pairs may touch; '
+                             'spread them out, or use fewer', benches=boxes.size, limit=_MOST_PAIRS)
+    i, j = np.concatenate(found, axis=1)
+    order = np.lexsort((j, i))
+    return i[order], j[order]

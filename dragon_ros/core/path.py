@@ -24,7 +24,8 @@ class Spiral:
 
     def __post_init__(self) -> None:
         """Refuse a spiral that is not one."""
-        number('track.pitch_m', self.pitch_m, low=1e-12, high=1e12)
+        number('track.pitch_m', self.pitch_m, above=0.0, high=1e12)
+        number('track.pitch_m', self.pitch_m, low=1e-12)
         number('track.start_turns', self.start_turns, low=0.0, high=1e9)
 
     @cached_property

@@ -2,6 +2,7 @@
 
 Benches walk one track at equal spacing, so what follows a bench at polar angle theta is the same whenever it is there.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 from math import ceil, pi
 
@@ -28,6 +29,7 @@ class Leader:
     first: int
     follow: int
     effort: Effort
+    progress: Callable[[int], object]
 
     def closest(self, theta: Floats) -> tuple[Floats, Floats, Ints]:
         """Return, for places (M,) of the front handle: smallest gap in m, its rate bound in m/rad, and its bench.
@@ -39,6 +41,7 @@ class Leader:
         return gap, rate, bench
 
     def _closest(self, theta: Floats) -> tuple[Floats, Floats, Ints]:
+        self.progress(theta.size)
         links = self.dragon.link_lengths_m[self.first:self.first + self._reach(theta)]
         chain = place_many(self.spiral, links, theta, np.zeros_like(theta), self.effort)
         benches = benches_of(chain, self.dragon if self.first == 0 else self._body, axes_of(chain))

@@ -18,11 +18,12 @@ NS = 10**9
 
 @dataclass(frozen=True)
 class Sight:
-    """What was seen at one tick: time, handles (N+1, 2) in m and bench rectangles."""
+    """What was seen at one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
 
     t_ns: int
     p: Floats
     benches: Benches
+    frame_id: str = ''
 
 
 @dataclass(frozen=True)
@@ -39,6 +40,7 @@ class Event:
     t_contact_s: float
     point_m: tuple[float, float]
     gap_m: float
+    frame_id: str = ''
 
 
 class Watch:
@@ -50,8 +52,13 @@ class Watch:
         self._touching = False
 
     def look(self, sight: Sight) -> Event | None:
-        """Return the event if a contact begins with this sight. Time going back, or another dragon, starts afresh."""
-        if self._seen and (sight.t_ns <= self._seen[-1].t_ns or sight.p.shape != self._seen[-1].p.shape):
+        """Return the event if a contact begins with this sight.
+
+        Time going back, or another dragon, starts afresh; the same time again tells nothing new.
+        """
+        if self._seen and sight.t_ns == self._seen[-1].t_ns:
+            return None
+        if self._seen and (sight.t_ns < self._seen[-1].t_ns or sight.p.shape != self._seen[-1].p.shape):
             self._seen, self._touching = [], False
         i, j = candidates(sight.p, sight.benches)
         gap = gaps(sight.benches, i, j)
@@ -69,7 +76,8 @@ class Watch:
         pair = (int(i[first]), int(j[first]))
         before = self._seen[-1] if self._seen else None
         point = witness(_between(before, sight, times[first]), *pair)
-        return Event(pair, before.t_ns if before else None, sight.t_ns, times[first], point, float(gap[first]))
+        return Event(pair, before.t_ns if before else None, sight.t_ns, times[first], point, float(gap[first]),
+                     sight.frame_id)
 
     def _contact_s(self, sight: Sight, i: int, j: int, gap: float) -> float:
         """Return when the gap of a pair vanished, by the parabola (or line) through the last ticks."""

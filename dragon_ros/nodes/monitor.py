@@ -1,18 +1,22 @@
 """``monitor``: watches the handles and benches of any publisher and reports each contact as an event."""
 import threading
-from typing import Any
+import time
+from collections.abc import Callable
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.node import Node
 
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.watch import NS, Event, Watch
 from dragon_ros.nodes import qos, shell
 from dragon_ros.wire import cli
 from dragon_ros.wire.cdr import stamp_of
-from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns
+from dragon_ros.wire.cdr_read import Markers, Poses
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.pairing import Pairing
-from dragon_ros.wire.sights import check_handles, sight_of
+from dragon_ros.wire.sights import check_handles, read_benches, sight_of
+
+_PARTNER_S = 2.0        # messages of one tick that come further apart are not paired
 
 
 class Monitor(Node):
@@ -24,6 +28,7 @@ class Monitor(Node):
         rows = channels()
         self._pairs, self._watch = Pairing(), Watch()
         self.dropped = 0
+        self.create_timer(0.5 * _PARTNER_S, self._on_timer)
         self._out = self.create_publisher(DiagnosticArray, 'collision', qos.of_channel(rows['collision']))
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
@@ -31,22 +36,30 @@ class Monitor(Node):
                                      raw=True)
 
     def _on_handles(self, data: bytes) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data).t_ns, data)))
+        self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data), time.monotonic())))
 
     def _on_benches(self, data: bytes) -> None:
-        # The first marker's stamp stands behind the count, where a header of its own would stand.
-        self._guarded(lambda: self._look(self._pairs.add_benches(read_stamp_ns(data[:4] + data[8:]), data)))
+        self._guarded(lambda: self._look(self._pairs.add_benches(*read_benches(data), time.monotonic())))
 
-    def _guarded(self, work: Any) -> None:
+    def _on_timer(self) -> None:
+        """Give up messages whose partner does not come."""
+        self._pairs.expire(time.monotonic() - _PARTNER_S)
+        self._tell_unmatched()
+
+    def _guarded(self, work: Callable[[], None]) -> None:
         """Do the work; a message that nobody can use is counted and logged, and the node goes on."""
         try:
             work()
-        except MessageError as error:
+        except InputError as error:
             self._drop(str(error))
 
-    def _look(self, pair: tuple[bytes, bytes] | None) -> None:
-        for stamp in self._pairs.take_unmatched():
-            self._drop(f'handles at {stamp / NS:.9f} s: no benches came with that stamp')
+    def _tell_unmatched(self) -> None:
+        for topic, t_ns in self._pairs.take_unmatched():
+            other = {'handles': 'benches', 'benches': 'handles'}[topic]
+            self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} came with that stamp')
+
+    def _look(self, pair: tuple[Poses, Markers] | None) -> None:
+        self._tell_unmatched()
         if pair is not None and (event := self._watch.look(sight_of(*pair))):
             self._report(event)
 
@@ -56,7 +69,7 @@ class Monitor(Node):
 
     def _report(self, event: Event) -> None:
         message = DiagnosticArray(status=[status_of(event)])
-        message.header.frame_id = 'dragon'
+        message.header.frame_id = event.frame_id
         message.header.stamp.sec, message.header.stamp.nanosec = stamp_of(event.after_ns)
         self._out.publish(message)
         self.get_logger().error(message.status[0].message)
@@ -90,4 +103,6 @@ def _run(stop: threading.Event) -> int:
     try:
         return shell.spin(node, stop)
     finally:
+        if node.dropped:
+            node.get_logger().warning(f'{node.dropped} messages were dropped')
         node.destroy_node()

@@ -9,6 +9,7 @@ from rclpy.publisher import Publisher
 
 from dragon_ros.core.errors import InputError
 
+_GIVE_UP = 20       # failures of 0.1 s in a row with nobody to wait for
 _ACKED_S = 4.0      # acknowledgements come with the heartbeat of the middleware, every 3 s with Fast DDS
 
 
@@ -33,12 +34,15 @@ def wait_for_readers(wanted: Iterable[tuple[Publisher, int]], stop: threading.Ev
 
 def publish(publisher: Publisher, data: bytes, stop: threading.Event) -> None:
     """Publish; where the queue of a lossless publisher is full, wait for its readers."""
+    alone = 0
     while True:
         try:
             publisher.publish(data)
             return
         except RCLError:
-            if stop.is_set() or not publisher.get_subscription_count():
+            if stop.is_set():
+                return
+            if not publisher.get_subscription_count() and (alone := alone + 1) > _GIVE_UP:
                 raise
 
 

@@ -29,9 +29,10 @@ def lossless(qos: QoSProfile) -> QoSProfile:
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:
     """Return the profile that a bag has for a topic; where it says nothing, reliable and volatile."""
-    def policy(key: str, allowed: tuple[str, ...]) -> str:
-        return next((name for name in allowed if str(qos.get(key)).lower() == name), allowed[0])
+    def policy(key: str, allowed: tuple[str, ...], numbers: dict[int, str]) -> str:
+        given = numbers.get(qos.get(key), str(qos.get(key)).lower())    # rosbag2 wrote numbers before it wrote names
+        return given if given in allowed else allowed[0]
     depth = qos.get('depth')
-    return profile(policy('reliability', ('reliable', 'best_effort')),
-                   policy('durability', ('volatile', 'transient_local')),
+    return profile(policy('reliability', ('reliable', 'best_effort'), {1: 'reliable', 2: 'best_effort'}),
+                   policy('durability', ('volatile', 'transient_local'), {1: 'transient_local', 2: 'volatile'}),
                    depth if isinstance(depth, int) and 0 < depth <= 10_000 else 100)

@@ -39,7 +39,10 @@ class Recorder(Node):
     def ended(self) -> bool:
         """Return whether the run was there and has gone."""
         quiet = time.monotonic() - self._last > _QUIET_S
-        return quiet and self._seen and self.count_publishers('handles') == 0
+        gone = quiet and self._seen and self.count_publishers('handles') == 0
+        if gone:
+            self.get_logger().info('the publisher of handles has left')
+        return gone
 
     def close(self) -> None:
         """Write what is held back, and close the bag."""

@@ -8,6 +8,7 @@ from collections.abc import Callable
 from typing import Any
 
 import rclpy
+from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
@@ -39,7 +40,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int]) -> i
     rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
     try:
         return body(stop)
-    except DragonError as error:
+    except (DragonError, ParameterException, NameValidationException) as error:
         print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
         return BAD_INPUT
     finally:

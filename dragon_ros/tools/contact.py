@@ -6,6 +6,8 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any
 
+from tqdm import tqdm
+
 from dragon_ros.core.first_contact import Contact, NoContact, first_contact
 from dragon_ros.wire import cli
 
@@ -22,7 +24,8 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     scene = cli.scene_from(arguments)
     start = time.perf_counter()
-    found = first_contact(scene)
+    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+        found = first_contact(scene, bar.update)
     values = values_of(found)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     cli.write_output(arguments.output, _FORMATS[arguments.format](values))

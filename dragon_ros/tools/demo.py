@@ -3,12 +3,14 @@ import re
 import signal
 import subprocess
 import sys
+import threading
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
+from fcntl import LOCK_EX, LOCK_NB, flock
 from functools import partial
 from pathlib import Path
-from typing import IO
+from typing import IO, NoReturn
 
 from tqdm import tqdm
 
@@ -35,7 +37,15 @@ def main(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
                          help='where the bag and the picture go; files of an earlier demo are replaced (dragon_demo)')
     options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (2)')
-    return cli.guarded('demo', partial(_run, options.parse_args(argv)))
+    arguments = options.parse_args(argv)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _end)
+    return cli.guarded('demo', partial(_run, arguments))
+
+
+def _end(*_: object) -> NoReturn:
+    """End as on Ctrl-C, so that no process is left behind."""
+    raise KeyboardInterrupt
 
 
 def _run(arguments: Namespace) -> int:
@@ -44,12 +54,29 @@ def _run(arguments: Namespace) -> int:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise MissingError(f'--output {folder}: cannot be made: {error.strerror}') from None
+    with _alone(folder):
+        return _demonstrate(folder, arguments.pace)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep a second demo out of the folder."""
+    with (folder / 'lock').open('w') as lock:
+        try:
+            flock(lock, LOCK_EX | LOCK_NB)
+        except BlockingIOError:
+            raise MissingError(f'{folder}: another demo is running there; wait, or give another --output') from None
+        yield
+
+
+def _demonstrate(folder: Path, pace: float) -> int:
     live, again = folder / 'first_contact.mcap', folder / 'replayed.mcap'
-    say(f'1. sim, monitor and recorder, three processes over DDS, {arguments.pace:g} times real time')
+    say(f'1. sim, monitor and recorder, three processes over DDS, {pace:g} times real time')
     with _processes(folder / 'live.log') as start:
         _bystanders(start, live)
-        sim = start('sim', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={arguments.pace}',
+        sim = start('sim', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
                     '-p', f'wait_subscribers:=[{_READERS}]')
+        threading.Thread(target=_interrupt_if_any_fails, args=(start.waited, sim), daemon=True).start()
         _follow(sim)
     say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
     with _processes(folder / 'replay.log') as start:
@@ -124,6 +151,13 @@ def _bystanders(start: _Start, bag: Path) -> None:
     """Start a monitor and a recorder; the recorder ends with the run."""
     start('monitor')
     start.waited.append(start('record', '--output', str(bag), '--force'))
+
+
+def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
+    """Stop the simulator, which waits for its readers, where one of them fails."""
+    for process in others:
+        if process.wait():
+            sim.send_signal(signal.SIGINT)
 
 
 def _follow(sim: 'subprocess.Popen[str]') -> None:

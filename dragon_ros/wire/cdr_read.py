@@ -51,6 +51,8 @@ class Reader:
     def stamp_ns(self) -> int:
         """Read a time stamp."""
         sec, nanosec = self.take('i'), self.take('I')
+        if sec < 0 or nanosec >= NS:
+            raise MessageError(f'stamp: {sec} s and {nanosec} ns; expected no negative time and less than 1e9 ns')
         return sec * NS + nanosec
 
     def doubles(self, count: int) -> Floats:
@@ -71,10 +73,10 @@ class Poses:
 
 @dataclass(frozen=True)
 class Markers:
-    """A MarkerArray's first stamp, and of each marker: namespace, id, type, action, pose (N, 7) and scale (N, 3)."""
+    """Of each marker of a MarkerArray: stamp, frame, namespace, id, type, action, pose (N, 7) and scale (N, 3)."""
 
-    t_ns: int
-    frame_id: str
+    t_ns: tuple[int, ...]
+    frame_id: tuple[str, ...]
     ns: tuple[str, ...]
     id: Array
     type: Array
@@ -142,7 +144,6 @@ class _Marker:
     id: int
     pose: int
     lengths: list[int]
-    t_ns: int
     frame_id: str
     ns: str
     end: int
@@ -160,15 +161,16 @@ def read_marker_array(data: bytes) -> Markers:
         raise MessageError(f'{len(data)} bytes cannot hold {count} markers')
     if not count:
         empty = np.empty(0, np.int32)
-        return Markers(0, '', (), empty, empty, empty, np.empty((0, 7)), np.empty((0, 3)))
+        return Markers((), (), (), empty, empty, empty, np.empty((0, 7)), np.empty((0, 3)))
     markers = [_walk(reader)]
     if not (even := _even(reader, markers[0], count)):
         markers += [_walk(reader) for _ in range(count - 1)]
-    first = markers[0]
+    times = _fields(reader, 'u4', [m.stamp for m in markers], even, 2).astype(np.int64) @ [NS, 1]
+    frames = (markers[0].frame_id,) * count if even else tuple(m.frame_id for m in markers)
     ids = _fields(reader, 'i4', [m.id for m in markers], even, 3)
-    ns = (first.ns,) * count if even else tuple(m.ns for m in markers)
+    ns = (markers[0].ns,) * count if even else tuple(m.ns for m in markers)
     doubles = _fields(reader, 'f8', [m.pose for m in markers], even, 10)
-    return Markers(first.t_ns, first.frame_id, ns, ids[:, 0], ids[:, 1], ids[:, 2], doubles[:, :7], doubles[:, 7:])
+    return Markers(tuple(times.tolist()), frames, ns, ids[:, 0], ids[:, 1], ids[:, 2], doubles[:, :7], doubles[:, 7:])
 
 
 def _walk(reader: Reader) -> _Marker:
@@ -186,7 +188,8 @@ def _walk(reader: Reader) -> _Marker:
         reader.skip(kind, reader.take('I') * each)
 
     stamp = reader.skip('I', 0) + -(reader.at - 4) % 4
-    t_ns, frame_id, ns = reader.stamp_ns(), text(), text()
+    reader.stamp_ns()
+    frame_id, ns = text(), text()
     identity = reader.skip('i', 3)
     pose = reader.skip('d', 10)
     reader.skip('f', 4)
@@ -205,7 +208,7 @@ def _walk(reader: Reader) -> _Marker:
     text()
     sequence('B')           # mesh_file
     reader.skip('B')
-    return _Marker(stamp, identity, pose, lengths, t_ns, frame_id, ns, reader.at)
+    return _Marker(stamp, identity, pose, lengths, frame_id, ns, reader.at)
 
 
 def _even(reader: Reader, first: _Marker, count: int) -> int:
@@ -218,8 +221,12 @@ def _even(reader: Reader, first: _Marker, count: int) -> int:
         values = strided(reader.data, reader.order + 'u4', offset, stride, count, 1)
         if np.any(values != values[0]):
             return 0
-    same = strided(reader.data, 'u1', first.lengths[1] + 4, stride, count, len(first.ns.encode()))
-    return stride if np.all(same == same[0]) else 0
+    for offset in first.lengths[:2]:     # frame_id and ns
+        length = struct.unpack_from(reader.order + 'I', reader.data, offset)[0]
+        text = strided(reader.data, 'u1', offset + 4, stride, count, length)
+        if np.any(text != text[0]):
+            return 0
+    return stride
 
 
 def _fields(reader: Reader, kind: str, offsets: list[int], stride: int, columns: int) -> Array:

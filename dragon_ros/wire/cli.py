@@ -3,6 +3,7 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
+from typing import NoReturn
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
 from dragon_ros.core.scene import Scene
@@ -11,10 +12,18 @@ from dragon_ros.wire.scenes import load_scene
 OK, FAILED, BAD_INPUT = 0, 1, 2
 
 
+class Parser(argparse.ArgumentParser):
+    """A parser whose errors are one line."""
+
+    def error(self, message: str) -> NoReturn:
+        """Say what is wrong and how to learn more, and exit with 2."""
+        self.exit(BAD_INPUT, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+
 def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
     """Return a parser with the executable's name, purpose and example."""
-    return argparse.ArgumentParser(prog=name, description=text, epilog=f'example: {example}', allow_abbrev=False,
-                                   formatter_class=argparse.RawDescriptionHelpFormatter)
+    return Parser(prog=name, description=text, epilog=f'example: {example}', allow_abbrev=False,
+                  formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
 def add_scene_options(options: argparse.ArgumentParser) -> None:

@@ -13,8 +13,8 @@ def free_domain() -> int:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return this process's environment with a domain, and discovery kept on this host."""
-    return {**os.environ, 'ROS_DOMAIN_ID': str(domain), 'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}
+    """Return this process's environment with a domain; discovery stays on this host unless it says more."""
+    return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 
 def _is_free(domain: int) -> bool:

@@ -1,7 +1,8 @@
 """MCAP files in rosbag2's profile: ros2msg schemas, CDR bytes, QoS and type hash for each channel."""
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from fcntl import LOCK_EX, LOCK_NB, flock
 from os import SEEK_END
 from pathlib import Path
 from typing import IO, Any
@@ -49,14 +50,21 @@ class LogWriter:
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int) -> None:
         """Append one message; ``t_ns`` is simulation time."""
-        self._writer.add_message(self._ids[topic], t_ns, data, t_ns, sequence)
+        with _disk_errors(self.path):
+            self._writer.add_message(self._ids[topic], t_ns, data, t_ns, sequence)
         self.counts[topic] += 1
 
     def close(self) -> None:
         """Write the index and close the file; twice does no harm."""
-        if not self._file.closed:
-            self._writer.finish()  # type: ignore[no-untyped-call]
-            self._file.close()
+        if self._file.closed:
+            return
+        try:
+            with _disk_errors(self.path):
+                self._writer.finish()  # type: ignore[no-untyped-call]
+                self._file.flush()
+        finally:
+            with suppress(OSError):
+                self._file.close()
 
     def __enter__(self) -> 'LogWriter':
         """Use it in a ``with`` block."""
@@ -113,6 +121,10 @@ class LogReader:
         self.start_ns = summary.statistics.message_start_time
         self.end_ns = summary.statistics.message_end_time
         counts = summary.statistics.channel_message_counts
+        for channel in summary.channels.values():
+            if channel.message_encoding != 'cdr':
+                raise BagError(f'{self.path}: topic {channel.topic} holds {channel.message_encoding or "unknown"} '
+                               'messages; only cdr can be played')
         self.topics = [Topic(channel.topic, summary.schemas[channel.schema_id].name,
                              _qos_of(channel.metadata), counts.get(channel.id, 0))
                        for channel in summary.channels.values()]
@@ -158,7 +170,13 @@ def qos_text(channel: Channel) -> str:
 
 def _create(path: Path, overwrite: bool) -> IO[bytes]:
     try:
-        return path.open('wb' if overwrite else 'xb')
+        file = path.open('ab' if overwrite else 'xb')
+        flock(file, LOCK_EX | LOCK_NB)
+        file.truncate(0)
+        return file
+    except BlockingIOError:
+        file.close()
+        raise MissingError(f'{path}: another recorder is writing it; give another --output') from None
     except FileExistsError:
         raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
     except OSError as error:
@@ -172,6 +190,15 @@ def _qos_of(metadata: dict[str, str]) -> dict[str, Any]:
         return dict(profiles[0]) if profiles else {}
     except (yaml.YAMLError, TypeError, ValueError, KeyError):
         return {}
+
+
+@contextmanager
+def _disk_errors(path: Path) -> Iterator[None]:
+    """Turn a full or vanished disk into one clear error."""
+    try:
+        yield
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be written on: {error.strerror}; the bag has no index') from None
 
 
 def _check_ends(path: Path, file: IO[bytes]) -> None:
@@ -194,4 +221,4 @@ def _bag_errors(path: Path) -> Iterator[None]:
     except DragonError:
         raise
     except Exception as error:  # the library and its decompressors trip over damage in many ways
-        raise BagError(f'{path}: is damaged: {error or type(error).__name__}') from None
+        raise BagError(f'{path}: is damaged: {str(error) or type(error).__name__}') from None

@@ -2,7 +2,7 @@
 import numpy as np
 
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.types import Floats
+from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import Sight
 from dragon_ros.wire.cdr import CUBE
 from dragon_ros.wire.cdr_read import Markers, MessageError, Poses, read_marker_array, read_pose_array
@@ -11,15 +11,35 @@ _ADD = 0
 _NAMESPACE = 'bench'
 
 
-def sight_of(handles: bytes, benches: bytes) -> Sight:
+def sight_of(poses: Poses, markers: Markers) -> Sight:
     """Return the sight of two messages of one tick. Raises MessageError, naming message and field."""
-    poses, markers = check_handles(handles), read_marker_array(benches)
-    rectangles = _rectangles(markers)
+    order = bench_markers(markers)
+    rectangles = _rectangles(markers, order)
     if len(rectangles.centre) != len(poses.poses) - 1:
         raise MessageError(f'benches: {len(rectangles.centre)} for {len(poses.poses)} handles; expected one less')
-    if poses.frame_id != markers.frame_id:
-        raise MessageError(f'benches: frame {markers.frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
-    return Sight(poses.t_ns, np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64), rectangles)
+    frame_id = markers.frame_id[order[0]]
+    if poses.frame_id != frame_id:
+        raise MessageError(f'benches: frame {frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
+    handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
+    return Sight(poses.t_ns, handles_m, rectangles, poses.frame_id)
+
+
+def read_benches(data: bytes) -> tuple[int, Markers]:
+    """Return (stamp in ns, markers) of a MarkerArray with benches; what others put beside them does not disturb."""
+    markers = read_marker_array(data)
+    return markers.t_ns[bench_markers(markers)[0]], markers
+
+
+def bench_markers(markers: Markers) -> Ints:
+    """Return where the cubes in namespace ``bench`` are, in the order of their ids, 0 to N-1."""
+    mine = np.array([n for n, name in enumerate(markers.ns) if name == _NAMESPACE], dtype=int)
+    mine = mine[(markers.type[mine] == CUBE) & (markers.action[mine] == _ADD)]
+    order: Ints = mine[np.argsort(markers.id[mine], kind='stable')]
+    if not order.size:
+        raise MessageError('benches: there is no CUBE in namespace bench')
+    if not np.array_equal(markers.id[order], np.arange(order.size)):
+        raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
+    return order
 
 
 def check_handles(data: bytes) -> Poses:
@@ -31,14 +51,7 @@ def check_handles(data: bytes) -> Poses:
     return poses
 
 
-def _rectangles(markers: Markers) -> Benches:
-    """Return the cubes in namespace ``bench`` in the order of their ids, 0 to N-1."""
-    mine = [n for n, name in enumerate(markers.ns) if name == _NAMESPACE]
-    mine = [n for n in mine if markers.type[n] == CUBE and markers.action[n] == _ADD]
-    order = np.array(mine, dtype=int)
-    order = order[np.argsort(markers.id[order], kind='stable')]
-    if not np.array_equal(markers.id[order], np.arange(order.size)):
-        raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
+def _rectangles(markers: Markers, order: Ints) -> Benches:
     poses = _finite('benches: pose', markers.poses[order])
     scale = _finite('benches: scale', markers.scale[order])
     if np.any(scale[:, :2] <= 0):

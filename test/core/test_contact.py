@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.contact import gaps, witness
 from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.errors import CrowdError, FieldError
 from dragon_ros.core.first_contact import Contact, NoContact, first_contact
 from dragon_ros.core.head import Head
 from dragon_ros.core.neighbours import box_pairs, candidates, polar_angles
@@ -171,3 +172,14 @@ def test_a_body_pair_that_touches_first_is_found():
 def test_winding_out_is_searched_too():
     found = first_contact(Scene(track=Spiral(0.55, 5.0), head=Head(-1.0), run=Run(0, 60)))
     assert isinstance(found, NoContact)
+
+
+def test_a_crowd_is_refused_before_it_fills_the_memory():
+    crowd = rectangles(*[(0, 0, 0, 1, 1)] * 3000)
+    with pytest.raises(CrowdError, match='3000 benches'):
+        box_pairs(crowd)
+
+
+def test_a_way_too_long_to_search_is_refused():
+    with pytest.raises(FieldError, match='run.stop_s'):
+        first_contact(Scene(track=Spiral(1e6)))

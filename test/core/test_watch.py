@@ -40,6 +40,11 @@ def test_a_watch_that_starts_in_contact_has_an_open_bracket():
     assert event.t_contact_s == 412.6
 
 
+def test_the_same_tick_again_tells_nothing_new():
+    scene, watch = Scene(run=Run(412.4, 413)), Watch()
+    assert len(events(scene, [3, 4, 4, 4, 5, 5], watch)) == 1
+
+
 def test_time_going_back_starts_afresh():
     scene, watch = Scene(run=Run(412, 413)), Watch()
     assert len(events(scene, range(51), watch)) == 1

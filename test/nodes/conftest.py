@@ -57,6 +57,13 @@ class Process:
         self._reader.join(timeout=PATIENCE_S)
         return code
 
+    def signal(self, number):
+        self._child.send_signal(number)
+
+    @property
+    def pid(self):
+        return self._child.pid
+
     def kill(self):
         if self._child.poll() is None:
             self._child.kill()

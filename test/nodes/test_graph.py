@@ -61,7 +61,7 @@ def recorded(tmp_path_factory):
     from dragon_ros.nodes.monitor import status_of
     from dragon_ros.wire.encode import encoders
     from dragon_ros.wire.log import LogWriter
-    from dragon_ros.wire.sights import sight_of
+    from dragon_ros.wire.sights import check_handles, read_benches, sight_of
     scene, path = load_scene('first_contact', SHORT), tmp_path_factory.mktemp('bag') / 'short.mcap'
     encode, watch, events = encoders(scene), Watch(), []
     with LogWriter(path) as bag:
@@ -72,7 +72,8 @@ def recorded(tmp_path_factory):
             data = {name: encode[name](frame) for name in encode}
             for name, message in data.items():
                 bag.write(f'/dragon/{name}', message, frame.t_ns, k + 1)
-            if event := watch.look(sight_of(data['handles'], data['benches'])):
+            seen = sight_of(check_handles(data['handles']), read_benches(data['benches'])[1])
+            if event := watch.look(seen):
                 events.append(status_of(event))
     return path, {value.key: value.value for value in events[0].values}
 
@@ -249,18 +250,48 @@ def test_the_monitor_survives_every_message_that_nobody_can_use(start, node):
 
 def test_handles_without_benches_are_counted_and_logged(start, node):
     from geometry_msgs.msg import Pose, PoseArray
-    from visualization_msgs.msg import Marker, MarkerArray
     monitor = start('monitor')
     handles = node.create_publisher(PoseArray, 'handles', 10)
-    benches = node.create_publisher(MarkerArray, 'benches', 10)
-    node.until(lambda: handles.get_subscription_count() and benches.get_subscription_count())
-    for sec in (1, 2):
-        message = PoseArray(poses=[Pose(), Pose()])
-        message.header.stamp.sec = sec
-        handles.publish(message)
-    marker = Marker(ns='bench', type=Marker.CUBE)
-    marker.header.stamp.sec = 2
-    marker.scale.x = marker.scale.y = 1.0
-    benches.publish(MarkerArray(markers=[marker]))
+    node.until(handles.get_subscription_count)
+    message = PoseArray(poses=[Pose(), Pose()])
+    message.header.stamp.sec = 1
+    handles.publish(message)
     monitor.wait_for('handles at 1.000000000 s: no benches')
     assert monitor.stop() == 0
+    assert '1 messages were dropped' in monitor.text
+
+
+def test_the_recorder_survives_stamps_that_no_clock_shows(start, node, tmp_path):
+    from geometry_msgs.msg import PoseArray
+    record = start('record', '--output', tmp_path / 'a.mcap')
+    handles = node.create_publisher(PoseArray, 'handles', 10)
+    node.until(handles.get_subscription_count)
+    for sec in (-1, 7):
+        message = PoseArray()
+        message.header.stamp.sec = sec
+        handles.publish(message)
+    record.wait_for('not recorded')
+    node.until(lambda: True)
+    assert record.stop() == 0, record.text
+    assert [t_ns for t_ns, _ in by_topic(tmp_path / 'a.mcap')['/dragon/handles']] == [7 * 10**9]
+
+
+def test_a_sim_that_its_reader_holds_back_still_ends_on_a_signal(start):
+    monitor = start('monitor')
+    sim = start('sim', '--ros-args', '-p', 'time_scale:=0.0', '-p', 'wait_subscribers:=[handles=1,benches=1]')
+    sim.wait_for(', tick ')
+    monitor.signal(signal.SIGSTOP)
+    assert sim.stop() == 0, sim.text
+    assert 'Traceback' not in sim.text
+    monitor.signal(signal.SIGCONT)
+
+
+def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
+    import psutil
+    demo = start('demo', '--output', tmp_path / 'demo', '--pace', '0.5')
+    demo.wait_for('at 400')
+    children = psutil.Process(demo.pid).children(recursive=True)
+    assert len(children) >= 3
+    assert demo.stop(signal.SIGTERM) == 1
+    _, alive = psutil.wait_procs(children, timeout=20)
+    assert not alive

@@ -10,7 +10,11 @@ from dragon_ros.core.step import tick
 from dragon_ros.wire.cdr import BenchMarkersTemplate, PoseArrayTemplate, half_turns
 from dragon_ros.wire.cdr_read import MessageError, Reader, read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.sights import sight_of
+from dragon_ros.wire.sights import check_handles, read_benches, sight_of
+
+
+def seen(handles, benches):
+    return sight_of(check_handles(handles), read_benches(benches)[1])
 
 
 def frame_and_bytes(benches=223, k=100):
@@ -32,7 +36,9 @@ def test_golden_hex_of_a_pose_array():
 def test_frames_come_back_from_their_bytes_bit_for_bit(benches):
     frame, data = frame_and_bytes(benches)
     poses, markers = read_pose_array(data['handles']), read_marker_array(data['benches'])
-    assert (poses.t_ns, poses.frame_id, markers.t_ns) == (frame.t_ns, 'dragon', frame.t_ns)
+    assert (poses.t_ns, poses.frame_id) == (frame.t_ns, 'dragon')
+    assert markers.t_ns == (frame.t_ns,) * benches
+    assert markers.frame_id == ('dragon',) * benches
     assert poses.poses[:, :2].tobytes() == frame.chain.p.tobytes()
     assert markers.poses[:, :2].tobytes() == frame.benches.centre.tobytes()
     assert markers.scale[0].tolist() == [3.41, 0.3, 0.1]
@@ -113,7 +119,7 @@ def test_a_changed_byte_gives_values_or_a_message_error(at, value):
     data = bytearray(frame_and_bytes(2)[1]['benches'])
     data[at % len(data)] = value
     try:
-        sight_of(frame_and_bytes(2)[1]['handles'], bytes(data))
+        seen(frame_and_bytes(2)[1]['handles'], bytes(data))
     except MessageError:
         pass
 
@@ -140,7 +146,7 @@ def edit(name, benches=5, **changes):
     (lambda m: setattr(m.markers[1].scale, 'y', 0.0), 'positive'),
     (lambda m: setattr(m.markers[1], 'id', 7), '0, 1, 2'),
     (lambda m: m.markers.pop(), 'expected one less'),
-    (lambda m: m.markers.clear(), 'expected one less'),
+    (lambda m: m.markers.clear(), 'no CUBE'),
     (lambda m: setattr(m.markers[0].header, 'frame_id', 'map'), "'map'"),
     (lambda m: setattr(m.markers[2].pose.orientation, 'w', 0.0) or setattr(m.markers[2].pose.orientation, 'z', 0.0),
      'orientation'),
@@ -149,7 +155,7 @@ def edit(name, benches=5, **changes):
 def test_benches_that_nobody_can_use_are_refused_by_field(change, says):
     handles = frame_and_bytes(5)[1]['handles']
     with pytest.raises(MessageError, match=says):
-        sight_of(handles, edit('benches', change=change))
+        seen(handles, edit('benches', change=change))
 
 
 @pytest.mark.parametrize(('change', 'says'), [
@@ -159,17 +165,27 @@ def test_benches_that_nobody_can_use_are_refused_by_field(change, says):
 ])
 def test_handles_that_nobody_can_use_are_refused_by_field(change, says):
     with pytest.raises(MessageError, match=says):
-        sight_of(edit('handles', change=change), frame_and_bytes(5)[1]['benches'])
+        seen(edit('handles', change=change), frame_and_bytes(5)[1]['benches'])
 
 
 def test_markers_of_others_and_in_any_order_do_not_disturb():
     def shuffle(message):
         from visualization_msgs.msg import Marker
         message.markers.reverse()
+        message.markers.insert(0, Marker(action=Marker.DELETEALL))
         message.markers.append(Marker(ns='rviz', id=99))
-    mine = sight_of(*(frame_and_bytes(5)[1][name] for name in ('handles', 'benches')))
-    theirs = sight_of(frame_and_bytes(5)[1]['handles'], edit('benches', change=shuffle))
+    mine = seen(*(frame_and_bytes(5)[1][name] for name in ('handles', 'benches')))
+    theirs = seen(frame_and_bytes(5)[1]['handles'], edit('benches', change=shuffle))
     np.testing.assert_array_equal(mine.benches.centre, theirs.benches.centre)
+    assert read_benches(edit('benches', change=shuffle))[0] == mine.t_ns
+
+
+@pytest.mark.parametrize(('sec', 'nanosec'), [(-1, 0), (0, 10**9), (2**31 - 1, 2**32 - 1)])
+def test_stamps_that_no_clock_shows_are_refused(sec, nanosec):
+    def change(message):
+        message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
+    with pytest.raises(MessageError, match='stamp'):
+        read_pose_array(edit('handles', change=change))
 
 
 def test_templates_are_patched_not_rebuilt():

@@ -1,3 +1,4 @@
+import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
@@ -5,6 +6,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
+from dragon_ros.wire.cdr_read import Markers, Poses
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.compare import compare_with_model
 from dragon_ros.wire.encode import encoders
@@ -130,19 +132,70 @@ def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
     assert out == [('v', 100), ('v', 200), ('v', 300)]
 
 
+def poses(t_ns, values=7):
+    return Poses(t_ns, 'dragon', np.zeros(values))
+
+
+def markers():
+    empty = np.empty(0)
+    return Markers((), (), (), empty, empty, empty, empty, empty)
+
+
 def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
     pairs = Pairing()
-    assert pairs.add_handles(1, b'h1') is None
-    assert pairs.add_handles(2, b'h2') is None
-    assert pairs.add_benches(2, b'b2') == (b'h2', b'b2')
-    assert pairs.take_unmatched() == [1]
-    assert pairs.add_benches(3, b'b3') is None
-    assert pairs.add_handles(3, b'h3') == (b'h3', b'b3')
+    assert pairs.add_handles(poses(1), 0.0) is None
+    assert pairs.add_handles(second := poses(2), 0.1) is None
+    assert pairs.add_benches(2, benches := markers(), 0.2) == (second, benches)
+    assert pairs.take_unmatched() == [('handles', 1)]
+    assert pairs.add_benches(3, benches, 0.3) is None
+    assert pairs.add_handles(third := poses(3), 0.4) == (third, benches)
     assert pairs.take_unmatched() == []
 
 
+def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
+    pairs = Pairing()
+    pairs.add_handles(poses(1), 10.0)
+    pairs.add_benches(2, markers(), 11.0)
+    pairs.expire(10.5)
+    assert pairs.take_unmatched() == [('handles', 1)]
+    pairs.expire(11.5)
+    assert pairs.take_unmatched() == [('benches', 2)]
+
+
 def test_waiting_for_partners_is_bounded():
-    pairs, large = Pairing(), bytes(2**20)
+    pairs = Pairing()
     for t_ns in range(300):
-        pairs.add_handles(t_ns, large)
+        pairs.add_handles(poses(t_ns, 2**20), 0.0)
     assert len(pairs.take_unmatched()) == 300 - 128
+
+
+def test_two_recorders_never_write_one_file(tmp_path):
+    with LogWriter(tmp_path / 'a.mcap'), pytest.raises(MissingError, match='another recorder'):
+        LogWriter(tmp_path / 'a.mcap', overwrite=True)
+
+
+def test_a_full_disk_is_one_clear_error(tmp_path, monkeypatch):
+    bag = LogWriter(tmp_path / 'a.mcap')
+    bag.add_channel('/dragon/handles', channels()['handles'])
+
+    def full(*_):
+        raise OSError(28, 'No space left on device')
+    monkeypatch.setattr(bag._writer, 'add_message', full)
+    monkeypatch.setattr(bag._writer, 'finish', full)
+    with pytest.raises(MissingError, match='No space left'):
+        bag.write('/dragon/handles', b'', 0, 0)
+    with pytest.raises(MissingError, match='No space left'):
+        bag.close()
+    bag.close()
+
+
+def test_a_bag_of_another_encoding_is_refused(tmp_path):
+    from mcap.writer import Writer
+    with (tmp_path / 'j.mcap').open('wb') as file:
+        writer = Writer(file)
+        writer.start()
+        channel = writer.register_channel('/x', 'json', writer.register_schema('std_msgs/msg/String', 'ros2msg', b''))
+        writer.add_message(channel, 0, b'{}', 0)
+        writer.finish()
+    with pytest.raises(InputError, match='only cdr'):
+        LogReader(tmp_path / 'j.mcap')
