@@ -170,7 +170,8 @@ def qos_text(channel: Channel) -> str:
 
 def _create(path: Path, overwrite: bool) -> IO[bytes]:
     try:
-        file = path.open('ab' if overwrite else 'xb')
+        # An existing file is emptied only once it is known that nobody else writes it.
+        file = path.open('r+b' if overwrite and path.exists() else 'xb')
         flock(file, LOCK_EX | LOCK_NB)
         file.truncate(0)
         return file

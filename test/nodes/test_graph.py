@@ -295,3 +295,13 @@ def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
     assert demo.stop(signal.SIGTERM) == 1
     _, alive = psutil.wait_procs(children, timeout=20)
     assert not alive
+
+
+def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
+    for _ in range(2):
+        demo = start('demo', '--output', tmp_path / 'demo', '--pace', '20')
+        assert demo.end() == 0, demo.text
+        assert '1953 messages are bit for bit what the model says, 0 are not' in demo.text
+        assert 'the same bytes, the same event' in demo.text
+    assert {'first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg'} <= {
+        path.name for path in (tmp_path / 'demo').iterdir()}

@@ -169,6 +169,17 @@ def test_waiting_for_partners_is_bounded():
     assert len(pairs.take_unmatched()) == 300 - 128
 
 
+def test_a_bag_that_replaces_a_larger_one_is_whole(tmp_path):
+    path = tmp_path / 'a.mcap'
+    path.write_bytes(bytes(5_000_000))
+    encode, frame = encoders(SCENE)['handles'], tick(SCENE, 0)
+    with LogWriter(path, overwrite=True) as bag:
+        bag.add_channel('/dragon/handles', channels()['handles'])
+        bag.write('/dragon/handles', encode(frame), frame.t_ns, 0)
+    with LogReader(path) as bag:
+        assert [message.data for message in bag.messages()] == [encode(frame)]
+
+
 def test_two_recorders_never_write_one_file(tmp_path):
     with LogWriter(tmp_path / 'a.mcap'), pytest.raises(MissingError, match='another recorder'):
         LogWriter(tmp_path / 'a.mcap', overwrite=True)
