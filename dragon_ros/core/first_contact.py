@@ -142,7 +142,7 @@ class _Way:
         x, (inner, outer) = min((self._touch(pair, low, high), pair) for pair in pairs)
         run = self.scene.run
         t_s = run.start_s if x == self.start else self._time(x)
-        return Contact(t_s, (inner, outer), witness(self._benches(x)[1], inner, outer), looks)
+        return Contact(t_s, (inner, outer), witness(self._benches(x)[1], inner, outer).point_m, looks)
 
     def _touch(self, pair: tuple[int, int], low: float, high: float) -> float:
         """Return where the gap of a pair vanishes in a bracket."""

@@ -75,7 +75,7 @@ class Watch:
         first = int(np.argmin(times))
         pair = (int(i[first]), int(j[first]))
         before = self._seen[-1] if self._seen else None
-        point = witness(_between(before, sight, times[first]), *pair)
+        point = witness(_between(before, sight, times[first]), *pair).point_m
         return Event(pair, before.t_ns if before else None, sight.t_ns, times[first], point, float(gap[first]),
                      sight.frame_id)
 

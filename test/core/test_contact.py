@@ -74,7 +74,7 @@ def test_a_translation_by_the_depth_parts_overlapping_rectangles(one, two):
 
 def test_witness_is_the_touching_corner():
     both = rectangles((0, 0, 0, 2, 1), (0.3, 0.5 + np.sqrt(0.5), np.pi / 4, 1, 1))
-    assert witness(both, 0, 1) == pytest.approx((0.3, 0.5), abs=1e-15)
+    assert witness(both, 0, 1).point_m == pytest.approx((0.3, 0.5), abs=1e-15)
 
 
 def all_pairs(scene, t_s):
