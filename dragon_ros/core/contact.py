@@ -12,6 +12,7 @@ from dragon_ros.core.types import Array, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
+_AT_ONCE = 4096     # pairs, so that what is between fits the cache
 _SAME = 1e-12       # of the sizes: what is nearer than this is a tie
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
@@ -75,7 +76,10 @@ def signed_gap(pairs: Placement) -> Floats:
 
 def gaps(benches: Benches, i: Index, j: Index) -> Floats:
     """Return the signed gaps of benches i and j in metres."""
-    return signed_gap(placement(benches, i, j))
+    if isinstance(i, tuple) or isinstance(j, tuple) or i.ndim != 1 or i.shape != j.shape or i.size <= _AT_ONCE:
+        return signed_gap(placement(benches, i, j))
+    parts = range(0, i.size, _AT_ONCE)
+    return np.concatenate([signed_gap(placement(benches, i[n:n + _AT_ONCE], j[n:n + _AT_ONCE])) for n in parts])
 
 
 def _at(array: Array, index: Index) -> Floats:

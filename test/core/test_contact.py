@@ -10,7 +10,7 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import CrowdError, FieldError
 from dragon_ros.core.first_contact import Contact, NoContact, first_contact
 from dragon_ros.core.head import Head
-from dragon_ros.core.neighbours import box_pairs, candidates, polar_angles
+from dragon_ros.core.neighbours import box_pairs, candidates
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
@@ -104,13 +104,6 @@ def test_the_adjacent_layer_finds_the_closest_pair_that_all_pairs_find(pitch, tu
     if np.min(gap) < 0.1 * pitch:
         found = gaps(benches, *candidates(chain.p, benches))
         assert np.min(found) <= max(np.min(gap), 0.0) + 1e-12
-
-
-def test_handles_that_do_not_wind_are_searched_by_boxes():
-    p = np.array([[3.0, 0], [3, 2], [1, 0.5], [3, 0.2], [5, -1]])
-    assert polar_angles(p) is None
-    benches = rectangles(*[(x, y, 0.5, 2, 0.3) for x, y in 0.5 * (p[1:] + p[:-1])])
-    np.testing.assert_array_equal(candidates(p, benches), box_pairs(benches))
 
 
 def test_first_contact_of_the_classic_dragon():
