@@ -16,7 +16,8 @@ from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.types import Floats, Ints
 
 _AT_ONCE = 256
-_MOST_PAIRS = 1_000_000
+_MOST_PAIRS = 1_000_000     # or, if that is more,
+_MOST_EACH = 16             # for each bench
 _MOST_TURNS = 8         # of layers that a bench can reach; boxes find more than that faster
 _HAIR = 1e-9            # rad and parts of the size: far above what rounding moves
 
@@ -130,7 +131,7 @@ def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
     else:
         return None
     start, size = np.stack(starts, 1), np.maximum(np.stack(ends, 1) - np.stack(starts, 1), 0)
-    return None if np.sum(size) > _MOST_PAIRS else _spelt(start, size)
+    return None if np.sum(size) > max(_MOST_PAIRS, _MOST_EACH * count) else _spelt(start, size)
 
 
 def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
@@ -162,14 +163,14 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
     hair = 0.5 * reach_m + _HAIR * float(np.max(np.abs(corners)))
     low, high = corners.min(axis=-2) - hair, corners.max(axis=-2) + hair
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
-    tree, total = shapely.STRtree(boxes), 0
+    tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)
     found = [own * count + own + step for step in (2, 3) for own in [np.arange(max(0, count - step))]]
     for start in range(0, count, _AT_ONCE):
         i, j = tree.query(boxes[start:start + _AT_ONCE])
         keep = j >= i + start + 4
         found.append((i[keep] + start) * count + j[keep])
-        if (total := total + int(np.sum(keep))) > _MOST_PAIRS:
-            raise CrowdError(f'{count} benches lie so close that more than {_MOST_PAIRS:,} pairs may touch; '
-                             'spread them out, or use fewer', benches=count, limit=_MOST_PAIRS)
+        if (total := total + int(np.sum(keep))) > most:
+            raise CrowdError(f'{count} benches lie so close that more than {most:,} pairs may touch; '
+                             'spread them out, or use fewer', benches=count, limit=most)
     i, j = np.divmod(np.sort(np.concatenate(found)), count)
     return i, j

@@ -7,14 +7,15 @@ from pathlib import Path
 from dragon_ros.core.errors import MissingError
 from dragon_ros.wire import cli, figures
 
-PAGES = {'accuracy': 'dragon_ros.cost.workprec'}
+PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'contact': 'dragon_ros.cost.contacts'}
 
 
 def main(argv: list[str]) -> int:
     """Measure one page; return the exit code."""
     options = cli.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
                          'python -m dragon_ros cost accuracy --output docs/cost')
-    options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers')
+    options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers; '
+                         'contact: the first contact against looking every so often, and growth with benches')
     options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER', help='where it goes (cost)')
     options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds for each timing (0.3)')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')

@@ -1,0 +1,188 @@
+"""``cost contact``: finding the first contact against looking every so often, and how one check of all grows."""
+import csv
+import io
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.contact import gaps
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.first_contact import Contact, first_contact
+from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state
+from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
+from dragon_ros.cost.measure import circumstances, timed
+
+T_STAR_S = 412.473837682115         # of the classic run, to the last digit
+WIDER_S = 409.775927737801          # the same with benches 1 mm wider: a contact that lasts 0.11 s, two before the next
+_KNOWN_S = 1e-12                    # nothing can be told apart below this
+_WRONG_S = 5e-7                     # a time without a stated bound is marked from here: six decimals are wrong
+_STEPS_S = (1.0, 0.1, 0.01)
+_WANTED_S = (1e-3, 1e-6, 1e-9, 1e-12)
+_WIDER = ', benches 1 mm wider'
+_OWN = 'first_contact'
+
+
+@dataclass(frozen=True)
+class Search:
+    """One way to find a contact: its answer, the error it asks for, the overlap then, its work, and the truth."""
+
+    solver: str
+    wanted_s: float | None
+    t_s: float
+    depth_m: float
+    states: int
+    spent_s: float
+    true_s: float = T_STAR_S
+
+    @property
+    def late_s(self) -> float:
+        """How long after the contact the reported time is."""
+        return self.t_s - self.true_s
+
+    @property
+    def verdict(self) -> str:
+        """'WRONG' where the answer misses what was asked for, or its sixth decimal where nothing was."""
+        return 'WRONG' if abs(self.late_s) > max(self.wanted_s or _WRONG_S, _KNOWN_S) else 'right'
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All rows of the page."""
+
+    searches: list[Search]
+    checks: list[Check]
+
+
+def measure(budget_s: float = 0.3) -> Measured:
+    """Measure everything; progress goes to standard error."""
+    classic, wider = Scene(), Scene(dragon=Dragon(width_m=0.301))
+    jobs: list[Callable[[], list[Search] | list[Check]]] = [lambda: _found(budget_s, classic)]
+    jobs += [lambda step_s=step_s: _scanned(step_s, classic) for step_s in _STEPS_S]
+    jobs += [lambda: _polished(_WANTED_S, classic), lambda: _found(budget_s, wider, _WIDER, WIDER_S),
+             lambda: _polished(_WANTED_S[-1:], wider, _WIDER, WIDER_S)]
+    jobs += [lambda size=size: checks_of(size, budget_s) for size in SIZES]
+    rows = [row for job in tqdm(jobs, desc='cost contact', unit='part', disable=None) for row in job()]
+    return Measured([row for row in rows if isinstance(row, Search)], [row for row in rows if isinstance(row, Check)])
+
+
+def _found(budget_s: float, scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
+    found = first_contact(scene)
+    assert isinstance(found, Contact)
+    spent_s = timed(lambda: first_contact(scene), budget_s).median_s
+    depth_m = max(0.0, -_smallest(scene, found.t_s))
+    return [Search(_OWN + what, None, found.t_s, depth_m, found.states, spent_s, true_s)]
+
+
+def _smallest(scene: Scene, t_s: float) -> float:
+    """Return the smallest gap at a time, from the benches of adjacent layers."""
+    chain = state(scene, t_s)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    return float(np.min(gaps(benches, *candidates(chain.p, benches))))
+
+
+def _scanned(step_s: float, scene: Scene) -> list[Search]:
+    """Look every ``step_s`` from 0 s and report the first time with contact."""
+    start, tick = time.perf_counter(), 0
+    while (gap := _smallest(scene, tick * step_s)) > 0:
+        tick += 1
+    spent_s = time.perf_counter() - start
+    return [Search(f'look every {step_s:g} s', None, tick * step_s, -gap, tick + 1, spent_s)]
+
+
+def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
+    """Look every second, then halve the second in question until it is as short as wanted."""
+    scan = _scanned(1.0, scene)[0]
+    low, high = scan.t_s - 1, scan.t_s
+    looks, start, out = scan.states, time.perf_counter(), []
+    for wanted_s in wanted:
+        while high - low > wanted_s and low < (middle := 0.5 * (low + high)) < high:
+            low, high = (low, middle) if _smallest(scene, middle) <= 0 else (middle, high)
+            looks += 1
+        spent_s, name = scan.spent_s + time.perf_counter() - start, f'every 1 s, then halve to {wanted_s:g} s{what}'
+        out.append(Search(name, wanted_s, high, max(0.0, -_smallest(scene, high)), looks, spent_s, true_s))
+    return out
+
+
+def table(rows: Measured) -> str:
+    """Return both tables as Markdown with the circumstances above them."""
+    return '\n'.join([f'{circumstances()}.', '', _search_table(rows), '', check_table(rows.checks)])
+
+
+def _search_table(rows: Measured) -> str:
+    lines = ['| classic run from 0 s | reported (s) | late by (s) | overlap then (m) | verdict | states | time (s) |',
+             '|---|---:|---:|---:|---|---:|---:|']
+    for row in rows.searches:
+        late = f'{row.late_s:.1e}' if abs(row.late_s) > _KNOWN_S else f'< {_KNOWN_S:.0e}'
+        depth = f'{row.depth_m:.1e}' if row.depth_m > _KNOWN_S else '0'
+        lines.append(f'| {row.solver} | {row.t_s:.12f} | {late} | {depth} | {row.verdict} | {row.states:,} '
+                     f'| {row.spent_s:.3g} |')
+    return '\n'.join(lines)
+
+
+def summary(rows: Measured) -> str:
+    """Return what belongs into the README: all of it."""
+    return table(rows)
+
+
+def csv_text(rows: Measured) -> str:
+    """Return the rows as CSV, times in seconds; a search has its answer and a check its number of benches."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerow(['what', 'benches', 'reported_s', 'late_s', 'depth_m', 'verdict', 'states', 'pairs', 'median_s',
+                     'low_s', 'high_s', 'calls'])
+    for row in rows.searches:
+        writer.writerow((row.solver, Scene().dragon.benches, row.t_s, row.late_s, row.depth_m, row.verdict, row.states,
+                         '', row.spent_s, '', '', ''))
+    for check in rows.checks:
+        t = check.timing
+        writer.writerow((check.method, check.benches, '', '', '', 'right' if check.right else 'WRONG', 1, check.pairs,
+                         t.median_s, t.low_s, t.high_s, t.calls))
+    return out.getvalue()
+
+
+def picture(rows: Measured) -> Figure:
+    """Return two panels: error of the contact time against the time it takes, and growth with the number of benches."""
+    figure = Figure(figsize=(13, 6), layout='constrained')
+    left, right = figure.subplots(1, 2)
+    _search_panel(left, rows)
+    panel(right, rows.checks)
+    for axes in (left, right):
+        axes.grid(True, which='major', linewidth=0.4)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def _search_panel(axes: Axes, rows: Measured) -> None:
+    shift = {_OWN: -16, _OWN + _WIDER: -30, 'every 1 s, then halve to 1e-12 s': 10}     # clear of others
+    for row in rows.searches:
+        own, wrong = row.solver.startswith(_OWN), row.verdict == 'WRONG'
+        colour = '#0072B2' if own else '#D55E00' if wrong else '#E69F00'
+        error = max(abs(row.late_s), _KNOWN_S)
+        axes.loglog(row.spent_s, error, 'o' if own else 's', markersize=9 if own else 7, color=colour)
+        axes.annotate(f'{row.solver}{" (wrong)" if wrong else ""}: {row.states:,} states', (row.spent_s, error),
+                      xytext=(8, shift.get(row.solver, 4)), textcoords='offset points', fontsize=8)
+    axes.set(xlabel='time of the search (s)', ylabel='error of the reported contact time (s)', ylim=(3e-14, 30),
+             title='First contact of the classic run, searched from 0 s')
+    spent = [row.spent_s for row in rows.searches]
+    axes.set_xlim(0.5 * min(spent), 60 * max(spent))
+    axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
+    axes.annotate('t* is known to here', (50 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
+                  fontsize=7, ha='right')
+
+
+def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write tables, CSV and pictures into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'contact.md': table(rows) + '\n', 'contact.csv': csv_text(rows)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(rows), folder / 'contact')]

@@ -1,0 +1,98 @@
+"""How one check of all benches for contact grows with their number: all pairs, STRtree, adjacent layer."""
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+from matplotlib.axes import Axes
+
+from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.contact import gaps
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.types import Floats, Ints
+from dragon_ros.cost.measure import Timing, timed
+
+SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 20_000, 30_000, 100_000)
+_MOST_OF_ALL_PAIRS = 3000
+_ALL, _BOXES, _LAYER = 'all pairs', 'STRtree', 'adjacent layer'
+_COLOURS = {_ALL: '#D55E00', _BOXES: '#E69F00', _LAYER: '#0072B2'}
+_MARKERS = {_ALL: 's', _BOXES: '^', _LAYER: 'o'}
+_SAME_M = 1e-12
+
+
+@dataclass(frozen=True)
+class Check:
+    """One look at all benches of a dragon: candidates and gaps. ``right`` tells if the smallest gap is."""
+
+    method: str
+    benches: int
+    pairs: int
+    right: bool
+    timing: Timing
+
+
+def checks_of(size: int, budget_s: float) -> list[Check]:
+    """Check a dragon of so many benches at 300 s in each way; compare first, then time."""
+    scene = Scene(dragon=Dragon(size))
+    chain = state(scene, 300.0)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    reach = default_reach_m(benches)
+    ways: dict[str, Callable[[], tuple[Ints, Ints]]] = {
+        _ALL: lambda: _every(size), _BOXES: lambda: box_pairs(benches, reach),
+        _LAYER: lambda: candidates(chain.p, benches)}
+    if size > _MOST_OF_ALL_PAIRS:
+        del ways[_ALL]
+    looks = {way: _look(benches, *pairs()) for way, pairs in ways.items()}
+    least = min(gap for _, gap in looks.values())
+    return [Check(way, size, looks[way][0], looks[way][1] <= least + _SAME_M or least > reach,
+                  timed(lambda pairs=pairs: _look(benches, *pairs()), budget_s, 3))
+            for way, pairs in ways.items()]
+
+
+def _every(size: int) -> tuple[Ints, Ints]:
+    i, j = np.triu_indices(size, 2)
+    return i, j
+
+
+def _look(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
+    """Return how many pairs were looked at, and their smallest gap."""
+    return i.size, float(np.min(gaps(benches, i, j), initial=np.inf))
+
+
+def exponent(checks: list[Check], method: str) -> float:
+    """Return the power of N with which the time grows, fitted to all sizes from 1000 benches on."""
+    mine = [check for check in checks if check.method == method and check.benches >= 1000]
+    size: Floats = np.array([check.benches for check in mine], dtype=np.float64)
+    return float(np.polyfit(np.log(size), np.log([check.timing.median_s for check in mine]), 1)[0])
+
+
+def check_table(checks: list[Check]) -> str:
+    """Return the checks as a Markdown table, a line for each size."""
+    methods = list(_COLOURS)
+    lines = ['| ms for one check of N benches | ' + ' | '.join(methods) + ' | pairs: ' + ', '.join(methods) + ' |',
+             '|---:|' + '---:|' * len(methods) + '---:|']
+    for size in dict.fromkeys(check.benches for check in checks):
+        mine = {check.method: check for check in checks if check.benches == size}
+        cells = [_cell(mine[method]) if method in mine else '-' for method in methods]
+        pairs = ', '.join(f'{mine[method].pairs:,}' if method in mine else '-' for method in methods)
+        lines.append(f'| {size:,} | ' + ' | '.join(cells) + f' | {pairs} |')
+    powers = ' | '.join(f'N^{exponent(checks, method):.2f}' for method in methods)
+    return '\n'.join([*lines, f'| from 1,000 on it grows as | {powers} | |'])
+
+
+def _cell(check: Check) -> str:
+    return f'{check.timing.median_s * 1e3:.3g}' + ('' if check.right else ' WRONG')
+
+
+def panel(axes: Axes, checks: list[Check]) -> None:
+    """Draw the time of one check against the number of benches."""
+    for method in _COLOURS:
+        mine = [check for check in checks if check.method == method]
+        axes.loglog([check.benches for check in mine], [check.timing.median_s * 1e3 for check in mine],
+                    _MARKERS[method] + '-', color=_COLOURS[method],
+                    label=f'{method}: grows as N^{exponent(checks, method):.2f}')
+    axes.set(xlabel='benches N', ylabel='time of one check (ms): candidates and gaps',
+             title='One check of all benches for contact')
+    axes.legend(fontsize=9)
