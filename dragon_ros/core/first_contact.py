@@ -48,15 +48,15 @@ class Certificate:
 class Contact:
     """A first contact: when, between which benches (the inner first), where, and how sure.
 
-    ``grazing`` where the gap comes within 1e-8 m or so of zero but no overlap was found; ``simultaneous`` has the other
-    pairs that touch within the uncertainty. ``uncertainty_s`` is the position error of the exact tier over the approach
-    speed; ``states`` counts the looks.
+    ``grazing_m`` are bounds on the smallest gap where it is zero to within what positions may err, so that nobody can
+    say if they touch, else None. ``simultaneous`` has the other pairs that touch within the uncertainty, which is the
+    position error of the exact tier over the approach speed. ``states`` counts the looks.
     """
 
     t_s: float
     benches: tuple[int, int]
     point_m: tuple[float, float]
-    grazing: bool
+    grazing_m: tuple[float, float] | None
     simultaneous: tuple[tuple[int, int], ...]
     approach_m_s: float
     uncertainty_s: float
@@ -100,6 +100,7 @@ class _Way:
                              f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
         self._tell = progress
         self.effort = EXACT.effort(scene.size_m, scene.length_m)
+        self.tolerance_m = 2 * EXACT.promise_for_m(scene.size_m)     # both benches may be off
         self.start, stop = (self._theta(t_s) for t_s in (scene.run.start_s, scene.end.t_s))
         # The model's own end is left out by a hair: speeds are infinite at a lock.
         self.stop = stop if scene.end.reason == 'stop' else min(self.start, stop + 1e-9 * (1 + stop))
@@ -139,10 +140,10 @@ class _Way:
         lookout = Lookout(self.spiral, self.dragon, first, follow, self.effort, self.progress)
         lookout = lookout.reaching(np.array([start, stop]))
         places = places if start != stop else places[:1]
-        cleared = stretches.clear(lookout.look, b_m, places, _FINEST_M[0])
+        cleared = stretches.clear(lookout.look, b_m, places, _FINEST_M[0], self.tolerance_m)
         if cleared.hit is None or cleared.touching:
             return cleared
-        rest = stretches.clear(lookout.look, b_m, np.array([cleared.hit[0], stop]), _FINEST_M[1])
+        rest = stretches.clear(lookout.look, b_m, np.array([cleared.hit[0], stop]), _FINEST_M[1], self.tolerance_m)
         return Cleared([*cleared.stretches, *rest.stretches], rest.hit, rest.touching)
 
     def chain(self, theta: float) -> Chain:
@@ -182,20 +183,22 @@ class _Way:
         chain, benches = self._benches(other_end)
         i, j = candidates(chain.p, benches)
         gap = gaps(benches, i, j)
-        touching = np.flatnonzero(gap <= 0)
-        if clear_end == other_end or not touching.size:
-            touching = np.array([np.argmin(gap)])
+        touching = np.flatnonzero(gap <= 0) if np.min(gap) <= 0 else np.array([np.argmin(gap)])
+        touching = touching[np.argsort(gap[touching], kind='stable')]
         sign = np.sign(other_end - clear_end) or 1.0
-        found = sorted((sign * self._touch((int(i[n]), int(j[n])), clear_end, other_end), (int(i[n]), int(j[n])))
-                       for n in touching)
+        pairs = [(int(i[n]), int(j[n])) for n in touching]
+        places = [(sign * self._touch(pair, clear_end, other_end), pair) for pair in pairs]
+        found = sorted(places, key=lambda row: row[0])
         theta, pair = sign * found[0][0], found[0][1]
         speed, error = self._approach(pair, theta), EXACT.promise_for_m(self.scene.size_m)
         unsure = error / speed if speed > 0 else float('inf')
         times = [self.scene.run.start_s if sign * x == self.start else self._time(sign * x) for x, _ in found]
         others = tuple(other for t_s, (_, other) in zip(times[1:], found[1:], strict=True) if t_s - times[0] <= unsure)
-        if certificate.complete and clear_end != theta:
+        least = float(np.min(gap))
+        grazing = (least - self.tolerance_m, least + self.tolerance_m) if least > 0 else None
+        if certificate.complete and clear_end != theta and not grazing:
             certificate = self._up_to(theta, clear_end, certificate)
-        return Contact(times[0], pair, witness(self._benches(theta)[1], *pair), float(np.min(gap)) > 0, others, speed,
+        return Contact(times[0], pair, witness(self._benches(theta)[1], *pair), grazing, others, speed,
                        unsure, self.states, certificate)
 
     def _up_to(self, theta: float, clear_end: float, certificate: Certificate) -> Certificate:
@@ -203,7 +206,8 @@ class _Way:
         lookout = Lookout(self.spiral, self.dragon, 0, self.dragon.benches, self.effort, self.progress)
         halves = np.array([0.5**k for k in range(_TAIL + 1)], dtype=np.float64)
         places: Floats = theta + (clear_end - theta) * halves
-        tail = stretches.clear(lookout.reaching(places[:1]).look, self.spiral.b_m, places, _FINEST_M[1])
+        look = lookout.reaching(places[:1]).look
+        tail = stretches.clear(look, self.spiral.b_m, places, _FINEST_M[1], self.tolerance_m)
         return replace(certificate, head=(*certificate.head, *tail.stretches))
 
     def _gap(self, pair: tuple[int, int], theta: float) -> float:

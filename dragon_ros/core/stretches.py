@@ -56,11 +56,11 @@ def bounds(a: View, b: View, b_m: float) -> Floats:
     return np.where(wide, -np.inf, out)
 
 
-def clear(look: Look, b_m: float, places: Floats, finest_m: float) -> Cleared:
+def clear(look: Look, b_m: float, places: Floats, finest_m: float, tolerance_m: float) -> Cleared:
     """Clear the stretches between consecutive ``places`` (monotone), halving those that need it down to ``finest_m``.
 
-    Stops at the first touching place that it finds, and clears everything before it or reports the first that it
-    cannot clear.
+    A stretch is clear if its bound exceeds ``tolerance_m``, what the positions may err. Stops at the first touching
+    place that it finds, and clears everything before it or reports the first that it cannot clear.
     """
     view = look(places)
     sign = 1.0 if places.size < 2 or places[-1] >= places[0] else -1.0
@@ -75,10 +75,11 @@ def clear(look: Look, b_m: float, places: Floats, finest_m: float) -> Cleared:
         pairs = pairs[:, sign * view.theta[pairs[0]] < hit]
         low = bounds(view.rows(pairs[0]), view.rows(pairs[1]), b_m)
         ends = view.theta[pairs]
-        done += [Stretch(*row) for row in np.stack((*ends[:, low > 0], low[low > 0]), axis=1).tolist()]
+        good = low > tolerance_m
+        done += [Stretch(*row) for row in np.stack((*ends[:, good], low[good]), axis=1).tolist()]
         fine = b_m * np.abs(ends[0] - ends[1]) * (1 + np.max(np.abs(ends), axis=0)) <= finest_m
-        stuck += ends[:, (low <= 0) & fine].T.tolist()
-        pairs = pairs[:, (low <= 0) & ~fine]
+        stuck += ends[:, ~good & fine].T.tolist()
+        pairs = pairs[:, ~good & ~fine]
         view, pairs = _halved(look, view, pairs)
     return _result(done, stuck, hit, sign)
 

@@ -57,7 +57,8 @@ def values_of(found: Contact | NoContact) -> dict[str, Any]:
     if isinstance(found, NoContact):
         end = found.end
         return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link}
-    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m), 'grazing': found.grazing,
+    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
+            'grazing_m': list(found.grazing_m) if found.grazing_m else None,
             'simultaneous': [list(pair) for pair in found.simultaneous], 'approach_m_s': found.approach_m_s,
             'uncertainty_s': found.uncertainty_s if isfinite(found.uncertainty_s) else None,
             'certified': found.certificate.complete}
@@ -71,7 +72,8 @@ def _text(values: dict[str, Any]) -> str:
     (inner, outer), (x, y) = values['benches'], values['point_m']
     misses = ''.join(f'\n  near miss of bench 0 and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
                      f'at {miss["t_s"]:.5f} s' for miss in values.get('near_misses', []))
-    return (f'first contact at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
+    kind = 'grazing, first' if values['grazing_m'] else 'first contact'
+    return (f'{kind} at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
             f'{misses}')
 
 

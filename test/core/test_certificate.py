@@ -12,14 +12,14 @@ from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import Contact, NoContact, first_contact
+from dragon_ros.core.first_contact import Certificate, Contact, NoContact, first_contact
 from dragon_ros.core.lookout import Lookout
 from dragon_ros.core.motion import motion
 from dragon_ros.core.near_misses import near_misses
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.stretches import bounds
+from dragon_ros.core.stretches import Stretch, bounds
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.tools import certificate
 
@@ -39,7 +39,7 @@ def test_the_classic_run_in_is_proved_with_few_looks():
     assert FOUND.uncertainty_s == pytest.approx(7.6e-11, rel=0.01)
     assert FOUND.certificate.complete
     assert FOUND.states < 3000
-    assert not FOUND.grazing
+    assert FOUND.grazing_m is None
     assert FOUND.simultaneous == ()
 
 
@@ -113,11 +113,41 @@ def test_a_run_that_ends_in_the_lock_is_proved_too():
     assert found.certificate.complete
 
 
-def test_contacts_of_two_pairs_at_one_time_are_one_set():
-    # Benches of equal length at equal spacing on a circle-like track meet their next but one all at once.
-    found = first_contact(Scene(dragon=Dragon(30, 2.2, 2.2), run=Run(0, 300), track=Spiral(0.2)))
-    assert isinstance(found, Contact)
+def nearest(width):
+    """Return the near miss of the head and bench 11 near 409.83 s."""
+    scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
+    none = NoContact(scene.end, 0, Certificate((Stretch(scene.track.inward(409.75).hi, scene.track.inward(409.9).hi,
+                                                        0.0),), (), True))
+    return next(miss for miss in near_misses(scene, none, 0.01) if miss.bench == 11)
+
+
+@pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
+def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
+    width, step = 0.3, 0.865235e-3
+    for _ in range(13):     # the gap falls by a little more than one for each unit of width
+        width += step
+        step = nearest(width).gap_m - wanted
+    assert abs(step) < 1e-13
+    found = first_contact(Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2)))
+    if grazes:
+        assert isinstance(found, Contact)
+        assert found.benches == (0, 11)
+        assert found.grazing_m[0] < 0 < found.grazing_m[1] < 1e-11
+        assert found.t_s == pytest.approx(nearest(width).t_s, abs=1e-4)
+    else:
+        assert isinstance(found, NoContact)
+
+
+def test_all_that_touches_at_the_start_is_one_set():
+    scene = Scene(dragon=Dragon(100), track=Spiral(0.28))
+    found = first_contact(scene)
     assert found.t_s == 0.0
+    chain = state(scene, 0.0)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    i, j = np.triu_indices(100, 2)
+    touching = set(zip(i[gaps(benches, i, j) <= 0], j[gaps(benches, i, j) <= 0], strict=True))
+    assert {found.benches, *found.simultaneous} == touching
+    assert len(touching) > 10
 
 
 SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
