@@ -16,7 +16,7 @@ from dragon_ros.wire.channels import channels
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import check_handles, read_benches, sight_of
 
-_PARTNER_S = 2.0        # messages of one tick that come further apart are not paired
+_PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
 
 
 class Monitor(Node):
@@ -28,7 +28,7 @@ class Monitor(Node):
         rows = channels()
         self._pairs, self._watch = Pairing(), Watch()
         self.dropped = 0
-        self.create_timer(0.5 * _PARTNER_S, self._on_timer)
+        self.create_timer(1.0, self._on_timer)
         self._out = self.create_publisher(DiagnosticArray, 'collision', qos.of_channel(rows['collision']))
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]

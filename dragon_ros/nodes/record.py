@@ -75,6 +75,7 @@ def main(argv: list[str]) -> int:
     options = cli.parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).',
                          'ros2 run dragon_ros record --output run.mcap')
     options.add_argument('--output', type=Path, metavar='FILE', help='bag to write (dragon_DATE_TIME.mcap)')
+    options.add_argument('--keep-going', action='store_true', help='go on when the publisher leaves, until a signal')
     options.add_argument('--force', action='store_true', help='replace an existing file')
     arguments = shell.parse(options, argv)
     return shell.run('record', argv, partial(_run, arguments))
@@ -85,7 +86,7 @@ def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:
     node = Recorder(path, arguments.force)
     try:
         node.get_logger().info(f'records to {path}')
-        return shell.spin(node, stop, node.ended)
+        return shell.spin(node, stop, node.ended if not arguments.keep_going else lambda: False)
     finally:
         node.close()
         counts = ', '.join(f'{topic} {count}' for topic, count in node.bag.counts.items())

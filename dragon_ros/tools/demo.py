@@ -4,6 +4,7 @@ import signal
 import subprocess
 import sys
 import threading
+import time
 from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -28,6 +29,7 @@ SCENE = 'first_contact'
 _READERS = 'handles=2,benches=2,velocities=1'
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
 _LONGEST_S = 120.0
+_EVENT_S = 0.5          # for the event to reach the recorder, once the monitor has logged it
 
 
 def main(argv: list[str]) -> int:
@@ -76,14 +78,16 @@ def _demonstrate(folder: Path, pace: float) -> int:
         _bystanders(start, live)
         sim = start('sim', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
                     '-p', f'wait_subscribers:=[{_READERS}]')
-        threading.Thread(target=_interrupt_if_any_fails, args=(start.waited, sim), daemon=True).start()
+        threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
         _follow(sim)
+        start.wait_for_contact()
     say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
     with _processes(folder / 'replay.log') as start:
         _bystanders(start, again)
         topics = '/dragon/handles,/dragon/benches,/dragon/velocities'
         _finished(start('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
                         ','.join(f'/dragon/{reader}' for reader in _READERS.split(','))))
+        start.wait_for_contact()
     return _check(folder, live, again)
 
 
@@ -118,7 +122,8 @@ def _processes(log: Path) -> Iterator['_Start']:
         start = _Start(file)
         try:
             yield start
-            for process in start.waited:
+            for process in start.recorders:
+                process.send_signal(signal.SIGINT)
                 _finished(process)
         finally:
             for process in start.all:
@@ -137,7 +142,7 @@ class _Start:
         self.log, self.environment = log, local_environment(free_domain())
         self.environment['PYTHONUNBUFFERED'] = '1'
         self.all: list[subprocess.Popen[str]] = []
-        self.waited: list[subprocess.Popen[str]] = []
+        self.recorders: list[subprocess.Popen[str]] = []
 
     def __call__(self, name: str, *arguments: str) -> subprocess.Popen[str]:
         process = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], env=self.environment,
@@ -147,10 +152,20 @@ class _Start:
         return process
 
 
+    def wait_for_contact(self) -> None:
+        """Wait until the monitor has reported: it may lag behind what it watches."""
+        end = time.monotonic() + _LONGEST_S
+        while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
+            if time.monotonic() > end:
+                raise DragonError(f'the monitor reported no contact; see {self.log.name}')
+            time.sleep(0.05)
+        time.sleep(_EVENT_S)
+
+
 def _bystanders(start: _Start, bag: Path) -> None:
-    """Start a monitor and a recorder; the recorder ends with the run."""
+    """Start a monitor, and a recorder that goes on until the monitor has said what it has to say."""
     start('monitor')
-    start.waited.append(start('record', '--output', str(bag), '--force'))
+    start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))
 
 
 def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:

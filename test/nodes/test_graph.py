@@ -22,6 +22,16 @@ def events_of(path):
         return [row for message in bag.messages(['/dragon/collision']) for row in read_diagnostics(message.data)]
 
 
+def heard_events(node):
+    """Return a list that fills with the events that a late joiner hears."""
+    from diagnostic_msgs.msg import DiagnosticArray
+
+    from dragon_ros.nodes import qos
+    out = []
+    node.create_subscription(DiagnosticArray, 'collision', out.append, qos.of_channel(channels()['collision']))
+    return out
+
+
 def by_topic(path):
     with LogReader(path) as bag:
         out = {}
@@ -31,13 +41,15 @@ def by_topic(path):
 
 
 @pytest.mark.parametrize('scale', [0.0, 4.0])
-def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, tmp_path, scale):
-    bag = tmp_path / 'run.mcap'
-    monitor, record = start('monitor'), start('record', '--output', bag)
+def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale):
+    bag, events = tmp_path / 'run.mcap', heard_events(node)
+    monitor, record = start('monitor'), start('record', '--output', bag, '--keep-going')
     sim = start('sim', '--scene', 'first_contact', *overrides('run.start_s=409'), '--ros-args', '-p', READERS,
                 '-p', f'time_scale:={scale}')
     assert sim.end() == 0, sim.text
-    assert record.end() == 0, record.text
+    monitor.wait_for('contact of benches 0 and 8')
+    node.until(lambda: events)
+    assert record.stop() == 0, record.text
     assert monitor.stop() == 0, monitor.text
     with LogReader(bag) as run:
         result = compare_with_model(run, load_scene('first_contact', ['run.start_s=409']))
@@ -51,6 +63,18 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, tm
     assert float(event.values['x_m']) == pytest.approx(1.474395, abs=1e-3)
     assert float(event.values['y_m']) == pytest.approx(2.110665, abs=1e-3)
     assert float(event.values['gap_m']) < 0
+
+
+def test_the_recorder_ends_with_the_run(start, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    record = start('record', '--output', bag)
+    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',
+                'wait_subscribers:=[handles=1,benches=1,velocities=1]', '-p', 'time_scale:=0.0')
+    assert sim.end() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert 'has left' in record.text
+    with LogReader(bag) as run:
+        assert compare_with_model(run, load_scene('first_contact', SHORT)).faults == []
 
 
 @pytest.fixture(scope='module')
@@ -79,14 +103,15 @@ def recorded(tmp_path_factory):
 
 
 @pytest.mark.parametrize('rate', ['0', '1', '4'])
-def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, tmp_path, recorded, rate):
+def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp_path, recorded, rate):
     path, event = recorded
     again = tmp_path / 'again.mcap'
-    monitor, record = start('monitor'), start('record', '--output', again)
+    monitor, record, events = start('monitor'), start('record', '--output', again, '--keep-going'), heard_events(node)
     replay = start('replay', path, '--rate', rate, '--wait-subscribers',
                    '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
     assert replay.end() == 0, replay.text
-    assert record.end() == 0, record.text
+    node.until(lambda: events)
+    assert record.stop() == 0, record.text
     assert monitor.stop(signal.SIGTERM) == 0, monitor.text
     first, second = by_topic(path), by_topic(again)
     assert {name: second[name] for name in first} == first
@@ -106,16 +131,13 @@ def test_replay_can_start_later_and_loop_until_it_is_stopped(start, node, record
 
 
 def test_a_late_joiner_still_gets_the_event(start, node):
-    from diagnostic_msgs.msg import DiagnosticArray
 
-    from dragon_ros.nodes import qos
     monitor = start('monitor')
     sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',
                 'wait_subscribers:=[handles=1,benches=1]', '-p', 'time_scale:=0.0')
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
-    got = []
-    node.create_subscription(DiagnosticArray, 'collision', got.append, qos.of_channel(channels()['collision']))
+    got = heard_events(node)
     node.until(lambda: got)
     assert got[0].status[0].level == b'\x02'
 

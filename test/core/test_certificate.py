@@ -1,0 +1,221 @@
+"""First contact is proved: every interval has a bound that holds, and the checker lets no forgery pass."""
+import copy
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.contact import gaps
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.first_contact import Certificate, Contact, NoContact, first_contact
+from dragon_ros.core.lookout import Lookout
+from dragon_ros.core.motion import motion
+from dragon_ros.core.near_misses import near_misses
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.stretches import Stretch, bounds
+from dragon_ros.core.tiers import EXACT
+from dragon_ros.tools import certificate
+
+CLASSIC = Scene()
+FOUND = first_contact(CLASSIC)
+EFFORT = EXACT.effort(20, 400)
+
+
+def lookout(first=0, follow=60, scene=CLASSIC):
+    return Lookout(scene.track, scene.dragon, first, follow, EFFORT, lambda states: None)
+
+
+def test_the_classic_run_in_is_proved_with_few_looks():
+    assert isinstance(FOUND, Contact)
+    assert FOUND.t_s == pytest.approx(412.473837682115, abs=1e-9)
+    assert FOUND.approach_m_s == pytest.approx(0.0263, abs=1e-4)
+    assert FOUND.uncertainty_s == pytest.approx(7.6e-11, rel=0.01)
+    assert FOUND.certificate.complete
+    assert FOUND.states < 3000
+    assert FOUND.grazing_m is None
+    assert FOUND.simultaneous == ()
+
+
+def test_the_certificate_joins_from_the_start_to_a_nanometre_before_the_contact():
+    for part in (FOUND.certificate.head, FOUND.certificate.body):
+        assert all(before.stop_rad == after.start_rad for before, after in pairwise(part))
+        assert all(stretch.bound_m > 0 for stretch in part)
+    head = FOUND.certificate.head
+    assert head[0].start_rad == pytest.approx(32 * np.pi, abs=1e-12)
+    assert FOUND.t_s - CLASSIC.track.distance_to(head[-1].stop_rad) < 2e-9
+
+
+@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize('start', [20.0, 27.0, 40.0, 90.0])
+@pytest.mark.parametrize('length', [0.001, 0.01, 0.05])
+def test_a_bound_is_below_every_gap_inside_its_stretch(first, start, length):
+    look = lookout(first).look
+    places = np.linspace(start, start * (1 - length), 41)
+    view = look(places)
+    low = bounds(view.rows(np.array([0])), view.rows(np.array([40])), CLASSIC.track.b_m)[0]
+    inside = np.min(view.apart, axis=1)
+    assert np.isneginf(low) or low <= np.min(inside) + 1e-12
+    bend = np.max(view.bend, axis=(0,))
+    assert np.all(bend <= 2 * np.maximum(view.bend[0], view.bend[-1])), 'the safety factor holds inside'
+
+
+@given(st.floats(0.3, 2), st.floats(4, 20), st.floats(0.001, 0.05), st.sampled_from([0, 1]))
+def test_bounds_hold_for_other_dragons_too(pitch, turns, length, first):
+    scene = Scene(dragon=Dragon(60, width_m=0.2), track=Spiral(pitch, turns))
+    try:
+        state(scene, 0.0)
+    except Exception:      # the chain is locked there: another property
+        return
+    look = lookout(first, 40, scene).look
+    theta = 2 * np.pi * turns
+    view = look(np.linspace(theta, theta * (1 + length), 21))
+    low = bounds(view.rows(np.array([0])), view.rows(np.array([20])), scene.track.b_m)[0]
+    assert np.isneginf(low) or low <= np.min(view.apart) + 1e-12
+
+
+@pytest.mark.parametrize('t_s', [100.0, 400.0, 412.0, 430.0])
+def test_accelerations_are_the_second_differences_of_the_positions(t_s):
+    h, chains = 1e-3, []
+    for k in (-1, 0, 1):
+        chains.append(state(CLASSIC, t_s + k * h))
+    before, here, after = (benches_of(chain, CLASSIC.dragon, axes_of(chain)) for chain in chains)
+    moving = motion(CLASSIC.track.b_m, chains[1], here.axis)
+    np.testing.assert_allclose((after.centre - before.centre) / (2 * h), moving.velocity, atol=1e-6)
+    np.testing.assert_allclose((before.centre - 2 * here.centre + after.centre) / h**2, moving.acceleration, atol=1e-6)
+    yaw = np.unwrap(np.stack([b.yaw_rad for b in (before, here, after)]), axis=0)
+    np.testing.assert_allclose((yaw[0] - 2 * yaw[1] + yaw[2]) / h**2, moving.turning_rate, atol=1e-6)
+
+
+def test_near_misses_are_reported_on_request():
+    first, second, *_ = near_misses(CLASSIC, FOUND, 0.01)
+    assert (first.bench, second.bench) == (11, 9)
+    assert first.gap_m == pytest.approx(0.865235e-3, abs=1e-9)
+    assert first.t_s == pytest.approx(409.831989, abs=2e-5)
+    assert second.gap_m == pytest.approx(2.957e-3, abs=1e-6)
+
+
+def test_pairs_without_the_head_stay_44_mm_apart():
+    places = np.linspace(*(FOUND.certificate.body[n].start_rad for n in (0, -1)), 4000)
+    assert np.min(lookout(1, 40).reaching(places[:1]).look(places).apart) > 0.044
+
+
+def test_a_run_that_ends_in_the_lock_is_proved_too():
+    found = first_contact(Scene(dragon=Dragon(width_m=0.01)))
+    assert isinstance(found, NoContact)
+    assert found.end.reason == 'lock'
+    assert found.certificate.complete
+
+
+def nearest(width):
+    """Return the near miss of the head and bench 11 near 409.83 s."""
+    scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
+    none = NoContact(scene.end, 0, Certificate((Stretch(scene.track.inward(409.75).hi, scene.track.inward(409.9).hi,
+                                                        0.0),), (), True))
+    return next(miss for miss in near_misses(scene, none, 0.01) if miss.bench == 11)
+
+
+@pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
+def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
+    width, step = 0.3, 0.865235e-3
+    for _ in range(13):     # the gap falls by a little more than one for each unit of width
+        width += step
+        step = nearest(width).gap_m - wanted
+    assert abs(step) < 1e-13
+    found = first_contact(Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2)))
+    if grazes:
+        assert isinstance(found, Contact)
+        assert found.benches == (0, 11)
+        assert found.grazing_m[0] < 0 < found.grazing_m[1] < 1e-11
+        assert found.t_s == pytest.approx(nearest(width).t_s, abs=1e-4)
+    else:
+        assert isinstance(found, NoContact)
+
+
+def test_all_that_touches_at_the_start_is_one_set():
+    scene = Scene(dragon=Dragon(100), track=Spiral(0.28))
+    found = first_contact(scene)
+    assert found.t_s == 0.0
+    chain = state(scene, 0.0)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    i, j = np.triu_indices(100, 2)
+    touching = set(zip(i[gaps(benches, i, j) <= 0], j[gaps(benches, i, j) <= 0], strict=True))
+    assert {found.benches, *found.simultaneous} == touching
+    assert len(touching) > 10
+
+
+SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
+
+
+@pytest.fixture(scope='module')
+def written():
+    return certificate.as_values(SHORT, first_contact(SHORT))
+
+
+def verdict(tmp_path, values):
+    path = tmp_path / 'c.json'
+    path.write_text(json.dumps(values))
+    return certificate.check(path)
+
+
+def test_the_checker_accepts_what_the_solver_proved(tmp_path, written):
+    assert verdict(tmp_path, written) == len(written['intervals'])
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3, 0.6, 0.99])
+@pytest.mark.parametrize('forgery', ['removed', 'widened', 'shifted', 'raised', 'lowered below zero'])
+def test_the_checker_rejects_a_forged_interval(tmp_path, written, forgery, share):
+    values = copy.deepcopy(written)
+    n = int(share * len(values['intervals']))
+    row = values['intervals'][n]
+    if forgery == 'removed':
+        del values['intervals'][n]
+    elif forgery == 'widened':
+        row['stop_rad'] -= 0.01
+    elif forgery == 'shifted':
+        row['start_rad'] -= 0.001
+        row['stop_rad'] -= 0.001
+    else:
+        row['bound_m'] = {'raised': row['bound_m'] + 0.01, 'lowered below zero': -1.0}[forgery]
+    with pytest.raises(InputError):
+        verdict(tmp_path, values)
+
+
+def test_the_checker_rejects_two_intervals_passed_off_as_one(tmp_path, written):
+    values = copy.deepcopy(written)
+    rows = [row for row in values['intervals'] if row['lead'] == 'head']
+    rows[0]['stop_rad'] = rows[-1]['stop_rad']
+    values['intervals'] = [rows[0], *(row for row in values['intervals'] if row['lead'] == 'body')]
+    with pytest.raises(InputError, match='bound'):
+        verdict(tmp_path, values)
+
+
+@pytest.mark.parametrize('content', ['', '{}', '[]', '{"scene": 3}', 'null'])
+def test_what_is_no_certificate_is_refused(tmp_path, content):
+    (tmp_path / 'c.json').write_text(content)
+    with pytest.raises(InputError, match='no certificate'):
+        certificate.check(tmp_path / 'c.json')
+
+
+def test_the_checker_uses_none_of_the_solvers_code():
+    from pathlib import Path
+    text = Path(certificate.__file__).read_text()
+    used = {line.split()[1] for line in text.splitlines() if line.startswith('from dragon_ros.core')}
+    assert used == {'dragon_ros.core.errors', 'dragon_ros.core.first_contact', 'dragon_ros.core.scene',
+                    'dragon_ros.core.types'}
+    assert 'import Contact, NoContact' in text
+
+
+def test_gaps_and_views_agree_on_who_is_apart():
+    chain = state(CLASSIC, 412.0)
+    benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
+    exact = gaps(benches, np.zeros(58, dtype=int), np.arange(2, 60))
+    view = lookout().look(np.array([chain.theta[0]]))
+    assert np.array_equal(exact > 0, view.apart[0] > 0)
+    assert np.all(view.apart[0] <= exact + 1e-12)
