@@ -173,9 +173,9 @@ def _search_panel(axes: Axes, rows: Measured) -> None:
     axes.set(xlabel='time of the search (s)', ylabel='error of the reported contact time (s)', ylim=(3e-14, 30),
              title='First contact of the classic run, searched from 0 s')
     spent = [row.spent_s for row in rows.searches]
-    axes.set_xlim(0.5 * min(spent), 60 * max(spent))
+    axes.set_xlim(0.5 * min(spent), 150 * max(spent))
     axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
-    axes.annotate('t* is known to here', (50 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
+    axes.annotate('t* is known to here', (120 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
                   fontsize=7, ha='right')
 
 
