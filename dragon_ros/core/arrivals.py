@@ -32,8 +32,9 @@ class Arrivals(Generic[T]):
     def take(self, sight: T) -> tuple[bool, list[T]]:
         """Return whether time starts afresh, and the sights to look at now, in order.
 
-        It starts afresh with another number of handles, with a time before the last few or more than a second back, and with a few late sights
-        in a row; those are then handed out, so that nothing of a run that started again is lost.
+        It starts afresh with another number of handles, with a time before the last few or more than a second back,
+        and with a few late sights in a row; those are then handed out, so that nothing of a run that started again
+        is lost.
         """
         if not self._times or sight.p.shape != self._shape:
             return self._pass(bool(self._times), [sight])
