@@ -1,19 +1,29 @@
 """Watch a dragon tick by tick and report each contact with its bracket: the pure part of the monitor.
 
 A watcher sees ticks only. It reports the last tick without contact, the first one with it, and between them the time
-at which the signed gap, interpolated through the last three ticks, vanishes.
+at which the signed gap, interpolated through the last ticks, vanishes. Each pair has its episodes: begin, deepest, end.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from math import inf, nan
 
 import numpy as np
 
+from dragon_ros.core.arrivals import Arrivals
 from dragon_ros.core.benches import Benches
 from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.episodes import Bools, Episodes, no_episodes
 from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.root import illinois
 from dragon_ros.core.types import Floats, Ints
 
 NS = 10**9
+NEAR_M = 0.02
+MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
+_TOUCH_M = 1e-10        # positions are right to 2e-12 m: a smaller gap is a contact
+_SHOWN = 8
+_UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
+
+Pair = tuple[int, int]
 
 
 @dataclass(frozen=True)
@@ -31,67 +41,158 @@ class Event:
     """A contact began: benches (inner first), the bracket in ns, the interpolated time, the point, and the gap in m.
 
     ``before_ns`` is None where the first tick that was seen already had the contact. ``gap_m`` is the signed gap at
-    ``after_ns``, negative for overlap.
+    ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
     """
 
-    benches: tuple[int, int]
+    benches: Pair
     before_ns: int | None
     after_ns: int
     t_contact_s: float
     point_m: tuple[float, float]
     gap_m: float
+    approach_m_s: float
     frame_id: str = ''
 
 
+@dataclass(frozen=True)
+class EpisodeEnd:
+    """A contact ended: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
+
+    ``parted`` is False where time started afresh instead; ``t_end_s`` is then the last tick that was seen.
+    """
+
+    benches: Pair
+    after_ns: int
+    deepest_gap_m: float
+    deepest_ns: int
+    t_end_s: float
+    parted: bool
+    frame_id: str = ''
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one sight tells.
+
+    ``clearance_m`` is the smallest signed gap of all candidate pairs (inf without any), ``closest`` its benches;
+    ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts contacts that
+    began beyond the ``MOST_REPORTED``.
+    """
+
+    sight: Sight
+    clearance_m: float
+    closest: Pair | None
+    touching: tuple[Pair, ...] = ()
+    count: int = 0
+    begins: tuple[Event, ...] = ()
+    ends: tuple[EpisodeEnd, ...] = ()
+    more: int = 0
+
+
 class Watch:
-    """Looks at sights in the order of their times; one event for each contact, when it begins."""
+    """Looks at sights in the order of their times; each contact of a pair is told when it begins and when it ends."""
 
-    def __init__(self) -> None:
-        """Start having seen nothing."""
-        self._seen: list[Sight] = []
-        self._touching = False
+    def __init__(self, near_m: float = NEAR_M) -> None:
+        """Start having seen nothing; gaps up to ``near_m`` are never missed as clearance."""
+        self._near_m = near_m
+        self._arrivals: Arrivals[Sight] = Arrivals()
+        self._restart()
+        self._ended: tuple[EpisodeEnd, ...] = ()
 
-    def look(self, sight: Sight) -> Event | None:
-        """Return the event if a contact begins with this sight.
+    def look(self, sight: Sight) -> list[Report]:
+        """Return what the sight tells; a repeated or late one tells nothing.
 
-        Time going back, or another dragon, starts afresh; the same time again tells nothing new.
+        Time going back, or another dragon, starts afresh. Raises CrowdError where too many benches lie in one place.
         """
-        if self._seen and sight.t_ns == self._seen[-1].t_ns:
-            return None
-        if self._seen and (sight.t_ns < self._seen[-1].t_ns or sight.p.shape != self._seen[-1].p.shape):
-            self._seen, self._touching = [], False
-        i, j = candidates(sight.p, sight.benches)
-        gap = gaps(sight.benches, i, j)
-        touching = np.flatnonzero(gap <= 0)
-        begins = touching.size > 0 and not self._touching
-        event = self._event(sight, i[touching], j[touching], gap[touching]) if begins else None
-        self._touching = touching.size > 0
+        afresh, sights = self._arrivals.take(sight)
+        if afresh:
+            self._ended += self._ends(self._seen[-1], self._open.told, False) if self._seen else ()
+            self._restart()
+        return [self._look(each) for each in sights]
+
+    def _restart(self) -> None:
+        self._seen: list[Sight] = []
+        self._open = no_episodes()
+
+    def _look(self, sight: Sight) -> Report:
+        i, j, gap = self._gaps(sight)
+        least = int(np.argmin(gap)) if gap.size else -1
+        report = Report(sight, float(gap[least]), (int(i[least]), int(j[least]))) if gap.size else Report(
+            sight, inf, None)
+        touching = gap <= _TOUCH_M
+        if self._open.key.size or np.any(touching):
+            key, rows = np.unique((i * len(sight.benches.centre) + j)[touching], return_index=True)
+            report = self._episodes(report, key, gap[touching][rows])
+        ends, self._ended = (*self._ended, *report.ends), ()
         self._seen = [*self._seen[-2:], sight]
-        return event
+        return replace(report, ends=ends)
 
-    def _event(self, sight: Sight, i: Ints, j: Ints, gap: Floats) -> Event:
-        """Return the event of the pair that touched first."""
-        times = [self._contact_s(sight, a, b, g) for a, b, g in zip(i, j, gap, strict=True)]
-        first = int(np.argmin(times))
-        pair = (int(i[first]), int(j[first]))
+    def _gaps(self, sight: Sight) -> tuple[Ints, Ints, Floats]:
+        """Return candidates (K,), (K,) and their gaps; the pairs of open episodes are always among them."""
+        b = sight.benches
+        i, j = candidates(sight.p, b, self._near_m)
+        if self._open.key.size:
+            inner, outer = np.divmod(self._open.key, len(b.centre))
+            i, j = np.concatenate((i, inner)), np.concatenate((j, outer))
+        return i, j, gaps(b, i, j)
+
+    def _episodes(self, report: Report, key: Ints, gap: Floats) -> Report:
+        """Carry the episodes on with the pairs that touch now."""
+        sight = report.sight
+        now, new, ended = self._open.advance(sight.t_ns, key, gap)
+        ends = self._ends(sight, ended & self._open.told, True)
+        deepest = np.argsort(gap, kind='stable')
+        begun = deepest[new[deepest]]
+        room = max(0, MOST_REPORTED - int(np.sum(now.told)))
+        begins = tuple(self._event(sight, pair, float(gap[n])) for n, pair in
+                       zip(begun[:room], self._pairs(key[begun[:room]], sight), strict=True))
+        told = now.told.copy()
+        told[begun[:room]] = True
+        self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, told)
+        return replace(report, touching=self._pairs(key[deepest[:_SHOWN]], sight), count=key.size, begins=begins,
+                       ends=ends, more=max(0, begun.size - room))
+
+    @staticmethod
+    def _pairs(key: Ints, sight: Sight) -> tuple[Pair, ...]:
+        benches = len(sight.benches.centre)
+        return tuple((k // benches, k % benches) for k in key.tolist())
+
+    def _ends(self, sight: Sight, which: Bools, parted: bool) -> tuple[EpisodeEnd, ...]:
+        """Return the ends of open episodes; ``sight`` is the first one without contact, or the last one seen."""
+        rows, open_ = np.flatnonzero(which), self._open
+        return tuple(EpisodeEnd(
+            pair, sight.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
+            self._crossing(sight, pair)[0] if parted else sight.t_ns / NS, parted, sight.frame_id)
+            for n, pair in zip(rows, self._pairs(open_.key[rows], sight), strict=True))
+
+    def _event(self, sight: Sight, pair: Pair, gap: float) -> Event:
         before = self._seen[-1] if self._seen else None
-        point = witness(_between(before, sight, times[first]), *pair).point_m
-        return Event(pair, before.t_ns if before else None, sight.t_ns, times[first], point, float(gap[first]),
-                     sight.frame_id)
+        t_s, slope = self._crossing(sight, pair)
+        point = witness(_between(before, sight, t_s), *pair).point_m
+        return Event(pair, before.t_ns if before else None, sight.t_ns, t_s, point, gap, -slope, sight.frame_id)
 
-    def _contact_s(self, sight: Sight, i: int, j: int, gap: float) -> float:
-        """Return when the gap of a pair vanished, by the parabola (or line) through the last ticks."""
-        end = sight.t_ns / NS
-        if not self._seen or gap == 0:
-            return end
-        pair = np.array([i]), np.array([j])
-        known = [*(float(gaps(seen.benches, *pair)[0]) for seen in self._seen), gap]
-        span = [(seen.t_ns - self._seen[-1].t_ns) / NS for seen in (*self._seen, sight)]
-        if known[-2] <= 0:
-            return end
-        curve = np.poly1d(np.polyfit(span, known, len(known) - 1))
-        root = illinois(lambda t: float(curve(t)), 0.0, span[-1], known[-2], gap)
-        return float(self._seen[-1].t_ns / NS + root)
+    def _crossing(self, sight: Sight, pair: Pair) -> tuple[float, float]:
+        """Return when the gap of a pair vanished since the last tick, and its slope there in m/s (nan if unknown)."""
+        if not self._seen:
+            return sight.t_ns / NS, nan
+        known = [*self._even(sight), sight]
+        i, j = np.array([pair[0]]), np.array([pair[1]])
+        gap = [float(gaps(one.benches, i, j)[0]) for one in known]
+        origin = self._seen[-1].t_ns
+        span = [(one.t_ns - origin) / NS for one in known]
+        curve = np.poly1d(np.polyfit(span, gap, len(known) - 1))
+        crosses = (gap[-2] > 0) != (gap[-1] > 0)
+        root = illinois(lambda t: float(curve(t)), 0.0, span[-1], gap[-2], gap[-1]) if crosses and gap[-1] else span[-1]
+        return origin / NS + root, float(curve.deriv()(root))
+
+    def _even(self, sight: Sight) -> list[Sight]:
+        """Return the last sights, as many as stand at about the distance from the last one to ``sight``."""
+        out, step = [self._seen[-1]], sight.t_ns - self._seen[-1].t_ns
+        for one in reversed(self._seen[:-1]):
+            if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
+                break
+            out.insert(0, one)
+        return out
 
 
 def _between(before: Sight | None, after: Sight, t_s: float) -> Benches:

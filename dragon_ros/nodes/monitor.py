@@ -1,35 +1,51 @@
-"""``monitor``: watches the handles and benches of any publisher and reports each contact as an event."""
+"""``monitor``: watches the handles and benches of any publisher and reports each contact, clearance and health."""
 import threading
 import time
 from collections.abc import Callable
+from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+from std_msgs.msg import Bool, Float64
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.watch import NS, Event, Watch
+from dragon_ros.core.watch import NEAR_M, NS, Report, Watch
+from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import qos, shell
+from dragon_ros.nodes.params import Parameter, declare
 from dragon_ros.wire import cli
-from dragon_ros.wire.cdr import stamp_of
 from dragon_ros.wire.cdr_read import Markers, Poses
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import check_handles, read_benches, sight_of
 
 _PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
+_TELL_S = 1.0           # /diagnostics comes so often, in wall time
+_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', '/diagnostics')
+PARAMETERS = (
+    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
+)
 
 
 class Monitor(Node):
-    """Pairs handles with benches by their stamp, looks at each pair, publishes ``collision``."""
+    """Pairs handles with benches by their stamp, looks at each pair, says what it sees."""
 
-    def __init__(self) -> None:
+    def __init__(self, **overrides: Any) -> None:
         """Subscribe to the raw bytes of handles and benches."""
-        super().__init__('monitor', namespace=shell.NAMESPACE)
+        super().__init__('monitor', namespace=shell.NAMESPACE, parameter_overrides=[
+            RosParameter(name, value=value) for name, value in overrides.items()])
+        self._warn_below_m = float({one.name: declare(self, one) for one in PARAMETERS}['warn_below_m'])
         rows = channels()
-        self._pairs, self._watch = Pairing(), Watch()
+        self._pairs, self._watch = Pairing(), Watch(self._warn_below_m)
         self.dropped = 0
-        self.create_timer(1.0, self._on_timer)
-        self._out = self.create_publisher(DiagnosticArray, 'collision', qos.of_channel(rows['collision']))
+        self._last: Report | None = None
+        self._level = b''
+        self._out = {name: self.create_publisher(shell.message_type(rows[name].type), name, qos.of_channel(rows[name]))
+                     for name in _TOPICS}
+        self._out['collision/active'].publish(Bool(data=False))
+        self.create_timer(_TELL_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
             self.create_subscription(shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)),
@@ -42,9 +58,10 @@ class Monitor(Node):
         self._guarded(lambda: self._look(self._pairs.add_benches(*read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
-        """Give up messages whose partner does not come."""
+        """Give up messages whose partner does not come, and tell the health."""
         self._pairs.expire(time.monotonic() - _PARTNER_S)
         self._tell_unmatched()
+        self._tell_health(always=True)
 
     def _guarded(self, work: Callable[[], None]) -> None:
         """Do the work; a message that nobody can use is counted and logged, and the node goes on."""
@@ -60,39 +77,54 @@ class Monitor(Node):
 
     def _look(self, pair: tuple[Poses, Markers] | None) -> None:
         self._tell_unmatched()
-        if pair is not None and (event := self._watch.look(sight_of(*pair))):
-            self._report(event)
+        for report in self._watch.look(sight_of(*pair)) if pair else []:
+            self._report(report)
 
     def _drop(self, why: str) -> None:
         self.dropped += 1
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
-    def _report(self, event: Event) -> None:
-        message = DiagnosticArray(status=[status_of(event)])
-        message.header.frame_id = event.frame_id
-        message.header.stamp.sec, message.header.stamp.nanosec = stamp_of(event.after_ns)
-        self._out.publish(message)
-        self.get_logger().error(message.status[0].message)
+    def _report(self, report: Report) -> None:
+        """Publish what one tick tells, each topic only where it changes or somebody listens."""
+        active = self._last is not None and self._last.count > 0
+        self._last = report
+        if self._out['clearance'].get_subscription_count():
+            self._out['clearance'].publish(Float64(data=report.clearance_m))
+        if message := messages.collision_of(report):
+            self._out['collision'].publish(message)
+            self._log(message)
+        if active != (report.count > 0):
+            self._out['collision/active'].publish(Bool(data=report.count > 0))
+        for event in report.begins:
+            self._out['collision/point'].publish(messages.point_of(event))
+        markers = self._out['collision/markers']
+        if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
+            markers.publish(messages.markers_of(report))
+        self._tell_health()
 
+    def _log(self, message: DiagnosticArray) -> None:
+        for status in message.status:
+            if status.level == status.ERROR:    # rclpy wants one severity for each line of code
+                self.get_logger().error(status.message)
+            else:
+                self.get_logger().info(status.message)
 
-def status_of(event: Event) -> DiagnosticStatus:
-    """Return a contact as a diagnostic status with all its numbers."""
-    before = event.after_ns if event.before_ns is None else event.before_ns
-    values = {
-        'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
-        't_before_s': f'{before / NS:.9f}', 't_after_s': f'{event.after_ns / NS:.9f}',
-        't_contact_s': f'{event.t_contact_s:.9f}', 'x_m': f'{event.point_m[0]:.9f}', 'y_m': f'{event.point_m[1]:.9f}',
-        'gap_m': f'{event.gap_m:.12f}', 'bracket': 'open' if event.before_ns is None else 'closed'}
-    return DiagnosticStatus(
-        level=DiagnosticStatus.ERROR, name='dragon: collision', hardware_id='dragon',
-        message=f'contact of benches {event.benches[0]} and {event.benches[1]} at {event.t_contact_s:.6f} s, '
-                f'at ({event.point_m[0]:.4f}, {event.point_m[1]:.4f}) m',
-        values=[KeyValue(key=key, value=value) for key, value in values.items()])
+    def _tell_health(self, always: bool = False) -> None:
+        """Publish on /diagnostics, at changes of the level unless ``always``."""
+        name = f'{self.get_namespace().strip("/")}: clearance'
+        level = messages.level_of(self._last, self._warn_below_m)
+        if always or level != self._level:
+            self._level = level
+            status = messages.health_of(name, self._last, self._warn_below_m, self.dropped)
+            message = DiagnosticArray(status=[status])
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._out['/diagnostics'].publish(message)
 
 
 def main(argv: list[str]) -> int:
     """Run the monitor; return the exit code."""
-    options = cli.parser('monitor', 'Watch topics handles and benches, and publish each contact on collision.',
+    options = cli.parser('monitor', 'Watch topics handles and benches, and publish each contact on collision. '
+                         'ROS parameters:\n' + '\n'.join(f'  {p.name}: {p.text}' for p in PARAMETERS),
                          'ros2 run dragon_ros monitor --ros-args -r __ns:=/other_dragon')
     shell.parse(options, argv)
     return shell.run('monitor', argv, _run)

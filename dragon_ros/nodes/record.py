@@ -18,7 +18,8 @@ from dragon_ros.wire.log import LogWriter
 from dragon_ros.wire.recording import SimulationClock
 
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
-_STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None}
+_STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
+             'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
 
 
 class Recorder(Node):
@@ -51,11 +52,13 @@ class Recorder(Node):
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
-        stamp_at = _STAMP_AT.get(channel.type, 4)
+        shared = channel.name.startswith('/')      # by every node of the graph, and stamped with wall time
+        stamp_at = None if shared else _STAMP_AT.get(channel.type, 4)
         handles = channel.name == 'handles'
 
         def callback(data: bytes, info: dict[str, int]) -> None:
-            self._last, self._seen = time.monotonic(), self._seen or handles
+            self._last = self._last if shared else time.monotonic()
+            self._seen = self._seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
                 if stamp_at is None:

@@ -2,6 +2,7 @@
 import threading
 import time
 from contextlib import suppress
+from dataclasses import replace
 from functools import partial
 from typing import Any
 
@@ -10,8 +11,9 @@ from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.core.first_contact import Contact, first_contact
 from dragon_ros.core.scene import LATEST_S, NS, Scene
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import Frame, frame_of, state, tick
 from dragon_ros.nodes import outlet, qos, shell
 from dragon_ros.nodes.pacer import Pacer
 from dragon_ros.nodes.params import Parameter, declare
@@ -21,6 +23,7 @@ from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.scenes import load_scene
 
 _AS_SCENE = -1.0
+_ON_CONTACT = ('continue', 'hold', 'stop')
 PARAMETERS = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key'),
@@ -30,6 +33,8 @@ PARAMETERS = (
     Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
     Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0: as fast as the readers follow', 0.0, 1e6),
     Parameter('wait_subscribers', [''], 'Start when topics have so many subscribers, e.g. [handles=2, velocities=1]'),
+    Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame of exactly that time '
+              'and stay until a signal); stop (end with that frame)', choices=_ON_CONTACT),
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 
@@ -43,7 +48,7 @@ class Sim(Node):
             RosParameter(name, value=value) for name, value in overrides.items()])
         value = {parameter.name: declare(self, parameter) for parameter in PARAMETERS}
         self.scene = _scene_of(value)
-        self._time_scale = value['time_scale']
+        self._time_scale, self._on_contact = value['time_scale'], value['on_contact']
         encode = encoders(self.scene, value['frame_id'])
         self._topics = {name: (self._publisher(name), encode[name]) for name in encode}
         self._outlets = {name: publisher for name, (publisher, _) in self._topics.items()}
@@ -57,30 +62,73 @@ class Sim(Node):
 
     def run(self, stop: threading.Event) -> int:
         """Publish every tick of the run; return the exit code."""
-        scene, last = self.scene, self.scene.last_tick
+        scene, count = self.scene, self.scene.last_tick + 1
+        try:
+            contact = self._first_contact(stop)
+        except InterruptedError:
+            return cli.OK
+        if contact:
+            count = min(count, _ticks_before(scene, contact))
         if not outlet.wait_for_readers(self._wanted, stop):
             return cli.OK
         pacer, told = Pacer(self._time_scale, stop), time.monotonic()
-        self.get_logger().info(f'runs from {scene.run.start_s:g} s, {last + 1} ticks')
-        for k in range(last + 1):
+        self.get_logger().info(f'runs from {scene.run.start_s:g} s, {count} ticks')
+        for k in range(count):
             t_ns = scene.run.time_ns(k)
             if not pacer.wait(t_ns):
-                return self._ended(f'stopped before tick {k} of {last + 1}', pacer)
-            frame = tick(scene, k)
-            for publisher, encode in self._topics.values():
-                outlet.publish(publisher, encode(frame), stop)
+                return self._ended(f'stopped before tick {k} of {count}', pacer)
+            self._publish(tick(scene, k), stop)
             if time.monotonic() - told >= 1:
                 told = time.monotonic()
-                self.get_logger().info(f'at {t_ns / NS:.3f} s, tick {k} of {last + 1}, {pacer.overruns} overruns')
+                self.get_logger().info(f'at {t_ns / NS:.3f} s, tick {k} of {count}, {pacer.overruns} overruns')
+        if contact:
+            return self._end_in(contact, pacer, stop)
         end = scene.end
         why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
-        return self._ended(f'{why[end.reason]} at {end.t_s:.6f} s after {last + 1} ticks', pacer)
+        return self._ended(f'{why[end.reason]} at {end.t_s:.6f} s after {count} ticks', pacer)
+
+    def _publish(self, frame: Frame, stop: threading.Event) -> None:
+        for publisher, encode in self._topics.values():
+            outlet.publish(publisher, encode(frame), stop)
+
+    def _first_contact(self, stop: threading.Event) -> Contact | None:
+        """Return the contact at which to act, if any. Raises InterruptedError where told to stop meanwhile."""
+        def go_on(_: int) -> None:
+            if stop.is_set():
+                raise InterruptedError
+        found = None if self._on_contact == 'continue' else first_contact(self.scene, go_on)
+        return found if isinstance(found, Contact) else None
+
+    def _end_in(self, contact: Contact, pacer: Pacer, stop: threading.Event) -> int:
+        """Publish the frame of exactly the contact; return there, or hold until told to stop."""
+        frame = contact_frame(self.scene, contact)
+        if not pacer.wait(frame.t_ns):
+            return self._ended('stopped before the contact', pacer)
+        self._publish(frame, stop)
+        inner, outer = contact.benches
+        what = f'contact of benches {inner} and {outer} at {contact.t_s:.9f} s'
+        if self._on_contact == 'hold':
+            self.get_logger().info(f'{what}: holds there until a signal')
+            stop.wait()
+        return self._ended(f'the run ends in the {what}', pacer)
 
     def _ended(self, what: str, pacer: Pacer) -> int:
         late = f'; {pacer.overruns} overruns, the worst {pacer.worst_late_s:.3f} s late' if pacer.overruns else ''
         (self.get_logger().warning if late else self.get_logger().info)(f'{what}{late}')
         outlet.drain(self._outlets.values())
         return cli.OK
+
+
+def contact_frame(scene: Scene, contact: Contact) -> Frame:
+    """Return the frame of exactly the time of contact, at the exact tier; its stamp is rounded to a nanosecond."""
+    exact = replace(scene, accuracy='exact')
+    return frame_of(exact, None, round(contact.t_s * NS), state(exact, contact.t_s))
+
+
+def _ticks_before(scene: Scene, contact: Contact) -> int:
+    """Return how many ticks are before the stamp of the contact."""
+    t_ns = round(contact.t_s * NS)
+    return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0
 
 
 def _scene_of(value: dict[str, Any]) -> Scene:

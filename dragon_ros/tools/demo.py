@@ -27,6 +27,7 @@ from dragon_ros.wire.scenes import load_scene
 
 SCENE = 'first_contact'
 _READERS = 'handles=2,benches=2,velocities=1'
+_COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
 _LONGEST_S = 120.0
 _EVENT_S = 0.5          # for the event to reach the recorder, once the monitor has logged it
@@ -202,16 +203,17 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
 
 
 def _by_topic(bag: LogReader) -> dict[str, list[tuple[int, bytes]]]:
-    """Return the messages of each topic in order; between topics of one time there is no order."""
+    """Return the messages of each topic with a stamp in order; between topics of one time there is no order."""
     out: dict[str, list[tuple[int, bytes]]] = {}
-    for message in bag.messages():
+    for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
         out.setdefault(message.topic, []).append((message.t_ns, message.data))
     return out
 
 
 def _event(bag: LogReader) -> Status:
     """Return the one contact in a bag."""
-    events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)]
+    events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
+              if status.values['phase'] == 'begin']
     if len(events) != 1:
         raise DragonError(f'{bag.path}: {len(events)} contacts were reported; expected one')
     return events[0]

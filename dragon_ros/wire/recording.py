@@ -1,7 +1,8 @@
 """Simulation time for every recorded message, also for those without a stamp of their own.
 
-A message with a header is logged at its stamp. One without (velocities) belongs to the tick whose handles were
-published last before it: that is decided by the publishers' source times, since topics overtake each other on the way.
+A message with a stamp of the simulation is logged there. One without (velocities, clearance) belongs to the tick whose
+handles were published last before it: that is decided by the publishers' source times, since topics overtake each
+other on the way.
 """
 from bisect import bisect_right
 from collections.abc import Callable
@@ -40,6 +41,8 @@ class SimulationClock:
     def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int) -> None:
         """Log a message without a stamp as soon as its tick is known."""
         self._held.append(_Held(source_ns, topic, data, sequence))
+        if not self._sources:
+            del self._held[:-_KEEP]     # they may wait long for a run
         self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
 
     def flush(self) -> None:

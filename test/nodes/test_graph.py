@@ -82,7 +82,7 @@ def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
     from dragon_ros.core.step import tick
     from dragon_ros.core.watch import Watch
-    from dragon_ros.nodes.monitor import status_of
+    from dragon_ros.nodes.contact_messages import status_of
     from dragon_ros.wire.encode import encoders
     from dragon_ros.wire.log import LogWriter
     from dragon_ros.wire.sights import check_handles, read_benches, sight_of
@@ -97,8 +97,7 @@ def recorded(tmp_path_factory):
             for name, message in data.items():
                 bag.write(f'/dragon/{name}', message, frame.t_ns, k + 1)
             seen = sight_of(check_handles(data['handles']), read_benches(data['benches'])[1])
-            if event := watch.look(seen):
-                events.append(status_of(event))
+            events += [status_of(event) for report in watch.look(seen) for event in report.begins]
     return path, {value.key: value.value for value in events[0].values}
 
 
@@ -170,12 +169,14 @@ def test_parameters_are_described_with_type_range_and_text(start, node):
     start('sim')
     client = node.create_client(DescribeParameters, '/dragon/sim/describe_parameters')
     node.until(client.service_is_ready)
-    names = ['scene', 'set', 'accuracy', 'start_s', 'stop_s', 'rate_hz', 'time_scale', 'wait_subscribers', 'frame_id']
+    names = ['scene', 'set', 'accuracy', 'start_s', 'stop_s', 'rate_hz', 'time_scale', 'wait_subscribers',
+             'on_contact', 'frame_id']
     future = client.call_async(DescribeParameters.Request(names=names))
     node.until(future.done)
     rows = {row.name: row for row in future.result().descriptors}
     assert all(row.description and row.read_only for row in rows.values())
     assert rows['time_scale'].floating_point_range[0].to_value == 1e6
+    assert rows['on_contact'].additional_constraints == 'one of continue, hold, stop'
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
@@ -188,6 +189,9 @@ def test_parameters_are_described_with_type_range_and_text(start, node):
     (['sim', '--ros-args', '-p', 'wait_subscribers:=[tails=2]'], 'tails=2'),
     (['sim', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['sim', '--sceen', 'x'], '--sceen'),
+    (['sim', '--ros-args', '-p', 'on_contact:=halt'], "'halt' is not one of continue, hold, stop"),
+    (['monitor', '--ros-args', '-p', 'warn_below_m:=-1.0'], 'warn_below_m'),
+    (['monitor', '--ros-args', '-p', 'warn_below_m:=.nan'], 'warn_below_m'),
     (['sim', '--ros-args', '-p', 'time_scale'], 'time_scale'),
     (['monitor', 'extra'], 'extra'),
     (['record', '--output', 'no/such/folder.mcap'], 'no/such/folder.mcap'),

@@ -132,6 +132,13 @@ def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
     assert out == [('v', 100), ('v', 200), ('v', 300)]
 
 
+def test_what_comes_long_before_a_run_is_held_in_bounds():
+    clock = SimulationClock(lambda *_: None)
+    for n in range(5000):
+        clock.unstamped('/diagnostics', b'', n, n)
+    assert len(clock._held) <= 1000
+
+
 def poses(t_ns, values=7):
     return Poses(t_ns, 'dragon', np.zeros(values))
 

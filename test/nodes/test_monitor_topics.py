@@ -1,0 +1,212 @@
+"""What the monitor says on each of its topics, and the sim that acts on a contact: real nodes over real DDS."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.step import state, tick
+from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
+from dragon_ros.wire.channels import channels
+from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.scenes import load_scene
+
+T_STAR_NS = 412_473_837_682
+
+
+class Listener:
+    """Collects what is published on topics; types and QoS are those of topics.yaml."""
+
+    def __init__(self, node, *names):
+        from dragon_ros.nodes import qos
+        from dragon_ros.nodes.shell import message_type
+        self.got = {name: [] for name in names}
+        for name in names:
+            row = channels()[name]
+            node.create_subscription(message_type(row.type), name, self.got[name].append, qos.of_channel(row))
+
+    def statuses(self, name='collision'):
+        return [status for message in self.got[name] for status in message.status]
+
+
+class Publisher:
+    """Publishes single frames of the classic dragon, as any other publisher would."""
+
+    def __init__(self, node, start_s=412.0):
+        from dragon_ros.nodes import qos
+        from dragon_ros.nodes.shell import message_type
+        self.scene = load_scene('winding', [f'run.start_s={start_s}'])
+        self.encode = {name: encode for name, encode in encoders(self.scene).items() if name != 'velocities'}
+        self.out = {name: node.create_publisher(message_type(channels()[name].type), name,
+                                                qos.of_channel(channels()[name])) for name in self.encode}
+        node.until(lambda: all(out.get_subscription_count() for out in self.out.values()))
+
+    def show(self, *times_s):
+        for t_s in times_s:
+            frame = tick(self.scene, round((t_s - self.scene.run.start_s) * 50))
+            for name, encode in self.encode.items():
+                self.out[name].publish(encode(frame))
+
+
+def values(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_an_episode_is_told_from_its_begin_to_its_end_on_every_topic(start, node):
+    from visualization_msgs.msg import Marker
+    start('monitor')
+    heard = Listener(node, 'collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance')
+    source = Publisher(node)
+    node.until(lambda: [m.data for m in heard.got['collision/active']] == [False])
+    source.show(412.44, 412.46, 412.48)
+    node.until(lambda: heard.got['collision/point'] and heard.got['collision/markers'])
+    point = heard.got['collision/point'][0]
+    assert (point.point.x, point.point.y) == pytest.approx((1.474395, 2.110665), abs=1e-4)
+    assert (point.header.frame_id, point.header.stamp.sec) == ('dragon', 412)
+    clear, *red, dot, label = heard.got['collision/markers'][0].markers
+    assert clear.action == Marker.DELETEALL
+    assert [marker.id for marker in red] == [0, 8]
+    assert all(marker.color.r > 0.8 and marker.color.g < 0.1 for marker in red)
+    assert (dot.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
+    assert label.text == '0 x 8: -0.16 mm'
+    source.show(413.76, 415.0, 415.02)
+    node.until(lambda: len(heard.statuses()) == 2 and len(heard.got['clearance']) == 6)
+    node.until(lambda: len(heard.got['collision/markers'][-1].markers) == 1)
+    begin, end = heard.statuses()
+    assert (begin.level, values(begin)['phase'], values(begin)['bracket']) == (b'\x02', 'begin', 'closed')
+    assert float(values(begin)['approach_m_s']) == pytest.approx(0.02632, abs=1e-3)
+    assert (end.level, values(end)['phase'], values(end)['cause']) == (b'\x00', 'end', 'parted')
+    assert float(values(end)['deepest_gap_m']) == pytest.approx(-0.017409, abs=1e-5)
+    assert values(end)['t_deepest_s'] == '413.760000000'
+    assert float(values(end)['t_end_s']) == pytest.approx(415.01566, abs=1e-4)
+    assert [message.data for message in heard.got['collision/active']] == [False, True, False]
+    clearance = [message.data for message in heard.got['clearance']]
+    assert clearance[:3] == pytest.approx([9.015e-4, 3.67e-4, -1.618e-4], abs=1e-5)
+
+
+def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
+    start('monitor', '--ros-args', '-p', 'warn_below_m:=0.001')
+    heard = Listener(node, '/diagnostics')
+    source = Publisher(node, 404)
+    source.show(404, 412.44, 412.48, 404)
+
+    def levels():
+        rows = [status.level for status in heard.statuses('/diagnostics')]
+        return [row for n, row in enumerate(rows) if n == 0 or row != rows[n - 1]]
+    node.until(lambda: levels() == [b'\x00', b'\x01', b'\x02', b'\x00'])
+    last = heard.statuses('/diagnostics')[-1]
+    assert last.name == 'dragon: clearance'
+    assert float(values(last)['clearance_m']) > 0.001
+
+
+def test_health_is_told_again_and_again_without_a_message(start, node):
+    start('monitor')
+    heard = Listener(node, '/diagnostics')
+    node.until(lambda: len(heard.got['/diagnostics']) >= 2)
+    assert {status.message for status in heard.statuses('/diagnostics')} == {'waits for handles and benches'}
+
+
+def test_a_monitor_or_listener_that_comes_late_knows_the_contact(start, node):
+    first = start('monitor')
+    source = Publisher(node)
+    source.show(412.46, 412.48)
+    first.wait_for('contact of benches 0 and 8')
+    heard = Listener(node, 'collision', 'collision/active', 'collision/point', 'collision/markers')
+    node.until(lambda: all(heard.got.values()))
+    assert heard.got['collision/active'][-1].data is True
+    assert len(heard.got['collision/markers'][-1].markers) == 5
+    assert first.stop() == 0
+    second = start('monitor')
+    node.until(lambda: all(out.get_subscription_count() for out in source.out.values()))
+    source.show(412.5)
+    second.wait_for('contact of benches 0 and 8 at 412.500000 s')
+
+
+def test_lost_doubled_reordered_and_broken_messages_and_a_restart_cost_no_contact(start, node):
+    monitor = start('monitor')
+    heard = Listener(node, 'collision')
+    source = Publisher(node)
+    source.show(412.40, 412.44, 412.44, 412.42, 412.46)
+    source.out['handles'].publish(b'\x00\x01\x00\x00\x07')
+    source.out['benches'].publish(b'rubbish')
+    source.show(412.50, 412.48, 412.50, 412.52)
+    node.until(lambda: len(heard.statuses()) == 1)
+    assert values(heard.statuses()[0])['t_before_s'] == '412.460000000'
+    for out in source.out.values():
+        node.destroy_publisher(out)
+    source = Publisher(node)
+    source.show(412.0, 412.46, 412.48)
+    node.until(lambda: len(heard.statuses()) == 3)
+    assert [values(row)['phase'] for row in heard.statuses()] == ['begin', 'end', 'begin']
+    assert values(heard.statuses()[1])['cause'] == 'restart'
+    assert monitor.stop() == 0
+    assert 'Traceback' not in monitor.text
+
+
+def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
+    start('sim', '--scene', 'first_contact')
+    node.until(lambda: node.count_publishers('handles') == 1)
+    mine = [row.name for row in channels().values() if row.publisher == 'monitor']
+    assert len(mine) == 6
+    assert [node.count_publishers(name) for name in mine] == [0] * 6
+
+
+def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
+    bag = tmp_path / 'run.mcap'
+    monitor, record = start('monitor'), start('record', '--output', bag)
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412', '--ros-args', '-p',
+                'wait_subscribers:=[handles=2,benches=2,velocities=1]', '-p', 'time_scale:=0.5')
+    assert sim.end() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert monitor.stop() == 0, monitor.text
+    with LogReader(bag) as run:
+        counts = {topic.name: topic.messages for topic in run.topics}
+        assert run.start_ns >= 412 * 10**9
+        assert run.end_ns <= 413 * 10**9
+        (begin,) = [row for message in run.messages(['/dragon/collision']) for row in read_diagnostics(message.data)]
+    assert begin.values['phase'] == 'begin'
+    assert counts['/diagnostics'] >= 1
+    assert counts['/dragon/clearance'] >= 1
+    assert (counts['/dragon/collision'], counts['/dragon/collision/point']) == (1, 1)
+    assert counts['/dragon/collision/active'] == 1       # the one before the run belongs to no tick
+    assert 1 <= counts['/dragon/collision/markers'] <= 27       # ticks in contact; only the last one is kept for long
+
+
+@pytest.mark.parametrize('mode', ['stop', 'hold'])
+def test_the_sim_ends_or_holds_in_exactly_the_contact(start, node, mode):
+    from geometry_msgs.msg import PoseArray
+    heard, bytes_ = Listener(node, 'collision'), []
+    node.create_subscription(PoseArray, 'handles', bytes_.append, 1000, raw=True)
+    start('monitor')
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412.3', '--ros-args', '-p',
+                f'on_contact:={mode}', '-p', 'wait_subscribers:=[handles=2,benches=1]', '-p', 'time_scale:=0.0')
+    node.until(lambda: len(bytes_) == 10 and heard.statuses())
+    if mode == 'hold':
+        sim.wait_for('holds there until a signal')
+        assert sim.stop() == 0, sim.text
+    assert sim.end() == 0, sim.text
+    assert 'contact of benches 0 and 8 at 412.473837682 s' in sim.text
+    assert len(bytes_) == 10
+    last = read_pose_array(bytes_[-1])
+    scene = load_scene('first_contact')
+    assert last.t_ns == T_STAR_NS
+    assert np.array_equal(last.poses[:, :2], state(scene, first_contact(scene).t_s).p)
+    assert read_pose_array(bytes_[-2]).t_ns == 412_460_000_000
+    assert values(heard.statuses()[0])['t_contact_s'] == '412.473837682'
+
+
+def test_a_contact_at_the_start_is_the_only_frame_and_without_contact_the_run_goes_on(start, node):
+    from geometry_msgs.msg import PoseArray
+    stamps = []
+    node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 1000,
+                             raw=True)
+
+    def run(*overrides):
+        stamps.clear()
+        return start('sim', *(part for one in overrides for part in ('--set', one)), '--ros-args', '-p',
+                    'on_contact:=stop', '-p', 'wait_subscribers:=[handles=1]', '-p', 'time_scale:=0.0')
+    sim = run('run.start_s=412.6', 'run.stop_s=413')
+    node.until(lambda: len(stamps) == 1)
+    assert (sim.end(), stamps) == (0, [412_600_000_000])
+    sim = run('run.start_s=10', 'run.stop_s=10.2')
+    node.until(lambda: len(stamps) == 11)
+    assert sim.end() == 0
