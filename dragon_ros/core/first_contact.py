@@ -18,7 +18,7 @@ from dragon_ros.core.lock import follower, follower_turns, lock_angle
 from dragon_ros.core.lookout import Lookout
 from dragon_ros.core.march import Chain, place
 from dragon_ros.core.motion import fastest_points
-from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.neighbours import candidates, default_reach_m
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import End, Scene
 from dragon_ros.core.stretches import Cleared, Stretch
@@ -169,7 +169,9 @@ class _Way:
             i, j = candidates(chain.p, benches)
             speed = self.spiral.b_m * float(np.hypot(1.0, angle))
             fastest = fastest_points(self.spiral.b_m, chain, benches, speed)
-            rows.append((float(np.min(gaps(benches, i, j), initial=np.inf)), 2 * float(np.max(fastest))))
+            # Beyond the reach of the candidates all that is known is that every gap exceeds it.
+            smallest = float(np.min(gaps(benches, i, j), initial=default_reach_m(benches)))
+            rows.append((smallest, 2 * float(np.max(fastest))))
             self.progress(1)
         gap, rate = np.array(rows).T
         return gap, rate

@@ -6,7 +6,7 @@ from geometry_msgs.msg import Point, PointStamped, Pose, Quaternion, Vector3
 from std_msgs.msg import ColorRGBA, Header
 from visualization_msgs.msg import Marker, MarkerArray
 
-from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.contact import witness
 from dragon_ros.core.watch import NS, EpisodeEnd, Event, Report, Sight
 from dragon_ros.wire.cdr import BENCH_HEIGHT_M, half_turns, stamp_of
 
@@ -68,8 +68,8 @@ def markers_of(report: Report) -> MarkerArray:
     out = [Marker(header=header, action=Marker.DELETEALL)]
     if report.touching:
         i, j = report.touching[0]
-        x, y = witness(sight.benches, i, j).point_m
-        text = f'{i} x {j}: {float(gaps(sight.benches, i, j)) * 1e3:.2f} mm'
+        seen = witness(sight.benches, i, j)
+        (x, y), text = seen.point_m, f'{i} x {j}: {seen.gap_m * 1e3:.2f} mm'
         more = f' (+{report.count - 1})' if report.count > 1 else ''
         out += [_bench(sight, header, bench) for bench in sorted({n for pair in report.touching for n in pair})]
         out.append(Marker(header=header, ns='point', type=Marker.SPHERE, pose=_pose(x, y), color=_BLACK,
