@@ -12,7 +12,7 @@ import numpy as np
 from dragon_ros.core import clearing, stretches
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.contact import Witness, gaps, witness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import follower, follower_turns, lock_angle
 from dragon_ros.core.lookout import Lookout
@@ -46,7 +46,7 @@ class Certificate:
 
 @dataclass(frozen=True)
 class Contact:
-    """A first contact: when, between which benches (the inner first), where, and how sure.
+    """A first contact: when, between which benches (the inner first), which corner and edge, and how sure.
 
     ``grazing_m`` are bounds on the smallest gap where it is zero to within what positions may err, so that nobody can
     say if they touch, else None. ``simultaneous`` has the other pairs that touch within the uncertainty, which is the
@@ -55,13 +55,18 @@ class Contact:
 
     t_s: float
     benches: tuple[int, int]
-    point_m: tuple[float, float]
+    witness: Witness
     grazing_m: tuple[float, float] | None
     simultaneous: tuple[tuple[int, int], ...]
     approach_m_s: float
     uncertainty_s: float
     states: int
     certificate: Certificate
+
+    @property
+    def point_m(self) -> tuple[float, float]:
+        """Where they touch."""
+        return self.witness.point_m
 
 
 @dataclass(frozen=True)
@@ -200,7 +205,7 @@ class _Way:
         grazing = (least - self.tolerance_m, least + self.tolerance_m) if least > 0 else None
         if certificate.complete and clear_end != theta and not grazing:
             certificate = self._up_to(theta, clear_end, certificate)
-        return Contact(times[0], pair, witness(self._benches(theta)[1], *pair).point_m, grazing, others, speed,
+        return Contact(times[0], pair, witness(self._benches(theta)[1], *pair), grazing, others, speed,
                        unsure, self.states, certificate)
 
     def _up_to(self, theta: float, clear_end: float, certificate: Certificate) -> Certificate:

@@ -57,7 +57,9 @@ def values_of(found: Contact | NoContact) -> dict[str, Any]:
     if isinstance(found, NoContact):
         end = found.end
         return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link}
-    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
+    seen = found.witness
+    features = {'bench': seen.owner, 'corner': seen.corner, 'other': seen.other, 'edge': seen.edge}
+    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m), 'features': features,
             'grazing_m': list(found.grazing_m) if found.grazing_m else None,
             'simultaneous': [list(pair) for pair in found.simultaneous], 'approach_m_s': found.approach_m_s,
             'uncertainty_s': found.uncertainty_s if isfinite(found.uncertainty_s) else None,

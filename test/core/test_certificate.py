@@ -40,6 +40,8 @@ def test_the_classic_run_in_is_proved_with_few_looks():
     assert FOUND.certificate.complete
     assert FOUND.states < 3000
     assert FOUND.grazing_m is None
+    seen = FOUND.witness
+    assert (seen.owner, seen.corner, seen.other, seen.edge) == (0, 'front left', 8, 'right')
     assert FOUND.simultaneous == ()
 
 
@@ -91,6 +93,14 @@ def test_accelerations_are_the_second_differences_of_the_positions(t_s):
     np.testing.assert_allclose((before.centre - 2 * here.centre + after.centre) / h**2, moving.acceleration, atol=1e-6)
     yaw = np.unwrap(np.stack([b.yaw_rad for b in (before, here, after)]), axis=0)
     np.testing.assert_allclose((yaw[0] - 2 * yaw[1] + yaw[2]) / h**2, moving.turning_rate, atol=1e-6)
+
+
+def test_the_corner_meets_bench_8_where_the_true_figures_say():
+    chain = state(CLASSIC, FOUND.t_s)
+    benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
+    along = (np.array(FOUND.point_m) - benches.centre[8]) @ benches.axis[8]
+    assert along == pytest.approx(-0.265180642799, abs=1e-9)
+    assert FOUND.point_m == pytest.approx((1.474394671648, 2.110664876932), abs=1e-9)
 
 
 def test_near_misses_are_reported_on_request():
