@@ -1,5 +1,6 @@
 """What the monitor says, as messages: contacts, markers, health."""
 from collections.abc import Mapping
+from math import isnan
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped, Pose, Quaternion, Vector3
@@ -36,7 +37,8 @@ def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
         'phase': 'begin', 'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
         't_before_s': f'{before / NS:.9f}', 't_after_s': f'{event.after_ns / NS:.9f}',
         't_contact_s': f'{event.t_contact_s:.9f}', 'x_m': f'{event.point_m[0]:.9f}', 'y_m': f'{event.point_m[1]:.9f}',
-        'gap_m': f'{event.gap_m:.12f}', 'approach_m_s': f'{event.approach_m_s:.9f}',
+        'gap_m': f'{event.gap_m:.12f}',
+        'approach_m_s': 'unknown' if isnan(event.approach_m_s) else f'{event.approach_m_s:.9f}',
         'bracket': 'open' if event.before_ns is None else 'closed', **({'more': str(more)} if more else {})}
     return _status(
         DiagnosticStatus.ERROR, 'dragon: collision', f'contact of benches {event.benches[0]} and {event.benches[1]} at '
