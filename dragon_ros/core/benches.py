@@ -3,9 +3,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dragon_ros.core.chain import Chain
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.march import Chain
-from dragon_ros.core.path import tangents
 from dragon_ros.core.types import Floats, read_only
 
 
@@ -39,7 +38,7 @@ def axes_of(chain: Chain) -> Floats:
     length = np.hypot(axis[..., 0], axis[..., 1])
     joined = length == 0
     if np.any(joined):
-        axis = np.where(joined[..., None], -tangents(chain.theta[..., :-1]), axis)
+        axis = np.where(joined[..., None], -chain.tangents[..., :-1, :], axis)
         length = np.where(joined, 1.0, length)
     axis /= length[..., None]
     return read_only(axis)
@@ -47,6 +46,6 @@ def axes_of(chain: Chain) -> Floats:
 
 def benches_of(chain: Chain, dragon: Dragon, axis: Floats) -> Benches:
     """Return the rectangles of a chain whose links have the directions ``axis``."""
-    count = chain.delta.shape[-1]
+    count = chain.p.shape[-2] - 1
     centre = 0.5 * (chain.p[..., :-1, :] + chain.p[..., 1:, :])
     return Benches(read_only(centre), axis, 0.5 * dragon.bench_lengths_m[:count], np.full(count, 0.5 * dragon.width_m))

@@ -12,11 +12,12 @@ import numpy as np
 from dragon_ros.core import clearing, stretches
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.contact import Witness, gaps, witness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import follower, follower_turns, lock_angle
 from dragon_ros.core.lookout import Lookout
-from dragon_ros.core.march import Chain, place
+from dragon_ros.core.march import place
 from dragon_ros.core.motion import fastest_points
 from dragon_ros.core.neighbours import candidates, default_reach_m
 from dragon_ros.core.root import illinois
@@ -151,7 +152,7 @@ class _Way:
         rest = stretches.clear(lookout.look, b_m, np.array([cleared.hit[0], stop]), _FINEST_M[1], self.tolerance_m)
         return Cleared([*cleared.stretches, *rest.stretches], rest.hit, rest.touching)
 
-    def chain(self, theta: float) -> Chain:
+    def chain(self, theta: float) -> SpiralChain:
         """Return the whole chain with the head's front handle at ``theta``."""
         return place(self.spiral, self.dragon.link_lengths_m, Angle(theta, 0.0), self.effort)
 
@@ -181,7 +182,7 @@ class _Way:
         gap, rate = np.array(rows).T
         return gap, rate
 
-    def _benches(self, theta: float) -> tuple[Chain, Benches]:
+    def _benches(self, theta: float) -> tuple[SpiralChain, Benches]:
         chain = self.chain(theta)
         return chain, benches_of(chain, self.dragon, axes_of(chain))
 

@@ -10,8 +10,9 @@ from math import ceil
 import numpy as np
 
 from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.march import Chain, Effort
+from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.motion import Motion, dot, left, motion
 from dragon_ros.core.path import Spiral
@@ -99,7 +100,7 @@ class Lookout:
         return self
 
 
-def _moved(b_m: float, chain: Chain, benches: Benches) -> Floats:
+def _moved(b_m: float, chain: SpiralChain, benches: Benches) -> Floats:
     """Return how far the handles have come, times each bench's lever: its corners move at most so much further."""
     q, length = chain.theta, np.maximum(chain.links_m, 1e-12)
     arc = 0.5 * b_m * (q * np.sqrt(1 + q * q) + np.arcsinh(q))

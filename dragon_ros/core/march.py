@@ -7,48 +7,19 @@ Between handles at polar angles theta and theta + delta the chord in units of b 
 the paper's equation 15 in a form without cancellation. Its smallest root delta > 0 is the next handle. Half its
 slope, ``phi`` below, is positive up to delta = pi, where c = 2 theta + pi: shorter links have one root there.
 """
-from collections.abc import Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from math import asin, cos, inf, pi, sin, sqrt
 
 import numpy as np
 
 from dragon_ros.core.angle import Angle
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.path import Spiral, points
 from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats, read_only
 
 _TRUSTED = 3        # links that follow unchecked, at most
-
-@dataclass(frozen=True)
-class Chain:
-    """All handles at one instant (or at many: the arrays then have a leading axis).
-
-    ``theta + theta_lo`` (..., N+1) are polar angles in rad, ``delta`` (..., N) the angle that each link spans,
-    ``p`` (..., N+1, 2) coordinates in metres, ``evaluations`` how often the chord equation was evaluated.
-    """
-
-    theta: Floats
-    theta_lo: Floats
-    delta: Floats
-    p: Floats
-    evaluations: int
-    links_m: Floats
-
-    @cached_property
-    def residuals_m(self) -> Floats:
-        """Distance of consecutive handles minus link length, from the coordinates, shape (..., N)."""
-        step = np.diff(self.p, axis=-2)
-        out: Floats = np.hypot(step[..., 0], step[..., 1]) - self.links_m
-        return out
-
-    @cached_property
-    def worst(self) -> tuple[float, int]:
-        """Largest |residual| in metres and its link."""
-        link = int(np.argmax(np.abs(self.residuals_m)) % self.links_m.size)
-        return float(np.max(np.abs(self.residuals_m))), link
 
 
 @dataclass(frozen=True)
@@ -63,7 +34,7 @@ class Effort:
     trust: float = 0.0
 
 
-def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Chain:
+def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> SpiralChain:
     """Place every handle behind ``head``. Raises ChainLockError where a link has no place.
 
     The next link is predicted from theta'^2 - theta^2, which is almost 2 chord: by the parabola through the last
@@ -96,17 +67,11 @@ def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Chain
     return chain_of(spiral, links_m, np.array(thetas), np.array(lows), np.array(deltas), spent)
 
 
-def chain_of(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, delta: Floats, spent: int) -> Chain:
+def chain_of(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, delta: Floats,
+             spent: int) -> SpiralChain:
     """Return the chain with its coordinates, closed for writing."""
     p = points(spiral.b_m, theta, theta_lo)
-    return Chain(read_only(theta), read_only(theta_lo), read_only(delta), read_only(p), spent, links_m)
-
-
-def stack(chains: Sequence[Chain]) -> Chain:
-    """Return chains of one dragon as one, with a leading axis."""
-    theta, theta_lo, delta, p = (read_only(np.stack([getattr(chain, name) for chain in chains]))
-                                 for name in ('theta', 'theta_lo', 'delta', 'p'))
-    return Chain(theta, theta_lo, delta, p, sum(chain.evaluations for chain in chains), chains[0].links_m)
+    return SpiralChain(read_only(p), links_m, spent, read_only(theta), read_only(theta_lo), read_only(delta))
 
 
 def locked(spiral: Spiral, link: int, theta: float, chord: float) -> ChainLockError:

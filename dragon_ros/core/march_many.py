@@ -7,13 +7,14 @@ from math import pi
 import numpy as np
 
 from dragon_ros.core.angle import plus
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.march import Chain, Effort, chain_of, first_guess, locked, step
+from dragon_ros.core.march import Effort, chain_of, first_guess, locked, step
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.types import Floats
 
 
-def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, effort: Effort) -> Chain:
+def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, effort: Effort) -> SpiralChain:
     """Place the chains behind many heads, given as (M,) polar angles; the arrays of the result start with M."""
     count = links_m.size
     out = np.empty((count + 1, theta.size))

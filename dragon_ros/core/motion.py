@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.march import Chain
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.path import tangents
 from dragon_ros.core.rates import speeds, velocities
 from dragon_ros.core.types import Floats
@@ -44,7 +44,7 @@ def dot(a: Floats, b: Floats) -> Floats:
     return out
 
 
-def motion(b_m: float, chain: Chain, axis: Floats) -> Motion:
+def motion(b_m: float, chain: SpiralChain, axis: Floats) -> Motion:
     """Return how the benches of a chain move while its head moves inwards by one metre a unit of time."""
     t = tangents(chain.theta)
     s = -speeds(chain, 1.0)
@@ -64,7 +64,7 @@ def motion(b_m: float, chain: Chain, axis: Floats) -> Motion:
     return Motion(0.5 * (v[..., 1:, :] + v[..., :-1, :]), 0.5 * (a[..., 1:, :] + a[..., :-1, :]), turning, turning_rate)
 
 
-def _tangential(chain: Chain, axis: Floats, t: Floats, bend: Floats, v: Floats) -> Floats:
+def _tangential(chain: SpiralChain, axis: Floats, t: Floats, bend: Floats, v: Floats) -> Floats:
     """Return s' of every handle, shape (..., N+1); the head's is 0."""
     out = np.zeros_like(chain.theta)
     front, rear = dot(axis, t[..., :-1, :]), dot(axis, t[..., 1:, :])
@@ -80,7 +80,7 @@ def _tangential(chain: Chain, axis: Floats, t: Floats, bend: Floats, v: Floats) 
     return out
 
 
-def fastest_points(b_m: float, chain: Chain, benches: Benches, head_speed: float | Floats) -> Floats:
+def fastest_points(b_m: float, chain: SpiralChain, benches: Benches, head_speed: float | Floats) -> Floats:
     """Return a bound on the speed of any point of each bench, shape (..., N), in units of the head's speed.
 
     A rigid bench's point moves at most as fast as its faster handle plus |omega| times its distance from it. A bench

@@ -9,12 +9,24 @@ from math import cos, pi, sqrt
 
 import numpy as np
 
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
-from dragon_ros.core.march import Chain
 from dragon_ros.core.path import Spiral, tangents
 from dragon_ros.core.types import Floats, read_only
 
 STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
+
+
+class PaperChain(SpiralChain):
+    """A chain as the paper has it, in places and in speeds."""
+
+    solver = 'paper'
+
+    def velocities(self, head_speed_m_s: float | Floats) -> Floats:
+        """Return the paper's speeds along the track's tangents, shape (..., N+1, 2); the power law telescopes."""
+        rho = np.hypot(self.p[..., 0], self.p[..., 1])
+        speed = head_speed_m_s * (rho[..., :1] / rho) ** EXPONENT
+        return read_only(-speed[..., None] * tangents(self.theta))
 
 
 def steps_of(t_s: float) -> int:
@@ -26,7 +38,7 @@ def steps_of(t_s: float) -> int:
     return steps
 
 
-def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> Chain:
+def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> PaperChain:
     """Return the chain as the paper has it. Raises ChainLockError or TrackEndError where its recipe finds no place."""
     theta, rho = _head(spiral, speed_m_s, steps_of(t_s))
     thetas, radii, evaluations = [theta], [rho], 0
@@ -41,14 +53,7 @@ def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> Chai
     angle, radius = np.array(thetas), np.array(radii)
     p = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
     low = np.zeros_like(angle)
-    return Chain(read_only(angle), read_only(low), read_only(np.diff(angle)), read_only(p), evaluations, links_m)
-
-
-def velocities(chain: Chain, speed_m_s: float) -> Floats:
-    """Return the paper's speeds along the track's tangents, shape (N+1, 2); the power law telescopes."""
-    rho = np.hypot(chain.p[..., 0], chain.p[..., 1])
-    speed = speed_m_s * (rho[..., :1] / rho) ** EXPONENT
-    return read_only(-speed[..., None] * tangents(chain.theta))
+    return PaperChain(read_only(p), links_m, evaluations, read_only(angle), read_only(low), read_only(np.diff(angle)))
 
 
 def _head(spiral: Spiral, speed_m_s: float, steps: int) -> tuple[float, float]:

@@ -3,11 +3,15 @@
 alpha and beta are the angles between a link and the track's tangents at its two handles. With the link seen in the
 polar frame of either handle both cosines are sums of like terms, so nothing cancels and coordinates do not matter.
 """
+from typing import TYPE_CHECKING
+
 import numpy as np
 
-from dragon_ros.core.march import Chain
 from dragon_ros.core.path import tangents
 from dragon_ros.core.types import Floats, read_only
+
+if TYPE_CHECKING:
+    from dragon_ros.core.chain import Chain, SpiralChain
 
 
 def along_track(theta: Floats, delta: Floats) -> tuple[Floats, Floats]:
@@ -22,7 +26,7 @@ def along_track(theta: Floats, delta: Floats) -> tuple[Floats, Floats]:
     return front / w_inner, back / w_outer
 
 
-def speeds(chain: Chain, head_speed_m_s: float | Floats) -> Floats:
+def speeds(chain: 'SpiralChain', head_speed_m_s: float | Floats) -> Floats:
     """Return signed speeds along the track, shape (..., N+1), positive inwards (the sign of the head's speed).
 
     A link of zero length carries the speed over unchanged.
@@ -36,16 +40,17 @@ def speeds(chain: Chain, head_speed_m_s: float | Floats) -> Floats:
     return out
 
 
-def velocities(chain: Chain, head_speed_m_s: float | Floats) -> Floats:
+def velocities(chain: 'SpiralChain', head_speed_m_s: float | Floats) -> Floats:
     """Return velocity vectors in m/s, shape (..., N+1, 2)."""
     return read_only(-speeds(chain, head_speed_m_s)[..., None] * tangents(chain.theta))
 
 
-def conditioning(chain: Chain) -> float:
+def conditioning(chain: 'Chain') -> float:
     """Return how much faster than the head the fastest handle is, at least 1.
 
     Close to a lock it grows without bound, and with it what the last bit of the head's place does to the handles: a
     position error is promised in metres times this number. A speed is promised relative to the speed itself over
     cos^2 beta, that is times the square of it.
     """
-    return max(1.0, float(np.max(np.abs(speeds(chain, 1.0)))))
+    v = chain.velocities(1.0)
+    return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))

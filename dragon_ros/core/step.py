@@ -7,11 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core import paper, rates
+from dragon_ros.core import paper
 from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain import Chain, SpiralChain, stack
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.march import Chain, place, stack
+from dragon_ros.core.march import place
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
@@ -42,15 +43,14 @@ def state(scene: Scene, t_s: float) -> Chain:
     """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
     scene.check_time(t_s)
     if scene.tier is PAPER:
-        return paper.place(scene.track, scene.dragon.link_lengths_m, scene.head.speed_m_s, t_s)
+        return _as_printed(scene, t_s)
     head = scene.track.inward(*scene.head.travelled_m(t_s))
     return place(scene.track, scene.dragon.link_lengths_m, head, scene.effort)
 
 
 def velocity_of(scene: Scene, chain: Chain) -> Floats:
     """Return the velocities of all handles in m/s, shape (..., N+1, 2)."""
-    model = paper.velocities if scene.tier is PAPER else rates.velocities
-    return model(chain, scene.head.speed_m_s)
+    return chain.velocities(scene.head.speed_m_s)
 
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
@@ -64,8 +64,13 @@ def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
 def states(scene: Scene, times_s: Sequence[float]) -> Chain:
     """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
     if scene.tier is PAPER:
-        return stack([state(scene, t_s) for t_s in times_s])
+        return stack([_as_printed(scene, t_s) for t_s in times_s])
     for t_s in times_s:
         scene.check_time(t_s)
     heads = np.array([scene.track.inward(*scene.head.travelled_m(t_s)) for t_s in times_s]).reshape(-1, 2)
     return place_many(scene.track, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], scene.effort)
+
+
+def _as_printed(scene: Scene, t_s: float) -> SpiralChain:
+    scene.check_time(t_s)
+    return paper.place(scene.track, scene.dragon.link_lengths_m, scene.head.speed_m_s, t_s)

@@ -6,7 +6,8 @@ from math import cos, inf, pi, sin, sqrt
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
-from dragon_ros.core.march import Chain, Effort, place
+from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.march import Effort, place
 from dragon_ros.core.path import points
 from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
@@ -63,15 +64,15 @@ def by_bisection(tolerance: float, theta: float, chord: float) -> float:
     return 0.5 * (low + high)
 
 
-def euler_steps(scene: Scene, step_s: float) -> tuple[Chain, Callable[[Chain], Chain]]:
+def euler_steps(scene: Scene, step_s: float) -> tuple[SpiralChain, Callable[[SpiralChain], SpiralChain]]:
     """Return the exact chain at 0 s and a function that advances all handles by one explicit Euler step."""
     start = place(scene.track, scene.dragon.link_lengths_m, scene.track.start, Effort(1e-8))
     b = scene.track.b_m
 
-    def advance(chain: Chain) -> Chain:
+    def advance(chain: SpiralChain) -> SpiralChain:
         v = np.hypot(*velocities(chain, scene.head.speed_m_s).T)
         theta = chain.theta - step_s * v / (b * np.sqrt(1 + chain.theta**2))
-        return Chain(theta, np.zeros_like(theta), np.diff(theta), chain.p, 0, chain.links_m)
+        return SpiralChain(chain.p, chain.links_m, 0, theta, np.zeros_like(theta), np.diff(theta))
     return start, advance
 
 

@@ -35,7 +35,8 @@ def _draw(axes: Axes, scene: Scene, t_s: float, pair: tuple[int, int]) -> None:
     """Draw track, benches and handles."""
     chain = state(scene, t_s)
     corners = benches_of(chain, scene.dragon, axes_of(chain)).corners
-    theta = np.linspace(0.0, float(chain.theta[-1]) + np.pi, 4000, dtype=np.float64)
+    last = float(np.hypot(*chain.p[-1])) / scene.track.b_m
+    theta = np.linspace(0.0, last + np.pi, 4000, dtype=np.float64)
     axes.plot(*points(scene.track.b_m, theta, np.zeros_like(theta)).T, color=_TRACK, linewidth=0.6, zorder=1,
               label='track')
     colours = [_BODY] * len(corners)
