@@ -35,8 +35,8 @@ def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:
     return high, lo - (high - total)
 
 
-def product(a: float, b: float) -> tuple[float, float]:
-    """Return a * b exactly, as (hi, lo) (Dekker; no operand beyond 1e290)."""
+def product(a: Any, b: Any) -> tuple[Any, Any]:
+    """Return a * b exactly, as (hi, lo), floats or arrays (Dekker; no operand beyond 1e290)."""
     hi = a * b
     big_a, big_b = 134217729.0 * a, 134217729.0 * b     # 2^27 + 1 splits a float in two halves
     a1, b1 = big_a - (big_a - a), big_b - (big_b - b)

@@ -39,6 +39,18 @@ def follower(theta: float, chord: float) -> float:
     return theta + step(theta, chord, first_guess(theta, chord), 1e-8)[0]
 
 
+def follower_range(low: float, high: float, chord: float) -> tuple[float, float]:
+    """Return the least and greatest polar angle of the next handle while one moves between ``low`` and ``high``.
+
+    Where it turned back on the way the least is there. At a lock itself, where rounding may leave it no place, it is
+    not the greatest.
+    """
+    turning = follower_turns(lock_angle(chord), high, chord)
+    places = [low, high, turning] if low < turning < high else [low, high]
+    found = [angle for angle in (follower(place, chord) for place in places) if angle < inf]
+    return min(found), max(found)
+
+
 def follower_turns(low: float, high: float, chord: float) -> float:
     """Return the head angle where the follower stops coming in (link across the tangent's foot); ``low`` if nowhere."""
     def comes_in(theta: float) -> bool:

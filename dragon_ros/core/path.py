@@ -2,9 +2,12 @@
 
 Places on the track are polar angles, counted from the centre outwards, so they grow from the head to the tail.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from math import asinh, pi, sqrt
+from math import asinh, cos, pi, sin, sqrt
+from math import log as log_of
+from typing import Any
 
 import numpy as np
 
@@ -13,6 +16,8 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import TrackEndError
 from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats
+
+_TINY = 1e-300
 
 
 @dataclass(frozen=True)
@@ -55,17 +60,31 @@ class Spiral:
                                 f'{self.length_m:.9g} m', distance_m=distance_m, limit_m=self.length_m)
         if distance_m == 0:
             return self.start
-        turned = self._turned(distance_m / self.b_m)
-        missing = self._missing(turned, distance_m, distance_lo_m) / sqrt(1 + (self.start.hi - turned) ** 2)
-        return Angle(*plus(*plus(*self.start, -turned), -missing))
+        return Angle(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
-    def _missing(self, turned: float, distance_m: float, distance_lo_m: float) -> float:
+    def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
+        """Return ``inward`` of many distances at once as (hi, lo), to the last digits and not bit for bit."""
+        arc = distance_m / self.b_m
+        easy = _is_smooth(self.start.hi, arc)
+        if not np.all(easy):
+            places = np.array([self.inward(*pair) for pair in zip(distance_m.tolist(), distance_lo_m.tolist(),
+                                                                  strict=True)])
+            return places[:, 0], places[:, 1]
+        return self._corrected(_almost_turned(self.start.hi, arc), distance_m, distance_lo_m)
+
+    def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any) -> tuple[Any, Any]:
+        """Return the place after an angle turned that is right to 1e-9, made right to the last digit."""
+        root = _functions(turned)[0]
+        missing = self._missing(turned, distance_m, distance_lo_m) / root(1 + (self.start.hi - turned) ** 2)
+        return plus(*plus(*self.start, -turned), -missing)
+
+    def _missing(self, turned: Any, distance_m: Any, distance_lo_m: Any) -> Any:
         """Return the arc, in units of b, that ``turned`` falls short of the distance.
 
         2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need many digits.
         """
-        theta, inner = self.start.hi, self.start.hi - turned
-        rest = theta / (theta + sqrt(1 + theta * theta)) - inner / (inner + sqrt(1 + inner * inner))
+        theta, inner, root = self.start.hi, self.start.hi - turned, _functions(turned)[0]
+        rest = theta / (theta + sqrt(1 + theta * theta)) - inner / (inner + root(1 + inner * inner))
         both, both_lo = plus(2 * theta, 2 * self.start.lo, -turned)
         squares, squares_lo = product(turned, both)
         squares_lo += turned * both_lo + rest + _asinh_between(theta, turned)
@@ -74,15 +93,17 @@ class Spiral:
         wanted = scaled / self.pitch_m
         back, back_lo = product(wanted, self.pitch_m)
         wanted_lo = ((scaled - back) - back_lo + scaled_lo) / self.pitch_m
-        return float((wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo))
+        return (wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo)
 
     def distance_to(self, theta: float) -> float:
         """Return the arc length from the start inwards to polar angle ``theta``, in metres."""
-        return self.b_m * arc_between(self.start.hi, self.start.hi - theta)
+        return float(self.b_m * arc_between(self.start.hi, self.start.hi - theta))
 
     def _turned(self, arc: float) -> float:
         """Return the angle between the start and the place ``arc`` (in units of b) further in."""
         theta = self.start.hi
+        if _is_smooth(theta, arc):
+            return float(_almost_turned(theta, arc))
         squared = theta * theta - 2 * arc
         guess = 2 * arc / (theta + sqrt(max(squared, 0.0))) if arc else 0.0
         low, high = (0.0, theta) if arc >= 0 else (-2 * sqrt(-2 * arc) - 1.0, 0.0)
@@ -93,22 +114,53 @@ class Spiral:
         return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
 
 
-def arc_between(theta: float, turned: float) -> float:
+def _functions(x: Any) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
+    """Return square root and asinh for a float or for an array."""
+    return (np.sqrt, np.arcsinh) if isinstance(x, np.ndarray) else (sqrt, asinh)
+
+
+def _is_smooth(theta: float, arc: Any) -> Any:
+    """Say where ``_almost_turned`` is right to 1e-9: start and end some turns away from the centre."""
+    return (theta > 10) & (theta * theta - 2 * arc > 100)
+
+
+def _almost_turned(theta: float, arc: Any) -> Any:
+    """Return about the angle turned over an arc (in units of b): one Newton step from theta^2 + log theta = 2 S + c."""
+    root, _ = _functions(arc)
+    inner = root(theta * theta - 2 * arc)
+    log = (np.log if isinstance(arc, np.ndarray) else log_of)(theta / inner)
+    turned = (2 * arc - log) / (theta + root(inner * inner + log))
+    return turned - (arc_between(theta, turned) - arc) / root(1 + (theta - turned) ** 2)
+
+
+def arc_between(theta: float, turned: Any) -> Any:
     """Return the arc length from theta - turned to theta in units of b, without cancellation.
 
     Each difference of the closed form is written as ``turned`` times a positive factor.
     """
-    inner = theta - turned
-    w_outer, w_inner = sqrt(1 + theta * theta), sqrt(1 + inner * inner)
+    inner, root = theta - turned, _functions(turned)[0]
+    w_outer, w_inner = sqrt(1 + theta * theta), root(1 + inner * inner)
     along = turned * w_outer + inner * turned * (theta + inner) / (w_outer + w_inner)
     return 0.5 * (along + _asinh_between(theta, turned))
 
 
-def _asinh_between(theta: float, turned: float) -> float:
+def _asinh_between(theta: float, turned: Any) -> Any:
     """Return asinh(theta) - asinh(theta - turned)."""
-    inner = theta - turned
-    product = theta * sqrt(1 + inner * inner) + inner * sqrt(1 + theta * theta)
-    return asinh(turned * (theta + inner) / product) if product else 0.0
+    inner, (root, asinh_of) = theta - turned, _functions(turned)
+    product = theta * root(1 + inner * inner) + inner * sqrt(1 + theta * theta)
+    return asinh_of(turned * (theta + inner) / (product + _TINY))
+
+
+def point(b_m: float, theta: float, theta_lo: float) -> tuple[float, float]:
+    """Return one place in metres (see ``points``)."""
+    c, s, radius = cos(theta), sin(theta), b_m * theta
+    return radius * (c - theta_lo * s), radius * (s + theta_lo * c)
+
+
+def tangent(theta: float) -> tuple[float, float]:
+    """Return the unit tangent at one place, outwards."""
+    c, s, w = cos(theta), sin(theta), sqrt(1 + theta * theta)
+    return (c - theta * s) / w, (s + theta * c) / w
 
 
 def points(b_m: float, theta: Floats, theta_lo: Floats) -> Floats:

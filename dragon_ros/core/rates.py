@@ -3,6 +3,7 @@
 alpha and beta are the angles between a link and the track's tangents at its two handles. With the link seen in the
 polar frame of either handle both cosines are sums of like terms, so nothing cancels and coordinates do not matter.
 """
+from math import cos, sin, sqrt
 from typing import TYPE_CHECKING
 
 import numpy as np
@@ -24,6 +25,20 @@ def along_track(theta: Floats, delta: Floats) -> tuple[Floats, Floats]:
     front = delta * (1 - 2 * s * s) - across * s + turn
     back = delta + across * s + turn
     return front / w_inner, back / w_outer
+
+
+def speed_ratio(theta: float, delta: float) -> float:
+    """Return the speed of the handle behind one at polar angle ``theta``, for each of its own, across a link."""
+    s, c = sin(0.5 * delta), cos(0.5 * delta)
+    across, outer = 2 * theta * s, theta + delta
+    front, back = delta * (1 - 2 * s * s) - across * s + across * outer * c, delta + across * (s + outer * c)
+    return front / back * sqrt((1 + outer * outer) / (1 + theta * theta))
+
+
+def speed_ratios(theta: Floats, delta: Floats) -> Floats:
+    """Return ``speed_ratio`` of many links."""
+    cos_alpha, cos_beta = along_track(np.stack((theta, theta + delta), axis=-1), delta[..., None])
+    return (cos_alpha / cos_beta)[..., 0]
 
 
 def speeds(chain: 'SpiralChain', head_speed_m_s: float | Floats) -> Floats:

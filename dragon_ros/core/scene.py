@@ -2,7 +2,7 @@
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import cached_property
-from math import ceil, floor, hypot, sqrt
+from math import ceil, floor, hypot, inf, sqrt
 
 import numpy as np
 
@@ -11,13 +11,18 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.head import Head
-from dragon_ros.core.lock import head_lock_angle
+from dragon_ros.core.lock import follower_range, head_lock_angle
 from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.tiers import Tier, tier_for
+from dragon_ros.core.table import ShiftTable
+from dragon_ros.core.table_rows import table_for
+from dragon_ros.core.tiers import PAPER, Tier, tier_for
+from dragon_ros.core.types import Floats
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
+SOLVERS = ('table', 'march')
+_FEWEST = 8                # benches, below which marching is faster than the table
 
 
 @dataclass(frozen=True)
@@ -74,9 +79,12 @@ class Scene:
     run: Run = field(default_factory=Run)
     accuracy: str | float = 'exact'
     effects: Effect = Effect.VELOCITY | Effect.BENCHES
+    solver: str = 'table'
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that no tier keeps."""
+        """Refuse an accuracy that no tier keeps, and a solver that there is not."""
+        if self.solver not in SOLVERS:
+            raise FieldError('solver', self.solver, f'the solvers are {", ".join(SOLVERS)}', 'name one of these')
         tier_for(self.accuracy, self.size_m)
 
     @cached_property
@@ -105,6 +113,27 @@ class Scene:
     def effort(self) -> Effort:
         """The work on each link that keeps the promise."""
         return self.tier.effort(self.size_m, self.length_m)
+
+    @cached_property
+    def table(self) -> ShiftTable | None:
+        """The shift table, built when it is first asked for; None where handle after handle is marched.
+
+        It reaches from the model's end to the start where it can, so that runs on one track share their bits, else
+        over the places of this run.
+        """
+        links = self.dragon.link_lengths_m
+        if self.solver == 'march' or self.tier is PAPER or links.size < _FEWEST or not links[0] * links[1]:
+            return None
+        whole = (0.0, self.end.t_s if self.limit is None else self.limit.t_s)
+        tables = (table_for(self.track, links, self._second_handle(*times), self.effort.newton,
+                            self.tier.series_m(self.size_m)) for times in (whole, (self.run.start_s, self.end.t_s)))
+        return next((table for table in tables if table), None)
+
+    def _second_handle(self, first_s: float, last_s: float) -> tuple[float, float]:
+        """Return the least and greatest polar angle of the second handle between two times."""
+        low, high = sorted(self.track.inward(min(self.head.travelled_m(t_s)[0], self.track.length_m)).hi
+                           for t_s in (first_s, last_s))
+        return follower_range(low, high, float(self.dragon.link_lengths_m[0] / self.track.b_m))
 
     @cached_property
     def limit(self) -> End | None:
@@ -148,6 +177,12 @@ class Scene:
         number('t_s', t_s, low=0.0)
         if self.limit is not None and t_s > self.limit.t_s:
             raise self.beyond(t_s)
+
+    def check_times(self, times_s: Floats) -> None:
+        """Raise as ``check_time`` does for the first of many times without a state."""
+        last = inf if self.limit is None else self.limit.t_s
+        for t_s in times_s[~((times_s >= 0) & (times_s <= last) & np.isfinite(times_s))][:1].tolist():
+            self.check_time(t_s)
 
     def beyond(self, t_s: float) -> ModelEnd:
         """Return the error for a time after the model's end."""

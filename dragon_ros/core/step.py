@@ -45,7 +45,8 @@ def state(scene: Scene, t_s: float) -> Chain:
     if scene.tier is PAPER:
         return _as_printed(scene, t_s)
     head = scene.track.inward(*scene.head.travelled_m(t_s))
-    return place(scene.track, scene.dragon.link_lengths_m, head, scene.effort)
+    chain = scene.table.place(head) if scene.table else None
+    return chain or place(scene.track, scene.dragon.link_lengths_m, head, scene.effort)
 
 
 def velocity_of(scene: Scene, chain: Chain) -> Floats:
@@ -65,10 +66,10 @@ def states(scene: Scene, times_s: Sequence[float]) -> Chain:
     """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
     if scene.tier is PAPER:
         return stack([_as_printed(scene, t_s) for t_s in times_s])
-    for t_s in times_s:
-        scene.check_time(t_s)
-    heads = np.array([scene.track.inward(*scene.head.travelled_m(t_s)) for t_s in times_s]).reshape(-1, 2)
-    return place_many(scene.track, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], scene.effort)
+    scene.check_times(np.asarray(times_s, dtype=np.float64))
+    heads = scene.track.inward_many(*scene.head.travelled_m(np.asarray(times_s, dtype=np.float64)))
+    chains = scene.table.place_many(*heads) if scene.table else None
+    return chains or place_many(scene.track, scene.dragon.link_lengths_m, *heads, scene.effort)
 
 
 def _as_printed(scene: Scene, t_s: float) -> SpiralChain:

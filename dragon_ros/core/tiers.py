@@ -33,11 +33,17 @@ class Tier:
         A Newton step e of a link leaves an error of e^2 / 2 of its length, an unchecked prediction one of about the
         last correction; all errors may add up along the chain. A quarter of the promise is spent on the former.
         """
-        promise_m = self.promise_for_m(size_m)
-        if self is EXACT:
-            promise_m = min(promise_m, best_m(_FLOAT_SIZE_M) * size_m / _FLOAT_SIZE_M)     # as exact in the small
-        share = promise_m / max(length_m, 1e-300)
+        share = self._scaled_m(size_m) / max(length_m, 1e-300)
         return Effort(min(sqrt(0.5 * share), 0.01), min(share, 1e-3) if self is not EXACT else 0.0)
+
+    def series_m(self, size_m: float) -> float:
+        """Return where the series of a shift table may end: at a tenth of the promise, or where floats do."""
+        return self._scaled_m(size_m) * (0.01 if self is EXACT else 0.1)
+
+    def _scaled_m(self, size_m: float) -> float:
+        """Return the promise; the exact tier is as exact in the small."""
+        promise_m = self.promise_for_m(size_m)
+        return min(promise_m, best_m(_FLOAT_SIZE_M) * size_m / _FLOAT_SIZE_M) if self is EXACT else promise_m
 
 
 def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:

@@ -23,7 +23,7 @@ from dragon_ros.core.stretches import Stretch, bounds
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.tools import certificate
 
-CLASSIC = Scene()
+CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)
 EFFORT = EXACT.effort(20, 400)
 

@@ -12,7 +12,7 @@ from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 
-SCENE = Scene()
+SCENE = Scene(solver='march')
 B, P, V, THETA0 = SCENE.track.b_m, 0.55, 1.0, 32 * pi
 RHO0 = B * THETA0
 

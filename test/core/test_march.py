@@ -11,7 +11,7 @@ from dragon_ros.core.lock import follower, head_lock_angle, lock_angle
 from dragon_ros.core.march import Effort, chord_of, first_guess, first_peak, place, step
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.rates import speeds, velocities
+from dragon_ros.core.rates import speeds
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states
 
@@ -121,13 +121,13 @@ def test_one_chain_and_many_agree_wherever_there_is_one(pitch, start, head, body
 
 
 def test_speed_of_handle_1_at_the_start_is_what_the_recipe_says():
-    assert speeds(state(CLASSIC, 0.0), 1.0)[1] == pytest.approx(0.999971038, abs=1e-9)
+    assert np.hypot(*state(CLASSIC, 0.0).velocities(1.0)[1]) == pytest.approx(0.999971038, abs=1e-9)
 
 
 @pytest.mark.parametrize('t_s', [0.0, 300.0, 412.0, 432.9])
 def test_velocities_keep_every_link_rigid(t_s):
     chain = state(CLASSIC, t_s)
-    v, axis = velocities(chain, 1.0), np.diff(chain.p, axis=0)
+    v, axis = chain.velocities(1.0), np.diff(chain.p, axis=0)
     stretching = np.sum(np.diff(v, axis=0) * axis, axis=1)
     assert np.max(np.abs(stretching)) < 1e-12 * float(np.max(np.abs(v)))
 
@@ -136,12 +136,12 @@ def test_velocities_keep_every_link_rigid(t_s):
 def test_velocities_are_the_rate_of_the_positions(t_s):
     h = 1e-4
     slope = (state(CLASSIC, t_s + h).p - state(CLASSIC, t_s - h).p) / (2 * h)
-    np.testing.assert_allclose(velocities(state(CLASSIC, t_s), 1.0), slope, atol=1e-7)
+    np.testing.assert_allclose(state(CLASSIC, t_s).velocities(1.0), slope, atol=1e-7)
 
 
 def test_a_head_that_moves_out_moves_every_handle_back():
     chain = state(CLASSIC, 100.0)
-    np.testing.assert_array_equal(velocities(chain, -1.0), -velocities(chain, 1.0))
+    np.testing.assert_array_equal(chain.velocities(-1.0), -chain.velocities(1.0))
 
 
 @pytest.mark.parametrize(('field', 'value'), [
