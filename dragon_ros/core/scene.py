@@ -6,7 +6,7 @@ from math import ceil, floor, hypot, sqrt
 
 import numpy as np
 
-from dragon_ros.core.checks import number
+from dragon_ros.core.checks import choice, number
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
@@ -18,6 +18,7 @@ from dragon_ros.core.tiers import Tier, tier_for
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
+MARKERS = ('cubes', 'triangles')
 
 
 @dataclass(frozen=True)
@@ -66,7 +67,10 @@ class End:
 
 @dataclass(frozen=True)
 class Scene:
-    """A dragon on a track, led by its head, at an accuracy, with effects, for a run."""
+    """A dragon on a track, led by its head, at an accuracy, with effects, for a run.
+
+    ``markers`` is how benches are shown: 'cubes', one each, or 'triangles', all in one list.
+    """
 
     dragon: Dragon = field(default_factory=Dragon)
     track: Spiral = field(default_factory=Spiral)
@@ -74,9 +78,11 @@ class Scene:
     run: Run = field(default_factory=Run)
     accuracy: str | float = 'exact'
     effects: Effect = Effect.VELOCITY | Effect.BENCHES
+    markers: str = 'cubes'
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that no tier keeps."""
+        """Refuse an accuracy that no tier keeps, and markers that nobody draws."""
+        choice('markers', self.markers, MARKERS)
         tier_for(self.accuracy, self.size_m)
 
     @cached_property

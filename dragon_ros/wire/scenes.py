@@ -16,7 +16,7 @@ from dragon_ros.wire import config
 from dragon_ros.wire.documents import Document, parse_document, read_document
 
 SECTIONS: dict[str, type] = {'dragon': Dragon, 'track': Spiral, 'head': Head, 'run': Run}
-SINGLES = ('accuracy', 'effects')
+SINGLES = ('accuracy', 'effects', 'markers')
 
 
 def scene_names() -> list[str]:
@@ -45,6 +45,8 @@ def scene_of(document: Document) -> Scene:
             parts['effects'] = effects_of(_names(document, 'effects', values['effects']))
         if 'accuracy' in values:
             parts['accuracy'] = _number(values['accuracy'])
+        if 'markers' in values:
+            parts['markers'] = values['markers']
         return Scene(**parts)
     except FieldError as error:
         raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
@@ -55,7 +57,7 @@ def scene_values(scene: Scene) -> dict[str, Any]:
     values: dict[str, Any] = {name: {f.name: getattr(getattr(scene, name), f.name) for f in fields(kind)}
                               for name, kind in SECTIONS.items()}
     values['track'] = {'kind': 'spiral', **values['track']}
-    return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names}
+    return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names, 'markers': scene.markers}
 
 
 def _find(name_or_file: str) -> Path:
