@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.watch import NEAR_M, NS, Report, Watch
@@ -16,6 +16,7 @@ from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import qos, shell
 from dragon_ros.nodes.params import Parameter, declare
 from dragon_ros.wire import cli
+from dragon_ros.wire.cdr import float64_of
 from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.pairing import Pairing
@@ -89,7 +90,7 @@ class Monitor(Node):
         active = self._last is not None and self._last.count > 0
         self._last = report
         if self._out['clearance'].get_subscription_count():
-            self._out['clearance'].publish(Float64(data=report.clearance_m))
+            self._out['clearance'].publish(float64_of(report.clearance_m))
         if message := messages.collision_of(report):
             self._out['collision'].publish(message)
             self._log(message)

@@ -5,16 +5,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.types import Floats
-from dragon_ros.wire.cdr import Writer, half_turns, stamp_of, strided
+from dragon_ros.core.types import Array, Floats
+from dragon_ros.wire.cdr import Writer, half_turns, plane, stamp_of, strided
 
 CUBE, LINE_LIST, TRIANGLE_LIST = 1, 5, 11
 BENCH_HEIGHT_M = 0.1
 BENCH, EDGES = 'bench', 'bench edges'       # namespaces of the markers
 _EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges stand a little above the faces
 _HEAD, _BODY, _BLACK = (0.84, 0.37, 0.0, 1.0), (0.0, 0.45, 0.70, 1.0), (0.0, 0.0, 0.0, 1.0)     # Okabe-Ito
-_FACE = np.array([0, 1, 2, 0, 2, 3])        # corners of the two triangles of a bench, counterclockwise
-_EDGE = np.array([0, 1, 1, 2, 2, 3, 3, 0])
+_FACES, _EDGES = (0, 1, 2, 0, 2, 3), (0, 1, 1, 2, 2, 3, 3, 0)      # corners of the triangles and lines of a bench
 Colour = tuple[float, float, float, float]
 
 
@@ -79,20 +78,21 @@ class CubesTemplate:
         stride = places[1].stamp - places[0].stamp if len(places) > 1 else len(self._data)
         assert all(after.stamp - before.stamp == stride for before, after in pairwise(places))
         self._stamp = strided(self._data, '<u4', places[0].stamp, stride, len(places), 2)
-        self._pose = strided(self._data, '<f8', places[0].pose, stride, len(places), 7)
+        self._place = strided(self._data, '<c16', places[0].pose, stride, len(places), 1)[:, 0]
+        self._turn = strided(self._data, '<c16', places[0].pose + 40, stride, len(places), 1)[:, 0]
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
         """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
         self._stamp[:] = stamp_of(t_ns)
-        self._pose[:, :2] = centre
-        self._pose[:, 5:] = half_turns(axis)
+        self._place[:] = plane(centre)
+        self._turn[:] = plane(half_turns(axis))
         return bytes(self._data)
 
 
 class TrianglesTemplate:
     """visualization_msgs/MarkerArray with the tops of all benches as one TRIANGLE_LIST and one LINE_LIST of edges.
 
-    The two triangles of a bench share the diagonal from its front left corner to its rear right one.
+    Corners are numbered counterclockwise from the front left one.
     """
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
@@ -105,20 +105,22 @@ class TrianglesTemplate:
         edges = put_marker(writer, Look(EDGES, 0, LINE_LIST, (_EDGE_WIDTH_M, 0.0, 0.0), _BLACK, 8 * benches), frame_id)
         self._data = writer.finish()
         self._stamps = [np.frombuffer(self._data, '<u4', 2, marker.stamp) for marker in (faces, edges)]
-        self._faces = np.frombuffer(self._data, '<f8', 18 * benches, faces.points).reshape(benches, 6, 3)
-        self._edges = np.frombuffer(self._data, '<f8', 24 * benches, edges.points).reshape(benches, 8, 3)
-        self._faces[..., 2] = 0.5 * BENCH_HEIGHT_M
-        self._edges[..., 2] = 0.5 * BENCH_HEIGHT_M + _ABOVE_M
-        self._half = 0.5 * np.stack((lengths_m, np.full(benches, width_m)))[..., None]
+        self._half_length, self._half_width = 0.5 * lengths_m, 0.5 * width_m
+        self._points: list[list[Array]] = [[], [], [], []]      # of each corner, where it is among the points
+        for start, corners, z_m in ((faces.points, _FACES, 0.0), (edges.points, _EDGES, _ABOVE_M)):
+            each = 24 * len(corners)
+            for n, corner in enumerate(corners):
+                strided(self._data, '<f8', start + 24 * n + 16, each, benches, 1)[:] = 0.5 * BENCH_HEIGHT_M + z_m
+                self._points[corner].append(strided(self._data, '<c16', start + 24 * n, each, benches, 1)[:, 0])
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
         """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
         for stamp in self._stamps:
             stamp[:] = stamp_of(t_ns)
-        along, side = self._half * axis
-        side = np.stack((-side[:, 1], side[:, 0]), axis=1)
-        front, rear = centre + along, centre - along
-        corners = np.stack((front + side, rear + side, rear - side, front - side), axis=1)
-        self._faces[..., :2] = corners[:, _FACE]
-        self._edges[..., :2] = corners[:, _EDGE]
+        middle, forward = plane(centre), plane(axis)
+        along, side = self._half_length * forward, 1j * self._half_width * forward
+        front, rear = middle + along, middle - along
+        for points, corner in zip(self._points, (front + side, rear + side, rear - side, front - side), strict=True):
+            for point in points:
+                point[:] = corner
         return bytes(self._data)

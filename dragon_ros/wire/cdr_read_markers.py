@@ -87,13 +87,18 @@ def _alike(reader: Reader, layout: Layout, stride: int, most: int) -> int:
         return 1
     columns = (np.array(layout.lengths) - layout.start) // 4
     marks = strided(reader.data, 'u4', layout.start, stride, most, int(columns[-1]) + 1)[:, columns]
-    same = np.all(marks == marks[0], axis=1)
+    most = _equal(marks)
     for name in ('header.frame_id', 'ns'):
         at = layout.at[name]
         length = struct.unpack_from(f'{reader.order}I', reader.data, at)[0]
-        text = strided(reader.data, 'u1', at + 4, stride, most, length)
-        same &= np.all(text == text[0], axis=1)
-    return most if np.all(same) else int(np.argmin(same))
+        most = _equal(strided(reader.data, 'u1', at + 4, stride, most, length))
+    return most
+
+
+def _equal(rows: Array) -> int:
+    """Return how many rows equal the first one before one differs."""
+    same = rows == rows[0]
+    return len(rows) if same.all() else int(np.argmin(same.all(axis=1)))
 
 
 def _text(reader: Reader, at: int) -> str:

@@ -111,18 +111,20 @@ def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
     if len(points) % 6:
         raise MessageError(f'benches: {len(points)} points; expected six for each bench, those of two triangles')
     _counted(len(points) // 6, len(handles_m))
-    corner, start, end = _from_right_angle(points.reshape(-1, 2, 3, 2))
-    sides = np.stack((start[:, 0], end[:, 0]), axis=1) - corner[:, :1]
+    first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
+    if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
+        start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]     # as we cut and wind them
+    else:
+        start, corner, end, far = _around(first, second)
+    sides = np.stack((start - corner, end - corner), axis=1)
     length = _norm(sides)
-    size = np.sum(length, axis=1)
-    swapped = _norm(start[:, 0] - end[:, 1]) + _norm(end[:, 0] - start[:, 1])
-    straight = _norm(start[:, 0] - start[:, 1]) + _norm(end[:, 0] - end[:, 1])
-    off = _norm(start[:, 0] + end[:, 0] - corner[:, 0] - corner[:, 1]) + np.minimum(straight, swapped)
-    skew = np.abs(np.sum(sides[:, 0] * sides[:, 1], axis=1))
-    good = (off <= _SKEW * size) & (skew <= _SKEW * size * size) & (np.min(length, axis=1) > 0)
-    if not np.all(good):
-        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmin(good))} are no rectangle')
-    return _facing(0.5 * (start[:, 0] + end[:, 0]), sides / length[..., None], 0.5 * length, handles_m)
+    size = length[:, 0] + length[:, 1]
+    skew = np.abs(sides[:, 0, 0] * sides[:, 1, 0] + sides[:, 0, 1] * sides[:, 1, 1])
+    bent = _norm(start + end - corner - far) > _SKEW * size
+    bad = bent | (skew > _SKEW * size * size) | (length[:, 0] <= 0) | (length[:, 1] <= 0)
+    if bad.any():
+        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are no rectangle')
+    return _facing(0.5 * (start + end), sides / length[..., None], 0.5 * length, handles_m)
 
 
 def _norm(vectors: Floats) -> Floats:
@@ -130,11 +132,21 @@ def _norm(vectors: Floats) -> Floats:
     return out
 
 
+def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the corners (N, 2), one way round, of pairs of triangles (N, 3, 2) that meet in their longest sides.
+
+    Where they do not meet, the last corner is moved by as much as they miss each other.
+    """
+    (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
+    apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
+    return start, corner, end, far + apart[:, None]
+
+
 def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return of triangles (..., 3, 2) the corner opposite the longest side, and that side's ends."""
-    opposite = _norm(np.roll(triangles, -1, axis=-2) - np.roll(triangles, 1, axis=-2))
-    turn = (np.argmax(opposite, axis=-1)[..., None] + np.arange(3)) % 3
-    corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=-2), -2, 0)
+    """Return of triangles (N, 3, 2) the corner opposite the longest side, and that side's ends."""
+    opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
+    turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
+    corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
     return corner, start, end
 
 
@@ -144,11 +156,13 @@ def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> B
     Where the two handles of a bench coincide it is the longer side.
     """
     link = handles_m[:-1] - handles_m[1:]
-    along = np.sum(sides * link[:, None], axis=2)
-    joined = np.all(link == 0, axis=1)
-    which, rows = np.argmax(np.where(joined[:, None], half, np.abs(along)), axis=1), np.arange(len(centre))
-    forward = np.where(along[rows, which] < 0, -1.0, 1.0)
-    return Benches(centre, sides[rows, which] * forward[:, None], half[rows, which], half[rows, 1 - which])
+    along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]
+    joined = ~link.any(axis=1, keepdims=True)
+    second = np.greater(*np.where(joined, half, np.abs(along)).T[::-1])[:, None]
+    axis = np.where(second, sides[:, 1], sides[:, 0])
+    axis = np.where(np.where(second, along[:, 1:], along[:, :1]) < 0, -axis, axis)
+    half_length, half_width = np.where(second, half[:, ::-1], half).T
+    return Benches(centre, axis, half_length, half_width)
 
 
 def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
@@ -160,7 +174,8 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
         raise MessageError('benches: pose or scale: the list of triangles has no orientation or no size')
     turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
                      [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)]])
-    out: Floats = pose[:2] + (points * scale) @ turn.T
+    plain = w == 1 and bool(np.all(scale == 1))
+    out: Floats = pose[:2] + (points[:, :2] if plain else (points * scale) @ turn.T)
     return out
 
 
