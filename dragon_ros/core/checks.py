@@ -29,5 +29,12 @@ def whole(field: str, value: Any, *, low: int, high: int) -> int:
     return int(value)
 
 
+def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:
+    """Return the value if it is one of the choices, else raise FieldError."""
+    if value not in choices:
+        raise FieldError(field, value, f'the choices are {", ".join(choices)}', 'give one of these')
+    return str(value)
+
+
 def _kind(value: Any) -> str:
     return 'empty' if value is None else f'a {type(value).__name__}'

@@ -6,7 +6,7 @@ from math import ceil, floor, hypot, inf, sqrt
 
 import numpy as np
 
-from dragon_ros.core.checks import number
+from dragon_ros.core.checks import choice, number
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
@@ -23,6 +23,7 @@ NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
 SOLVERS = ('table', 'march')
 _FEWEST = 8                # benches, below which marching is faster than the table
+MARKERS = ('cubes', 'triangles')
 
 
 @dataclass(frozen=True)
@@ -71,7 +72,10 @@ class End:
 
 @dataclass(frozen=True)
 class Scene:
-    """A dragon on a track, led by its head, at an accuracy, with effects, for a run."""
+    """A dragon on a track, led by its head, at an accuracy, with effects, for a run.
+
+    ``markers`` is how benches are shown: 'cubes', one each, or 'triangles', all in one list.
+    """
 
     dragon: Dragon = field(default_factory=Dragon)
     track: Spiral = field(default_factory=Spiral)
@@ -80,11 +84,12 @@ class Scene:
     accuracy: str | float = 'exact'
     effects: Effect = Effect.VELOCITY | Effect.BENCHES
     solver: str = 'table'
+    markers: str = 'cubes'
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that no tier keeps, and a solver that there is not."""
-        if self.solver not in SOLVERS:
-            raise FieldError('solver', self.solver, f'the solvers are {", ".join(SOLVERS)}', 'name one of these')
+        """Refuse an accuracy that no tier keeps, a solver that there is not, and markers that nobody draws."""
+        choice('solver', self.solver, SOLVERS)
+        choice('markers', self.markers, MARKERS)
         tier_for(self.accuracy, self.size_m)
 
     @cached_property

@@ -23,8 +23,9 @@ from dragon_ros.cost.reference import truth
 
 _TICK_S = 1.0           # a tick of the classic table, for solvers that integrate
 _EULER_S = (1.0, 0.1, 0.01)
-_BATCH = 'exact, in batches'
-_LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine': ('left', 7, -11), 'Euler 0.01 s': ('right', -7, -3)}
+_BATCH, _MARCHED = 'exact, in batches', ', marched'
+_LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3),
+           'fine, marched': ('left', 7, -11), 'Euler 0.01 s': ('right', -7, -3)}
 _WRONG_M = 0.01         # a solver without a promise is marked from here
 
 
@@ -63,7 +64,9 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
     for problem in problems():
         for tier in TIERS:
             if tier != 'paper' or problem.name == 'classic':
-                yield lambda problem=problem, tier=tier: _tier_row(problem, tier, budget_s)
+                yield lambda problem=problem, tier=tier: _tier_row(problem, tier, 'table', budget_s)
+            if tier != 'paper' and problem.scene.table:
+                yield lambda problem=problem, tier=tier: _tier_row(problem, tier, 'march', budget_s)
         if problem.name != 'long':
             for name in SOLVERS:
                 yield lambda problem=problem, name=name: _baseline_row(problem, name, budget_s)
@@ -73,11 +76,13 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
                 yield lambda problem=problem, step_s=step_s: _euler_row(problem, step_s)
 
 
-def _tier_row(problem: Problem, tier: str, budget_s: float) -> Row:
+def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
+    """A tier by the default solver, or by the march where the default is the table."""
+    name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
-        scene = replace(problem.scene, accuracy=tier)
+        scene = replace(problem.scene, accuracy=tier, solver=solver)
     except FieldError:
-        return Row(problem.name, tier, np.inf, None, None, 'refused: floats cannot keep it')
+        return Row(problem.name, name, np.inf, None, None, 'refused: floats cannot keep it')
     times = [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
     error, worst = 0.0, 1.0
     for number, t_s in enumerate(problem.times_s):
@@ -85,11 +90,11 @@ def _tier_row(problem: Problem, tier: str, budget_s: float) -> Row:
             chain = state(scene, t_s)
             error = max(error, float(np.max(truth(problem).distance(number, chain.p[list(problem.handles)]))))
             worst = max(worst, conditioning(chain))
-    note = f'conditioning {worst:.1e}' if worst > 2 else ''
+    note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
     promise = None if scene.tier is PAPER else position_promise_m(scene.tier, scene.size_m, worst)
     both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s)), times, budget_s)
     alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
-    return Row(problem.name, tier, error, promise, alone, note, both)
+    return Row(problem.name, name, error, promise, alone, note, both)
 
 
 def _batch_row(problem: Problem, budget_s: float) -> Row:
@@ -191,7 +196,7 @@ def picture(rows: list[Row]) -> Figure:
     mine = [row for row in rows if row.problem == 'classic' and row.timing and np.isfinite(row.error_m)]
     for row in mine:
         assert row.timing is not None
-        own = row.solver in (*TIERS, _BATCH)
+        own = row.solver.partition(',')[0] in TIERS
         side, x, y = _LABELS.get(row.solver, ('left', 7, 4))
         colour = '#0072B2' if own else '#D55E00' if row.verdict == 'WRONG' else '#E69F00'
         classic.loglog(row.timing.median_s * 1e6, row.error_m, 'o' if own else 's', markersize=8, color=colour)

@@ -9,7 +9,8 @@ from visualization_msgs.msg import Marker, MarkerArray
 
 from dragon_ros.core.contact import witness
 from dragon_ros.core.watch import NS, EpisodeEnd, Event, Report, Sight
-from dragon_ros.wire.cdr import BENCH_HEIGHT_M, half_turns, stamp_of
+from dragon_ros.wire.cdr import half_turns, stamp_of
+from dragon_ros.wire.cdr_markers import BENCH_HEIGHT_M
 
 _RED = ColorRGBA(r=0.9, g=0.05, b=0.05, a=1.0)
 _BLACK = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)

@@ -8,7 +8,7 @@ from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.clock import Clock, ClockType
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
-from std_msgs.msg import Bool, Float64
+from std_msgs.msg import Bool
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.watch import NEAR_M, NS, Report, Watch
@@ -16,10 +16,11 @@ from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import qos, shell
 from dragon_ros.nodes.params import Parameter, declare
 from dragon_ros.wire import cli
-from dragon_ros.wire.cdr_read import Markers, Poses
+from dragon_ros.wire.cdr import float64_of
+from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.pairing import Pairing
-from dragon_ros.wire.sights import check_handles, read_benches, sight_of
+from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
 
 _PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
 _TELL_S = 1.0           # /diagnostics comes so often, in wall time
@@ -55,7 +56,7 @@ class Monitor(Node):
         self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data), time.monotonic())))
 
     def _on_benches(self, data: bytes) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_benches(*read_benches(data), time.monotonic())))
+        self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
         """Give up messages whose partner does not come, and tell the health."""
@@ -75,7 +76,7 @@ class Monitor(Node):
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
             self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} came with that stamp')
 
-    def _look(self, pair: tuple[Poses, Markers] | None) -> None:
+    def _look(self, pair: tuple[Poses, Shown] | None) -> None:
         self._tell_unmatched()
         for report in self._watch.look(sight_of(*pair)) if pair else []:
             self._report(report)
@@ -89,7 +90,7 @@ class Monitor(Node):
         active = self._last is not None and self._last.count > 0
         self._last = report
         if self._out['clearance'].get_subscription_count():
-            self._out['clearance'].publish(Float64(data=report.clearance_m))
+            self._out['clearance'].publish(float64_of(report.clearance_m))
         if message := messages.collision_of(report):
             self._out['collision'].publish(message)
             self._log(message)

@@ -4,7 +4,6 @@ The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every
 counted from the end of the 4-byte encapsulation header. Padding is zero.
 """
 import struct
-from itertools import pairwise
 
 import numpy as np
 
@@ -12,9 +11,6 @@ from dragon_ros.core.types import Array, Floats
 
 LITTLE = b'\x00\x01\x00\x00'
 NS = 10**9
-CUBE = 1
-BENCH_HEIGHT_M = 0.1
-_BENCH_COLOURS = ((0.84, 0.37, 0.0, 1.0), (0.0, 0.45, 0.70, 1.0))     # Okabe-Ito: vermilion head, blue body
 
 
 class Writer:
@@ -30,6 +26,12 @@ class Writer:
         self.data += bytes(-(len(self.data) - 4) % size)
         offset = len(self.data)
         self.data += struct.pack(f'<{len(values)}{kind}', *values)
+        return offset
+
+    def room(self, kind: str, count: int) -> int:
+        """Append ``count`` aligned zeros of one struct type and return the first one's offset."""
+        offset = self.put(kind) if count else len(self.data)
+        self.data += bytes(count * struct.calcsize(kind))
         return offset
 
     def text(self, text: str) -> None:
@@ -63,42 +65,18 @@ class PoseArrayTemplate:
         writer = Writer()
         stamp = writer.header(frame_id)
         writer.put('I', handles)
-        poses = writer.put('d', *([0.0] * (7 * handles)))
+        poses = writer.room('d', 7 * handles)
         self._data = writer.finish()
         self._stamp = np.frombuffer(self._data, '<u4', 2, stamp)
-        self._poses = np.frombuffer(self._data, '<f8', 7 * handles, poses).reshape(handles, 7)
+        self._place = strided(self._data, '<c16', poses, 56, handles, 1)[:, 0]
+        self._turn = strided(self._data, '<c16', poses + 40, 56, handles, 1)[:, 0]
 
     def encode(self, t_ns: int, p: Floats, axis: Floats) -> bytes:
         """Return the bytes for handles at ``p`` (N+1, 2) m and links along ``axis`` (N, 2)."""
         self._stamp[:] = stamp_of(t_ns)
-        self._poses[:, :2] = p
-        half = half_turns(axis)
-        self._poses[:-1, 5:] = half
-        self._poses[-1, 5:] = half[-1]
-        return bytes(self._data)
-
-
-class BenchMarkersTemplate:
-    """visualization_msgs/MarkerArray with one CUBE a bench; z = 0 is the middle of the benches."""
-
-    def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay the message out for benches of the given full lengths and width."""
-        writer = Writer()
-        writer.put('I', lengths_m.size)
-        places = [_bench_marker(writer, bench, length, width_m, frame_id)
-                  for bench, length in enumerate(lengths_m.tolist())]
-        self._data = writer.finish()
-        stride = places[1][0] - places[0][0] if len(places) > 1 else len(self._data)
-        assert all(after[0] - before[0] == stride for before, after in pairwise(places))
-        stamp, pose = places[0]
-        self._stamp = strided(self._data, '<u4', stamp, stride, len(places), 2)
-        self._pose = strided(self._data, '<f8', pose, stride, len(places), 7)
-
-    def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
-        """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
-        self._stamp[:] = stamp_of(t_ns)
-        self._pose[:, :2] = centre
-        self._pose[:, 5:] = half_turns(axis)
+        self._place[:] = plane(p)
+        self._turn[:-1] = plane(half_turns(axis))
+        self._turn[-1] = self._turn[-2]
         return bytes(self._data)
 
 
@@ -113,7 +91,7 @@ class VelocitiesTemplate:
             writer.text(label)
             writer.put('I', size, stride)
         writer.put('I', 0, 3 * handles)
-        values = writer.put('d', *([0.0] * (3 * handles)))
+        values = writer.room('d', 3 * handles)
         self._data = writer.finish()
         self._values = np.frombuffer(self._data, '<f8', 3 * handles, values).reshape(handles, 3)
 
@@ -124,10 +102,27 @@ class VelocitiesTemplate:
         return bytes(self._data)
 
 
+def float64_of(value: float) -> bytes:
+    """Return a std_msgs/Float64."""
+    return LITTLE + struct.pack('<d', value)
+
+
 def half_turns(axis: Floats) -> Floats:
     """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2)."""
-    half = 0.5 * np.arctan2(axis[:, 1], axis[:, 0])
-    return np.stack((np.sin(half), np.cos(half)), axis=1)
+    x, y = axis[:, 0], axis[:, 1]
+    far = np.sqrt(0.5 + 0.5 * np.abs(x))        # the larger of |z| and w: no digits are lost
+    near = 0.5 * y / far
+    back = x < 0
+    out = np.empty(axis.shape)
+    out[:, 0] = np.where(back, np.copysign(far, y), near)
+    out[:, 1] = np.where(back, np.abs(near), far)
+    return out
+
+
+def plane(points: Floats) -> Array:
+    """View x and y (N, 2) as complex numbers (N,): numpy moves pairs in one loop then."""
+    out: Array = np.ascontiguousarray(points).view(np.complex128)[:, 0]
+    return out
 
 
 def strided(data: bytes | bytearray, kind: str, offset: int, stride: int, rows: int, columns: int) -> Array:
@@ -135,26 +130,3 @@ def strided(data: bytes | bytearray, kind: str, offset: int, stride: int, rows: 
     width = np.dtype(kind).itemsize
     out: Array = np.ndarray((rows, columns), kind, data, offset, (stride, width))
     return out
-
-
-def _bench_marker(writer: Writer, bench: int, length_m: float, width_m: float, frame_id: str) -> tuple[int, int]:
-    """Append one Marker and return the offsets of its stamp and pose."""
-    stamp = writer.header(frame_id)
-    writer.text('bench')
-    writer.put('i', bench, CUBE, 0)
-    pose = writer.put('d', 0, 0, 0, 0, 0, 0, 1)
-    writer.put('d', length_m, width_m, BENCH_HEIGHT_M)
-    writer.put('f', *_BENCH_COLOURS[min(bench, 1)])
-    writer.put('i', 0, 0)           # lifetime: for ever
-    writer.put('?', False)          # frame_locked
-    writer.put('I', 0, 0)           # points, colors
-    writer.text('')                 # texture_resource
-    writer.header('')               # texture
-    writer.text('')
-    writer.put('I', 0, 0)           # texture data, uv_coordinates
-    writer.text('')                 # text
-    writer.text('')                 # mesh_resource
-    writer.text('')                 # mesh_file
-    writer.put('I', 0)
-    writer.put('?', False)          # mesh_use_embedded_materials
-    return stamp, pose

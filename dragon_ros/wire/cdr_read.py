@@ -1,17 +1,18 @@
-"""CDR bytes as numpy views: any publisher's encoding, both endiannesses, any string lengths.
+"""CDR bytes as numpy views, walked by schema: any publisher's encoding, both endiannesses, any string lengths.
 
 Every reader checks lengths before it looks, and raises MessageError with the offset where the bytes end early.
 """
 import struct
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.types import Array, Floats
-from dragon_ros.wire.cdr import NS, strided
-
-_SMALLEST_MARKER = 200
+from dragon_ros.wire.cdr import NS
+from dragon_ros.wire.schemas import TEXT, Field, fields_of
 
 
 class MessageError(InputError):
@@ -37,10 +38,9 @@ class Reader:
         self.at = start + count * size
         return start
 
-    def take(self, kind: str) -> int:
-        """Read one integer."""
-        value: int = struct.unpack_from(self.order + kind, self.data, self.skip(kind))[0]
-        return value
+    def take(self, kind: str) -> Any:
+        """Read one primitive."""
+        return struct.unpack_from(self.order + kind, self.data, self.skip(kind))[0]
 
     def text(self) -> str:
         """Read a string."""
@@ -53,13 +53,86 @@ class Reader:
         sec, nanosec = self.take('i'), self.take('I')
         if sec < 0 or nanosec >= NS:
             raise MessageError(f'stamp: {sec} s and {nanosec} ns; expected no negative time and less than 1e9 ns')
-        return sec * NS + nanosec
+        return int(sec * NS + nanosec)
 
-    def doubles(self, count: int) -> Floats:
-        """View ``count`` doubles."""
-        start = self.skip('d', count)
-        view: Floats = np.frombuffer(self.data, self.order + 'f8', count, start)
+    def array(self, kind: str, count: int) -> Array:
+        """View ``count`` primitives."""
+        start = self.skip(kind, count)
+        view: Array = np.frombuffer(self.data, f'{self.order}{kind}', count, start)
         return view
+
+
+def decode(name: str, data: bytes) -> dict[str, Any]:
+    """Return any message of the package's topics: fields by name, sequences of numbers as views of the bytes.
+
+    A message of equal numbers alone is a row of them: a Pose is 7 floats, Pose[] has the shape (N, 7).
+    """
+    return _message(Reader(data), fields_of(name))
+
+
+def _message(reader: Reader, fields: Sequence[Field]) -> dict[str, Any]:
+    return {field.name: _value(reader, field) for field in fields}
+
+
+def _value(reader: Reader, field: Field) -> Any:
+    if field.many is None and not field.each:
+        return _one(reader, field)
+    count = 1 if field.many is None else field.many or reader.take('I')
+    if field.kind in (TEXT, ''):
+        return [_one(reader, field) for _ in range(count)]
+    values = reader.array(field.kind, count * (field.each or 1))
+    return values.reshape(count, field.each) if field.each and field.many is not None else values
+
+
+def _one(reader: Reader, field: Field) -> Any:
+    if not field.kind:
+        return _message(reader, field.parts)
+    return reader.text() if field.kind == TEXT else reader.take(field.kind)
+
+
+@dataclass
+class Layout:
+    """Where the fields of one message start, by dotted name, and where all words stand that give lengths."""
+
+    start: int
+    at: dict[str, int] = field(default_factory=dict)
+    lengths: list[int] = field(default_factory=list)
+    end: int = 0
+
+
+def layout_of(reader: Reader, fields: Sequence[Field]) -> Layout:
+    """Pass one message that starts with a time stamp, and return where its fields are."""
+    layout = Layout(reader.at + -(reader.at - 4) % 4)
+    _pass(reader, fields, layout, '')
+    layout.end = reader.at
+    return layout
+
+
+def _pass(reader: Reader, fields: Sequence[Field], layout: Layout, prefix: str) -> None:
+    for each in fields:
+        name = prefix + each.name
+        if each.many is None and not each.kind:
+            _pass(reader, each.parts, layout, f'{name}.')
+        elif each.many is None and each.kind != TEXT:
+            layout.at[name] = reader.skip(each.kind, each.each or 1)
+        else:
+            _pass_many(reader, each, layout, name)
+
+
+def _pass_many(reader: Reader, each: Field, layout: Layout, name: str) -> None:
+    """Pass a text, a sequence or an array."""
+    count = each.many
+    if not count:
+        layout.at[name] = reader.skip('I')
+        layout.lengths.append(layout.at[name])
+        count = struct.unpack_from(f'{reader.order}I', reader.data, layout.at[name])[0]
+    if each.kind == TEXT and each.many is None:
+        reader.skip('B', count)
+    elif each.kind not in (TEXT, ''):
+        reader.skip(each.kind, count * (each.each or 1))
+    else:
+        for _ in range(count):
+            _pass(reader, each.parts or (Field('', TEXT, 0, (), None),), layout, f'{name}.')
 
 
 @dataclass(frozen=True)
@@ -71,20 +144,6 @@ class Poses:
     poses: Floats
 
 
-@dataclass(frozen=True)
-class Markers:
-    """Of each marker of a MarkerArray: stamp, frame, namespace, id, type, action, pose (N, 7) and scale (N, 3)."""
-
-    t_ns: tuple[int, ...]
-    frame_id: tuple[str, ...]
-    ns: tuple[str, ...]
-    id: Array
-    type: Array
-    action: Array
-    poses: Floats
-    scale: Floats
-
-
 def read_stamp_ns(data: bytes) -> int:
     """Return the stamp of a message that starts with a std_msgs/Header."""
     return Reader(data).stamp_ns()
@@ -94,22 +153,18 @@ def read_pose_array(data: bytes) -> Poses:
     """Return a geometry_msgs/PoseArray."""
     reader = Reader(data)
     t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
-    return Poses(t_ns, frame_id, reader.doubles(7 * count).reshape(count, 7))
+    return Poses(t_ns, frame_id, reader.array('d', 7 * count).reshape(count, 7))
 
 
 def read_multi_array(data: bytes) -> tuple[list[str], Floats]:
     """Return labels and values of a std_msgs/Float64MultiArray, in the shape of its dimensions."""
-    reader = Reader(data)
-    labels, shape = [], []
-    for _ in range(reader.take('I')):
-        labels.append(reader.text())
-        shape.append(reader.take('I'))
-        reader.take('I')
-    padding = reader.take('I')
-    values = reader.doubles(reader.take('I'))[padding:]
+    message = decode('std_msgs/msg/Float64MultiArray', data)
+    dimensions = message['layout']['dim']
+    shape = [row['size'] for row in dimensions]
+    values = message['data'][message['layout']['data_offset']:]
     if int(np.prod(shape, dtype=object)) != values.size:
         raise MessageError(f'{values.size} values do not fill the shape {shape}')
-    return labels, values.reshape(shape)
+    return [row['label'] for row in dimensions], values.reshape(shape)
 
 
 @dataclass(frozen=True)
@@ -124,115 +179,5 @@ class Status:
 
 def read_diagnostics(data: bytes) -> list[Status]:
     """Return the statuses of a diagnostic_msgs/DiagnosticArray."""
-    reader = Reader(data)
-    reader.stamp_ns()
-    reader.text()
-    return [_status(reader) for _ in range(reader.take('I'))]
-
-
-def _status(reader: Reader) -> Status:
-    level = reader.take('B')
-    name, message, _ = reader.text(), reader.text(), reader.text()
-    return Status(level, name, message, {reader.text(): reader.text() for _ in range(reader.take('I'))})
-
-
-@dataclass
-class _Marker:
-    """Offsets of one marker's fields; ``lengths`` are those of the counts that shape its layout."""
-
-    stamp: int
-    id: int
-    pose: int
-    lengths: list[int]
-    frame_id: str
-    ns: str
-    end: int
-
-
-def read_marker_array(data: bytes) -> Markers:
-    """Return a visualization_msgs/MarkerArray.
-
-    Markers of one layout (equal string lengths and counts, a stride of whole 8 bytes) are viewed at once, others are
-    walked one by one.
-    """
-    reader = Reader(data)
-    count = reader.take('I')
-    if count > len(data) // _SMALLEST_MARKER:
-        raise MessageError(f'{len(data)} bytes cannot hold {count} markers')
-    if not count:
-        empty = np.empty(0, np.int32)
-        return Markers((), (), (), empty, empty, empty, np.empty((0, 7)), np.empty((0, 3)))
-    markers = [_walk(reader)]
-    if not (even := _even(reader, markers[0], count)):
-        markers += [_walk(reader) for _ in range(count - 1)]
-    times = _fields(reader, 'u4', [m.stamp for m in markers], even, 2).astype(np.int64) @ [NS, 1]
-    frames = (markers[0].frame_id,) * count if even else tuple(m.frame_id for m in markers)
-    ids = _fields(reader, 'i4', [m.id for m in markers], even, 3)
-    ns = (markers[0].ns,) * count if even else tuple(m.ns for m in markers)
-    doubles = _fields(reader, 'f8', [m.pose for m in markers], even, 10)
-    return Markers(tuple(times.tolist()), frames, ns, ids[:, 0], ids[:, 1], ids[:, 2], doubles[:, :7], doubles[:, 7:])
-
-
-def _walk(reader: Reader) -> _Marker:
-    """Pass one marker and note where its fields are."""
-    lengths: list[int] = []
-
-    def text() -> str:
-        lengths.append(reader.skip('I'))
-        reader.at = lengths[-1]
-        return reader.text()
-
-    def sequence(kind: str, each: int = 1) -> None:
-        lengths.append(reader.skip('I'))
-        reader.at = lengths[-1]
-        reader.skip(kind, reader.take('I') * each)
-
-    stamp = reader.skip('I', 0) + -(reader.at - 4) % 4
-    reader.stamp_ns()
-    frame_id, ns = text(), text()
-    identity = reader.skip('i', 3)
-    pose = reader.skip('d', 10)
-    reader.skip('f', 4)
-    reader.skip('i', 2)
-    reader.skip('B')
-    sequence('d', 3)        # points
-    sequence('f', 4)        # colors
-    text()                  # texture_resource
-    reader.skip('I', 2)
-    text()
-    text()
-    sequence('B')           # texture
-    sequence('f', 2)        # uv_coordinates
-    text()                  # text
-    text()                  # mesh_resource
-    text()
-    sequence('B')           # mesh_file
-    reader.skip('B')
-    return _Marker(stamp, identity, pose, lengths, frame_id, ns, reader.at)
-
-
-def _even(reader: Reader, first: _Marker, count: int) -> int:
-    """Return the stride if all markers are laid out like the first one with the same strings, else 0."""
-    start = first.stamp
-    stride = first.end - start + -(first.end - start) % 4
-    if stride % 8 or len(reader.data) < first.end + (count - 1) * stride:
-        return 0
-    for offset in first.lengths:
-        values = strided(reader.data, reader.order + 'u4', offset, stride, count, 1)
-        if np.any(values != values[0]):
-            return 0
-    for offset in first.lengths[:2]:     # frame_id and ns
-        length = struct.unpack_from(reader.order + 'I', reader.data, offset)[0]
-        text = strided(reader.data, 'u1', offset + 4, stride, count, length)
-        if np.any(text != text[0]):
-            return 0
-    return stride
-
-
-def _fields(reader: Reader, kind: str, offsets: list[int], stride: int, columns: int) -> Array:
-    """Return one field of all markers (rows), by stride where there is one, else from each offset."""
-    kind = reader.order + kind
-    if stride:
-        count = struct.unpack_from(reader.order + 'I', reader.data, 4)[0]
-        return strided(reader.data, kind, offsets[0], stride, count, columns)
-    return np.stack([np.frombuffer(reader.data, kind, columns, offset) for offset in offsets])
+    return [Status(row['level'], row['name'], row['message'], {pair['key']: pair['value'] for pair in row['values']})
+            for row in decode('diagnostic_msgs/msg/DiagnosticArray', data)['status']]

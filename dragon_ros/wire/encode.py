@@ -3,7 +3,8 @@ from collections.abc import Callable
 
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
-from dragon_ros.wire.cdr import BenchMarkersTemplate, PoseArrayTemplate, VelocitiesTemplate
+from dragon_ros.wire.cdr import PoseArrayTemplate, VelocitiesTemplate
+from dragon_ros.wire.cdr_markers import CubesTemplate, TrianglesTemplate
 from dragon_ros.wire.channels import live
 
 Encode = Callable[[Frame], bytes]
@@ -20,7 +21,7 @@ def _handles(scene: Scene, frame_id: str) -> Encode:
 
 
 def _benches(scene: Scene, frame_id: str) -> Encode:
-    template = BenchMarkersTemplate(scene.dragon.bench_lengths_m, scene.dragon.width_m, frame_id)
+    template = _STYLES[scene.markers](scene.dragon.bench_lengths_m, scene.dragon.width_m, frame_id)
 
     def encode(frame: Frame) -> bytes:
         assert frame.benches is not None
@@ -37,4 +38,6 @@ def _velocities(scene: Scene, frame_id: str) -> Encode:
     return encode
 
 
+_STYLES: dict[str, type[CubesTemplate] | type[TrianglesTemplate]] = {
+    'cubes': CubesTemplate, 'triangles': TrianglesTemplate}
 _BUILDERS = {'handles': _handles, 'benches': _benches, 'velocities': _velocities}

@@ -14,9 +14,8 @@ from mcap.writer import CompressionType, Writer
 
 from dragon_ros import __version__
 from dragon_ros.core.errors import DragonError, InputError, MissingError
-from dragon_ros.wire import config
 from dragon_ros.wire.channels import Channel
-from dragon_ros.wire.documents import read_document
+from dragon_ros.wire.schemas import schema_text, type_hash
 
 _MAGIC = b'\x89MCAP0\r\n'
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
@@ -148,16 +147,6 @@ class LogReader:
     def __exit__(self, *_: object) -> None:
         """Close at the end of the block."""
         self.close()
-
-
-def schema_text(name: str) -> str:
-    """Return the ros2msg schema of a message type."""
-    return (config.folder() / 'schemas' / f'{name.replace("/msg/", ".")}.msg').read_text()
-
-
-def type_hash(name: str) -> str:
-    """Return the RIHS01 hash of a message type."""
-    return str(read_document(config.folder() / 'schemas' / 'types.yaml').values[name])
 
 
 def qos_text(channel: Channel) -> str:

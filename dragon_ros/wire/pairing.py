@@ -2,8 +2,8 @@
 from collections import OrderedDict
 from typing import Any, NamedTuple
 
-from dragon_ros.core.types import Floats
-from dragon_ros.wire.cdr_read import Markers, Poses
+from dragon_ros.wire.cdr_read import Poses
+from dragon_ros.wire.sights import Shown
 
 _LEAST = 128                # stamps that may wait for their partner, however large the messages
 _MOST_VALUES = 8 * 2**20    # beyond those, as many as fit: one topic may run ahead while the other is sent again
@@ -30,13 +30,13 @@ class Pairing:
         self._benches: OrderedDict[int, _Waiting] = OrderedDict()
         self._unmatched: list[Unmatched] = []
 
-    def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, Markers] | None:
+    def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, Shown] | None:
         """Add handles that came at ``now_s``; return (handles, benches) if both are there."""
-        return self._match(poses.t_ns, self._put(self._handles, poses.t_ns, poses, poses.poses, now_s))
+        return self._match(poses.t_ns, self._put(self._handles, poses.t_ns, poses, poses.poses.size, now_s))
 
-    def add_benches(self, t_ns: int, markers: Markers, now_s: float) -> tuple[Poses, Markers] | None:
+    def add_benches(self, shown: Shown, now_s: float) -> tuple[Poses, Shown] | None:
         """Add benches that came at ``now_s``; return (handles, benches) if both are there."""
-        return self._match(t_ns, self._put(self._benches, t_ns, markers, markers.poses, now_s))
+        return self._match(shown.t_ns, self._put(self._benches, shown.t_ns, shown, shown.size, now_s))
 
     def expire(self, before_s: float) -> None:
         """Give up what has waited since before ``before_s``."""
@@ -49,15 +49,15 @@ class Pairing:
         out, self._unmatched = self._unmatched, []
         return out
 
-    def _put(self, own: OrderedDict[int, _Waiting], t_ns: int, message: Any, values: Floats, now_s: float) -> bool:
+    def _put(self, own: OrderedDict[int, _Waiting], t_ns: int, message: Any, values: int, now_s: float) -> bool:
         own.pop(t_ns, None)
         own[t_ns] = _Waiting(message, now_s)
         paired = t_ns in self._handles and t_ns in self._benches
-        if not paired and len(own) > _LEAST and len(own) * values.size > _MOST_VALUES:
+        if not paired and len(own) > _LEAST and len(own) * values > _MOST_VALUES:
             self._give_up(own, next(iter(own)))
         return paired
 
-    def _match(self, t_ns: int, paired: bool) -> tuple[Poses, Markers] | None:
+    def _match(self, t_ns: int, paired: bool) -> tuple[Poses, Shown] | None:
         if not paired:
             return None
         pair = self._handles[t_ns].message, self._benches[t_ns].message

@@ -16,7 +16,8 @@ from dragon_ros.wire import config
 from dragon_ros.wire.documents import Document, parse_document, read_document
 
 SECTIONS: dict[str, type] = {'dragon': Dragon, 'track': Spiral, 'head': Head, 'run': Run}
-SINGLES = ('accuracy', 'effects', 'solver')
+CHOICES = ('solver', 'markers')
+SINGLES = ('accuracy', 'effects', *CHOICES)
 
 
 def scene_names() -> list[str]:
@@ -45,8 +46,7 @@ def scene_of(document: Document) -> Scene:
             parts['effects'] = effects_of(_names(document, 'effects', values['effects']))
         if 'accuracy' in values:
             parts['accuracy'] = _number(values['accuracy'])
-        if 'solver' in values:
-            parts['solver'] = values['solver']
+        parts |= {name: values[name] for name in CHOICES if name in values}
         return Scene(**parts)
     except FieldError as error:
         raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
@@ -57,7 +57,8 @@ def scene_values(scene: Scene) -> dict[str, Any]:
     values: dict[str, Any] = {name: {f.name: getattr(getattr(scene, name), f.name) for f in fields(kind)}
                               for name, kind in SECTIONS.items()}
     values['track'] = {'kind': 'spiral', **values['track']}
-    return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names, 'solver': scene.solver}
+    return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names,
+            **{name: getattr(scene, name) for name in CHOICES}}
 
 
 def _find(name_or_file: str) -> Path:

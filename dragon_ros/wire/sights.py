@@ -1,45 +1,59 @@
 """From the bytes of a PoseArray and a MarkerArray to what the watcher looks at, with every check that it needs."""
+from dataclasses import dataclass
+
 import numpy as np
 
 from dragon_ros.core.benches import Benches
 from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import Sight
-from dragon_ros.wire.cdr import CUBE
-from dragon_ros.wire.cdr_read import Markers, MessageError, Poses, read_marker_array, read_pose_array
+from dragon_ros.wire.cdr import NS
+from dragon_ros.wire.cdr_markers import BENCH, CUBE, TRIANGLE_LIST
+from dragon_ros.wire.cdr_read import MessageError, Poses, read_pose_array
+from dragon_ros.wire.cdr_read_markers import Markers, read_marker_array
 
 _ADD = 0
-_NAMESPACE = 'bench'
+_SKEW = 1e-6        # parts of its size that a bench of two triangles may be off a rectangle
 
 
-def sight_of(poses: Poses, markers: Markers) -> Sight:
+@dataclass(frozen=True)
+class Shown:
+    """The benches of one message as they came: stamp, frame, the markers, and which of them show benches."""
+
+    t_ns: int
+    frame_id: str
+    markers: Markers
+    order: Ints
+
+    @property
+    def size(self) -> int:
+        """How many numbers the message holds, about."""
+        return len(self.markers.data) // 8
+
+    def rectangles(self, handles_m: Floats) -> Benches:
+        """Return the benches; ``handles_m`` (N+1, 2) tell which way those of triangles point."""
+        if self.markers.type[self.order[0]] == CUBE:
+            return _cubes(self.markers, self.order)
+        return _triangles(self.markers, int(self.order[0]), handles_m)
+
+
+def sight_of(poses: Poses, shown: Shown) -> Sight:
     """Return the sight of two messages of one tick. Raises MessageError, naming message and field."""
-    order = bench_markers(markers)
-    rectangles = _rectangles(markers, order)
-    if len(rectangles.centre) != len(poses.poses) - 1:
-        raise MessageError(f'benches: {len(rectangles.centre)} for {len(poses.poses)} handles; expected one less')
-    frame_id = markers.frame_id[order[0]]
-    if poses.frame_id != frame_id:
-        raise MessageError(f'benches: frame {frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
+    rectangles = shown.rectangles(handles_m)
+    _counted(len(rectangles.centre), len(handles_m))
+    if poses.frame_id != shown.frame_id:
+        raise MessageError(f'benches: frame {shown.frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
     return Sight(poses.t_ns, handles_m, rectangles, poses.frame_id)
 
 
-def read_benches(data: bytes) -> tuple[int, Markers]:
-    """Return (stamp in ns, markers) of a MarkerArray with benches; what others put beside them does not disturb."""
+def read_benches(data: bytes) -> Shown:
+    """Return the benches of a MarkerArray; what others put beside them does not disturb. Raises MessageError."""
     markers = read_marker_array(data)
-    return markers.t_ns[bench_markers(markers)[0]], markers
-
-
-def bench_markers(markers: Markers) -> Ints:
-    """Return where the cubes in namespace ``bench`` are, in the order of their ids, 0 to N-1."""
-    mine = np.array([n for n, name in enumerate(markers.ns) if name == _NAMESPACE], dtype=int)
-    mine = mine[(markers.type[mine] == CUBE) & (markers.action[mine] == _ADD)]
-    order: Ints = mine[np.argsort(markers.id[mine], kind='stable')]
-    if not order.size:
-        raise MessageError('benches: there is no CUBE in namespace bench')
-    if not np.array_equal(markers.id[order], np.arange(order.size)):
-        raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
-    return order
+    order = _bench_markers(markers)
+    t_ns = int(markers.t_ns[order[0]])
+    if not 0 <= t_ns < 2**31 * NS:
+        raise MessageError(f'benches: stamp: {t_ns} ns; expected no negative time')
+    return Shown(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
 
 
 def check_handles(data: bytes) -> Poses:
@@ -51,7 +65,28 @@ def check_handles(data: bytes) -> Poses:
     return poses
 
 
-def _rectangles(markers: Markers, order: Ints) -> Benches:
+def _bench_markers(markers: Markers) -> Ints:
+    """Return where the markers of namespace ``bench`` are: one TRIANGLE_LIST, or CUBEs by id, 0 to N-1."""
+    named = np.array([run.ns == BENCH for run in markers.runs], dtype=bool)
+    mine = np.flatnonzero(named[markers.run_of] & (markers.action == _ADD))
+    kind = markers.type[mine]
+    cubes, lists = mine[kind == CUBE], mine[kind == TRIANGLE_LIST]
+    if lists.size > 1 or (lists.size and cubes.size):
+        raise MessageError('benches: namespace bench must hold CUBEs or one TRIANGLE_LIST, not several or both')
+    if not lists.size and not cubes.size:
+        raise MessageError('benches: there is no CUBE and no TRIANGLE_LIST in namespace bench')
+    order: Ints = lists if lists.size else cubes[np.argsort(markers.id[cubes], kind='stable')]
+    if cubes.size and not np.array_equal(markers.id[order], np.arange(order.size)):
+        raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
+    return order
+
+
+def _counted(benches: int, handles: int) -> None:
+    if benches != handles - 1:
+        raise MessageError(f'benches: {benches} for {handles} handles; expected one less')
+
+
+def _cubes(markers: Markers, order: Ints) -> Benches:
     poses = _finite('benches: pose', markers.poses[order])
     scale = _finite('benches: scale', markers.scale[order])
     if np.any(scale[:, :2] <= 0):
@@ -67,6 +102,80 @@ def _axes(quaternion: Floats) -> Floats:
     if np.any(length < 1e-6):
         raise MessageError('benches: pose: a bench stands upright or has no orientation')
     out: Floats = axis / length[:, None]
+    return out
+
+
+def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
+    """Return the rectangles of pairs of triangles, whichever way each was cut and wound."""
+    points = _placed(_finite('benches: point', markers.points_of(marker)), markers, marker)
+    if len(points) % 6:
+        raise MessageError(f'benches: {len(points)} points; expected six for each bench, those of two triangles')
+    _counted(len(points) // 6, len(handles_m))
+    first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
+    if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
+        start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]     # as we cut and wind them
+    else:
+        start, corner, end, far = _around(first, second)
+    sides = np.stack((start - corner, end - corner), axis=1)
+    length = _norm(sides)
+    size = length[:, 0] + length[:, 1]
+    skew = np.abs(sides[:, 0, 0] * sides[:, 1, 0] + sides[:, 0, 1] * sides[:, 1, 1])
+    bent = _norm(start + end - corner - far) > _SKEW * size
+    bad = bent | (skew > _SKEW * size * size) | (length[:, 0] <= 0) | (length[:, 1] <= 0)
+    if bad.any():
+        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are no rectangle')
+    return _facing(0.5 * (start + end), sides / length[..., None], 0.5 * length, handles_m)
+
+
+def _norm(vectors: Floats) -> Floats:
+    out: Floats = np.hypot(vectors[..., 0], vectors[..., 1])
+    return out
+
+
+def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the corners (N, 2), one way round, of pairs of triangles (N, 3, 2) that meet in their longest sides.
+
+    Where they do not meet, the last corner is moved by as much as they miss each other.
+    """
+    (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
+    apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
+    return start, corner, end, far + apart[:, None]
+
+
+def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return of triangles (N, 3, 2) the corner opposite the longest side, and that side's ends."""
+    opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
+    turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
+    corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
+    return corner, start, end
+
+
+def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
+    """Return benches along the side (N, 2, 2) that follows its handles best, from rear to front.
+
+    Where the two handles of a bench coincide it is the longer side.
+    """
+    link = handles_m[:-1] - handles_m[1:]
+    along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]
+    joined = ~link.any(axis=1, keepdims=True)
+    second = np.greater(*np.where(joined, half, np.abs(along)).T[::-1])[:, None]
+    axis = np.where(second, sides[:, 1], sides[:, 0])
+    axis = np.where(np.where(second, along[:, 1:], along[:, :1]) < 0, -axis, axis)
+    half_length, half_width = np.where(second, half[:, ::-1], half).T
+    return Benches(centre, axis, half_length, half_width)
+
+
+def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
+    """Return points (K, 3) in the plane where the scale and the pose of their marker put them."""
+    pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
+    scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
+    x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)
+    if abs(x * x + y * y + z * z + w * w - 1) > 1e-6 or np.any(scale == 0):
+        raise MessageError('benches: pose or scale: the list of triangles has no orientation or no size')
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)]])
+    plain = w == 1 and bool(np.all(scale == 1))
+    out: Floats = pose[:2] + (points[:, :2] if plain else (points * scale) @ turn.T)
     return out
 
 

@@ -40,11 +40,12 @@ def by_topic(path):
         return out
 
 
-@pytest.mark.parametrize('scale', [0.0, 4.0])
-def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale):
+@pytest.mark.parametrize(('scale', 'markers'), [(0.0, 'cubes'), (4.0, 'cubes'), (4.0, 'triangles')])
+def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale, markers):
+    changes = 'run.start_s=409', f'markers={markers}'
     bag, events = tmp_path / 'run.mcap', heard_events(node)
     monitor, record = start('monitor'), start('record', '--output', bag, '--keep-going')
-    sim = start('sim', '--scene', 'first_contact', *overrides('run.start_s=409'), '--ros-args', '-p', READERS,
+    sim = start('sim', '--scene', 'first_contact', *overrides(*changes), '--ros-args', '-p', READERS,
                 '-p', f'time_scale:={scale}')
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
@@ -52,7 +53,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
     assert record.stop() == 0, record.text
     assert monitor.stop() == 0, monitor.text
     with LogReader(bag) as run:
-        result = compare_with_model(run, load_scene('first_contact', ['run.start_s=409']))
+        result = compare_with_model(run, load_scene('first_contact', changes))
     assert result.faults == []
     assert result.equal == 3 * 201
     (event,) = events_of(bag)
@@ -96,7 +97,7 @@ def recorded(tmp_path_factory):
             data = {name: encode[name](frame) for name in encode}
             for name, message in data.items():
                 bag.write(f'/dragon/{name}', message, frame.t_ns, k + 1)
-            seen = sight_of(check_handles(data['handles']), read_benches(data['benches'])[1])
+            seen = sight_of(check_handles(data['handles']), read_benches(data['benches']))
             events += [status_of(event) for report in watch.look(seen) for event in report.begins]
     return path, {value.key: value.value for value in events[0].values}
 
@@ -177,6 +178,20 @@ def test_parameters_are_described_with_type_range_and_text(start, node):
     assert all(row.description and row.read_only for row in rows.values())
     assert rows['time_scale'].floating_point_range[0].to_value == 1e6
     assert rows['on_contact'].additional_constraints == 'one of continue, hold, stop'
+
+
+@pytest.mark.parametrize('scale', [0.0, 20.0])
+def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_others(start, node, scale):
+    from geometry_msgs.msg import PoseArray
+    stamps = []
+    node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 1000,
+                             raw=True)
+    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',
+                'wait_subscribers:=[handles=1]', '-p', f'time_scale:={scale}')
+    node.until(lambda: len(stamps) == 26)
+    assert sim.end() == 0, sim.text
+    assert 'published: handles 26, benches 0, velocities 0' in sim.text
+    assert stamps == [412_200_000_000 + 20_000_000 * k for k in range(26)]
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

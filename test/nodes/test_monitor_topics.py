@@ -87,6 +87,7 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     start('monitor', '--ros-args', '-p', 'warn_below_m:=0.001')
     heard = Listener(node, '/diagnostics')
     source = Publisher(node, 404)
+    node.until(lambda: heard.got['/diagnostics'])       # it listens: what came before is not kept for it
     source.show(404, 412.44, 412.48, 404)
 
     def levels():

@@ -7,14 +7,16 @@ from hypothesis import strategies as st
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.cdr import BenchMarkersTemplate, PoseArrayTemplate, half_turns
-from dragon_ros.wire.cdr_read import MessageError, Reader, read_marker_array, read_multi_array, read_pose_array
+from dragon_ros.wire.cdr import PoseArrayTemplate, half_turns
+from dragon_ros.wire.cdr_markers import CubesTemplate
+from dragon_ros.wire.cdr_read import MessageError, Reader, read_multi_array, read_pose_array
+from dragon_ros.wire.cdr_read_markers import read_marker_array
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.sights import check_handles, read_benches, sight_of
 
 
 def seen(handles, benches):
-    return sight_of(check_handles(handles), read_benches(benches)[1])
+    return sight_of(check_handles(handles), read_benches(benches))
 
 
 def frame_and_bytes(benches=223, k=100):
@@ -37,8 +39,8 @@ def test_frames_come_back_from_their_bytes_bit_for_bit(benches):
     frame, data = frame_and_bytes(benches)
     poses, markers = read_pose_array(data['handles']), read_marker_array(data['benches'])
     assert (poses.t_ns, poses.frame_id) == (frame.t_ns, 'dragon')
-    assert markers.t_ns == (frame.t_ns,) * benches
-    assert markers.frame_id == ('dragon',) * benches
+    assert markers.t_ns.tolist() == [frame.t_ns] * benches
+    assert [(run.frame_id, run.ns, run.count) for run in markers.runs] == [('dragon', 'bench', benches)]
     assert poses.poses[:, :2].tobytes() == frame.chain.p.tobytes()
     assert markers.poses[:, :2].tobytes() == frame.benches.centre.tobytes()
     assert markers.scale[0].tolist() == [3.41, 0.3, 0.1]
@@ -49,13 +51,16 @@ def test_frames_come_back_from_their_bytes_bit_for_bit(benches):
 
 
 @pytest.mark.parametrize('benches', [1, 2, 8, 223])
-@pytest.mark.parametrize('name', ['handles', 'benches', 'velocities'])
-def test_the_real_serialiser_reads_and_writes_the_same(benches, name):
+@pytest.mark.parametrize(('name', 'markers'), [('handles', 'cubes'), ('velocities', 'cubes'), ('benches', 'cubes'),
+                                               ('benches', 'triangles')])
+@pytest.mark.parametrize('frame_id', ['dragon', '', 'map', 'a_long_frame'])
+def test_the_real_serialiser_reads_and_writes_the_same(benches, name, markers, frame_id):
     serialization = pytest.importorskip('rclpy.serialization')
     from dragon_ros.nodes.shell import message_type
     from dragon_ros.wire.channels import channels
     kind = message_type(channels()[name].type)
-    data = frame_and_bytes(benches)[1][name]
+    scene = Scene(dragon=Dragon(benches), run=Run(400, 413), markers=markers)
+    data = encoders(scene, frame_id)[name](tick(scene, 100))
     message = serialization.deserialize_message(data, kind)
     again = serialization.serialize_message(message)
     assert len(data) - len(again) in (0, 1, 2, 3)
@@ -75,7 +80,9 @@ def test_markers_of_uneven_strings_are_walked_and_agree():
     np.testing.assert_array_equal(even.poses, uneven.poses)
     np.testing.assert_array_equal(even.scale, uneven.scale)
     np.testing.assert_array_equal(even.id, uneven.id)
-    assert uneven.ns == even.ns == ('bench',) * 9
+    assert [run.ns for run in even.runs] == ['bench']
+    assert {run.ns for run in uneven.runs} == {'bench'}
+    assert len(uneven.runs) > 2
 
 
 def test_big_endian_messages_are_read():
@@ -177,7 +184,7 @@ def test_markers_of_others_and_in_any_order_do_not_disturb():
     mine = seen(*(frame_and_bytes(5)[1][name] for name in ('handles', 'benches')))
     theirs = seen(frame_and_bytes(5)[1]['handles'], edit('benches', change=shuffle))
     np.testing.assert_array_equal(mine.benches.centre, theirs.benches.centre)
-    assert read_benches(edit('benches', change=shuffle))[0] == mine.t_ns
+    assert read_benches(edit('benches', change=shuffle)).t_ns == mine.t_ns
 
 
 @pytest.mark.parametrize(('sec', 'nanosec'), [(-1, 0), (0, 10**9), (2**31 - 1, 2**32 - 1)])
@@ -189,7 +196,7 @@ def test_stamps_that_no_clock_shows_are_refused(sec, nanosec):
 
 
 def test_templates_are_patched_not_rebuilt():
-    template = BenchMarkersTemplate(np.array([3.41, 2.2]), 0.3, 'dragon')
+    template = CubesTemplate(np.array([3.41, 2.2]), 0.3, 'dragon')
     first = template.encode(0, np.zeros((2, 2)), np.array([[1.0, 0], [0, 1]]))
     second = template.encode(5, np.ones((2, 2)), np.array([[1.0, 0], [0, 1]]))
     assert first != second

@@ -6,13 +6,15 @@ from hypothesis import strategies as st
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.cdr_read import Markers, Poses
+from dragon_ros.wire.cdr_markers import CubesTemplate
+from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.compare import compare_with_model
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.log import LogReader, LogWriter, schema_text, type_hash
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.recording import SimulationClock
+from dragon_ros.wire.sights import read_benches
 
 SCENE = Scene(run=Run(412, 412.5))
 
@@ -143,26 +145,26 @@ def poses(t_ns, values=7):
     return Poses(t_ns, 'dragon', np.zeros(values))
 
 
-def markers():
-    empty = np.empty(0)
-    return Markers((), (), (), empty, empty, empty, empty, empty)
+def shown(t_ns):
+    template = CubesTemplate(np.array([3.41]), 0.3, 'dragon')
+    return read_benches(template.encode(t_ns, np.zeros((1, 2)), np.array([[1.0, 0.0]])))
 
 
 def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
     pairs = Pairing()
     assert pairs.add_handles(poses(1), 0.0) is None
     assert pairs.add_handles(second := poses(2), 0.1) is None
-    assert pairs.add_benches(2, benches := markers(), 0.2) == (second, benches)
+    assert pairs.add_benches(benches := shown(2), 0.2) == (second, benches)
     assert pairs.take_unmatched() == [('handles', 1)]
-    assert pairs.add_benches(3, benches, 0.3) is None
-    assert pairs.add_handles(third := poses(3), 0.4) == (third, benches)
+    assert pairs.add_benches(other := shown(3), 0.3) is None
+    assert pairs.add_handles(third := poses(3), 0.4) == (third, other)
     assert pairs.take_unmatched() == []
 
 
 def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
     pairs = Pairing()
     pairs.add_handles(poses(1), 10.0)
-    pairs.add_benches(2, markers(), 11.0)
+    pairs.add_benches(shown(2), 11.0)
     pairs.expire(10.5)
     assert pairs.take_unmatched() == [('handles', 1)]
     pairs.expire(11.5)

@@ -40,6 +40,8 @@ def test_an_empty_file_is_the_classic_scene():
     ('run:', r'f:1: run: it holds None'),
     ('effects: velocity', r'f:1: effects: .* not a list'),
     ('effects: [velocty]', r'f:1: effects: .velocty.'),
+    ('markers: cube', r'f:1: markers: .cube. .* cubes, triangles'),
+    ('markers: [cubes]', r'f:1: markers: '),
     ('accuracy: 1e-16', r'f:1: accuracy: 1e-16 .* 2e-12'),
     ('head: {speed_m_s: yes}', r'f:1: head.speed_m_s: True'),
     ('head: {speed_m_s: .nan}', r'f:1: head.speed_m_s: nan'),

@@ -1,0 +1,164 @@
+"""Sim, monitor and recorder as processes over DDS: what rate they hold, at what CPU, and whether anything is lost."""
+import re
+import signal
+import subprocess
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import psutil
+
+from dragon_ros.core.errors import DragonError
+from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.wire.log import LogReader
+
+ROLES = ('sim', 'monitor', 'record')
+RATES_HZ = (5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000)
+_READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
+_COUNTED = ('handles', 'benches', 'velocities', 'clearance')
+_START_S = 100.0
+_LONGEST_S = 300.0
+_POLL_S = 0.05
+_OVERRUNS = re.compile(r'; (\d+) overruns')
+
+
+@dataclass(frozen=True)
+class Usage:
+    """CPU of one process in cores, and how much its memory grew, from the first to the last look at it."""
+
+    cores: float
+    rss_mb: float
+    grown_mb: float
+
+
+@dataclass(frozen=True)
+class Live:
+    """One run: benches, ticks a second (0: as fast as the readers follow), ticks, wall time, what went wrong."""
+
+    benches: int
+    rate_hz: float
+    ticks: int
+    wall_s: float
+    overruns: int
+    missing: dict[str, int]
+    usage: dict[str, Usage] = field(default_factory=dict)
+
+    @property
+    def lost(self) -> int:
+        """Messages that did not arrive; a missing clearance is a tick that the monitor did not see."""
+        return sum(self.missing.values())
+
+    @property
+    def held(self) -> bool:
+        """Whether every tick was in time and every message arrived."""
+        return not self.overruns and not self.lost
+
+    @property
+    def reached_hz(self) -> float:
+        """Ticks for each second of wall time."""
+        return self.ticks / self.wall_s
+
+
+def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
+    """Run so many ticks at a rate (0: as fast as the readers follow) with monitor and recorder."""
+    rate = rate_hz or 50.0
+    stop_s = _START_S + (ticks - 1) / rate
+    with TemporaryDirectory() as name, _processes(Path(name)) as start:
+        bag = Path(name) / 'run.mcap'
+        start('monitor')
+        start('record', '--output', str(bag))
+        start('sim', '--set', f'dragon.benches={benches}', '--set', f'markers={markers}', '--set',
+              f'run.stop_s={stop_s!r}', '--ros-args', '-p', f'start_s:={_START_S}', '-p', f'rate_hz:={rate}',
+              '-p', f'time_scale:={1.0 if rate_hz else 0.0}', '-p', _READERS)
+        wall_s, usage = _watched(start)
+        _ended(start.running['record'])
+        text = start.text()
+        with LogReader(bag) as reader:
+            counts = {topic.name.removeprefix('/dragon/'): topic.messages for topic in reader.topics}
+    missing = {topic: ticks - counts.get(topic, 0) for topic in _COUNTED}
+    overruns = _OVERRUNS.search(text)
+    return Live(benches, rate_hz, ticks, wall_s, int(overruns[1]) if overruns else 0, missing, usage)
+
+
+def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
+    """Return runs at rates from about ``guess_hz`` on, up to the highest that is held and the first that is not."""
+    below = [n for n, rate in enumerate(RATES_HZ) if rate <= guess_hz]
+    at = below[-1] if below else 0
+    tried: dict[int, Live] = {}
+    while 0 <= at < len(RATES_HZ) and at not in tried:
+        tried[at] = run(benches, RATES_HZ[at], max(20, round(RATES_HZ[at] * seconds)))
+        at += 1 if tried[at].held else -1
+    return [tried[n] for n in sorted(tried)]
+
+
+class _Start:
+    """Starts ``python -m dragon_ros NAME ...`` in one domain; what they print goes to files."""
+
+    def __init__(self, folder: Path) -> None:
+        self.running: dict[str, subprocess.Popen[bytes]] = {}
+        self._folder, self._environment = folder, {**local_environment(free_domain()), 'PYTHONUNBUFFERED': '1'}
+
+    def __call__(self, name: str, *arguments: str) -> 'subprocess.Popen[bytes]':
+        with (self._folder / f'{name}.log').open('wb') as log:
+            self.running[name] = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], stdout=log,
+                                                  stderr=log, stdin=subprocess.DEVNULL, env=self._environment)
+        return self.running[name]
+
+    def text(self, name: str = 'sim') -> str:
+        """Return what a process has printed."""
+        return (self._folder / f'{name}.log').read_text(encoding='utf-8', errors='replace')
+
+
+@contextmanager
+def _processes(folder: Path) -> Iterator[_Start]:
+    start = _Start(folder)
+    try:
+        yield start
+    finally:
+        for process in start.running.values():
+            process.send_signal(signal.SIGINT)
+        for process in start.running.values():
+            with suppress(subprocess.TimeoutExpired):
+                process.wait(timeout=20)
+            process.kill()
+
+
+def _watched(start: _Start) -> tuple[float, dict[str, Usage]]:
+    """Wait until sim has run; return its wall time from the first tick on, and the usage of each process meanwhile."""
+    deadline = time.monotonic() + _LONGEST_S
+    while 'runs from' not in start.text():
+        _alive(start, deadline)
+        time.sleep(_POLL_S)
+    began, first = time.monotonic(), {name: _look(child.pid) for name, child in start.running.items()}
+    while 'published: ' not in start.text():
+        _alive(start, deadline)
+        time.sleep(_POLL_S)
+    span, last = time.monotonic() - began, {name: _look(child.pid) for name, child in start.running.items()}
+    return span, {name: Usage((last[name][0] - first[name][0]) / span, last[name][1], last[name][1] - first[name][1])
+                  for name in ROLES}
+
+
+def _look(pid: int) -> tuple[float, float]:
+    """Return (CPU seconds so far, resident memory in MB) of a process."""
+    process = psutil.Process(pid)
+    times = process.cpu_times()
+    return times.user + times.system, process.memory_info().rss / 1e6
+
+
+def _alive(start: _Start, deadline: float) -> None:
+    for name, child in start.running.items():
+        if child.poll():
+            raise DragonError(f'{name} ended with exit code {child.returncode}: {start.text(name)[-500:]}')
+    if time.monotonic() > deadline:
+        raise DragonError(f'sim did not end within {_LONGEST_S:g} s')
+
+
+def _ended(process: 'subprocess.Popen[bytes]') -> None:
+    try:
+        process.wait(timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        raise DragonError(f'a process did not end within {_LONGEST_S:g} s of the run') from None

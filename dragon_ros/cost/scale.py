@@ -1,0 +1,190 @@
+"""``cost scale``: time and memory of each stage from 10 to 100,000 benches, and the rates that processes hold."""
+import csv
+import io
+import tracemalloc
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.scene import Scene
+from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
+from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.solvers import CHAIN_SOLVERS
+from dragon_ros.cost.stages import STAGES, stages_of
+
+SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
+LIVE = (223, 2000, 20_000)
+_AT_S = 300.0
+_FITTED = 1000          # exponents are fitted from here on
+_LIVE_TIMES = 10        # a live run is so many times as long as a timing
+_COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#CCBB00', '#E69F00', '#D55E00'), strict=True))
+
+
+@dataclass(frozen=True)
+class Stage:
+    """One stage at one number of benches: its time, and the most memory that it held at once, in bytes."""
+
+    solver: str
+    stage: str
+    benches: int
+    timing: Timing
+    peak_bytes: int
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All rows of the page; ``free`` are the runs as fast as the readers follow."""
+
+    stages: list[Stage]
+    free: list[Live]
+    rates: list[Live]
+
+
+def measure(budget_s: float = 0.3) -> Measured:
+    """Measure everything; progress goes to standard error."""
+    ways = [(solver, size) for solver in CHAIN_SOLVERS for size in SIZES]
+    stages = [row for solver, size in tqdm(ways, desc='cost scale: stages', unit='size', disable=None)
+              for row in _stages(solver, size, budget_s)]
+    free, rates = [], []
+    for benches in tqdm(LIVE, desc='cost scale: processes', unit='size', disable=None):
+        free.append(run(benches, 0, max(20, round(_LIVE_TIMES * budget_s * 1e5 / (benches + 200)))))
+        rates += highest(benches, _LIVE_TIMES * budget_s, free[-1].reached_hz)
+    return Measured(stages, free, rates)
+
+
+def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
+    calls = stages_of(Scene(dragon=Dragon(benches)), solver, _AT_S)
+    return [Stage(solver, name, benches, timed(call, budget_s, 3), _peak(call)) for name, call in calls.items()]
+
+
+def _peak(call: Callable[[], object]) -> int:
+    """Return the most bytes that a call held at once (a call apart: tracing slows it)."""
+    tracemalloc.start()
+    try:
+        call()
+        return tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+
+
+def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
+    """Return the power of N with which a value grows, fitted to all sizes from 1000 benches on."""
+    mine = [row for row in rows if row.benches >= _FITTED]
+    return float(np.polyfit(np.log([row.benches for row in mine]), np.log([value(row) for row in mine]), 1)[0])
+
+
+def table(rows: Measured) -> str:
+    """Return the tables as Markdown with the circumstances above them."""
+    parts = [f'{circumstances()}. Medians after the first call.']
+    for solver in dict.fromkeys(row.solver for row in rows.stages):
+        mine = [row for row in rows.stages if row.solver == solver]
+        parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g'),
+                  _stage_table(f'MB at once ({solver}, exact)', mine, _megabytes, '.3g')]
+    return '\n\n'.join([*parts, _live_table(rows)])
+
+
+def _stage_table(title: str, rows: list[Stage], value: Callable[[Stage], float], form: str) -> str:
+    lines = [f'| {title} | ' + ' | '.join(STAGES) + ' |', '|---:|' + '---:|' * len(STAGES)]
+    for size in dict.fromkeys(row.benches for row in rows):
+        cells = [f'{value(row):{form}}' for row in rows if row.benches == size]
+        lines.append(f'| {size:,} | ' + ' | '.join(cells) + ' |')
+    powers = [f'N^{exponent([row for row in rows if row.stage == stage], value):.2f}' for stage in STAGES]
+    return '\n'.join([*lines, '| from 1,000 on | ' + ' | '.join(powers) + ' |'])
+
+
+def _milliseconds(row: Stage) -> float:
+    return row.timing.median_s * 1e3
+
+
+def _megabytes(row: Stage) -> float:
+    return row.peak_bytes / 1e6
+
+
+def _live_table(rows: Measured) -> str:
+    """Return the runs of processes: freely, then at rates up to the first that is not held."""
+    lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
+             + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
+             '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]
+    for row in sorted([*rows.free, *rows.rates], key=lambda row: (row.benches, row.rate_hz)):
+        factor = f'{row.reached_hz / 50:.1f}' if not row.rate_hz else f'{row.reached_hz / row.rate_hz:.2f}'
+        cores = ' | '.join(f'{row.usage[role].cores:.2f}' for role in ROLES)
+        held = ('yes' if row.held else 'no') if row.rate_hz else '-'
+        lines.append(f'| {row.benches:,} | {f"{row.rate_hz:g}" if row.rate_hz else "free"} | {row.reached_hz:.0f} '
+                     f'| {factor} | {row.overruns} of {row.ticks:,} | {row.lost} | {held} | {cores} '
+                     f'| {row.usage["record"].grown_mb:.1f} |')
+    return '\n'.join(lines) + ('\n\nFree runs go as fast as the readers follow; a tick is 0.02 s there. Held: no '
+                               'overrun and no lost message, with sim, monitor and recorder over DDS on this host.')
+
+
+def summary(rows: Measured) -> str:
+    """Return what belongs into the README: all of it."""
+    return table(rows)
+
+
+def csv_text(rows: Measured) -> str:
+    """Return the rows as CSV: stages with time and memory, then the runs of processes."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerow(['what', 'solver', 'benches', 'median_s', 'low_s', 'high_s', 'calls', 'peak_bytes', 'rate_hz',
+                     'ticks', 'wall_s', 'overruns', 'lost', *(f'{role}_cores' for role in ROLES), 'record_grown_mb'])
+    for row in rows.stages:
+        t = row.timing
+        writer.writerow((row.stage, row.solver, row.benches, t.median_s, t.low_s, t.high_s, t.calls, row.peak_bytes,
+                         *[''] * 9))
+    for live in [*rows.free, *rows.rates]:
+        writer.writerow(('live', '', live.benches, *[''] * 5, live.rate_hz, live.ticks, live.wall_s, live.overruns,
+                         live.lost, *(live.usage[role].cores for role in ROLES), live.usage['record'].grown_mb))
+    return out.getvalue()
+
+
+def picture(rows: Measured) -> Figure:
+    """Return three panels: time and memory of the stages against N, and the rates that processes hold."""
+    figure = Figure(figsize=(16, 5.6), layout='constrained')
+    time_axes, memory, rates = figure.subplots(1, 3)
+    _growth(time_axes, rows.stages, _milliseconds, 'time (ms)', 'Time of each stage')
+    _growth(memory, rows.stages, _megabytes, 'memory at once (MB)', 'Memory of each stage')
+    _rates(rates, rows)
+    for axes in (time_axes, memory, rates):
+        axes.grid(True, which='major', linewidth=0.4)
+        axes.set_xlabel('benches N')
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def _growth(axes: Axes, rows: list[Stage], value: Callable[[Stage], float], unit: str, title: str) -> None:
+    for style, solver in zip(('-', '--', ':'), dict.fromkeys(row.solver for row in rows), strict=False):
+        for stage in STAGES if style == '-' else ('chain',):        # solvers differ in the chain alone
+            mine = [row for row in rows if (row.solver, row.stage) == (solver, stage)]
+            name = f'{stage} ({solver})' if stage == 'chain' else stage
+            axes.loglog([row.benches for row in mine], [value(row) for row in mine], f'o{style}', markersize=4,
+                        color=_COLOURS[stage], label=f'{name}: N^{exponent(mine, value):.2f}')
+    axes.set(ylabel=unit, title=title)
+    axes.legend(fontsize=8)
+
+
+def _rates(axes: Axes, rows: Measured) -> None:
+    for row in rows.rates:
+        axes.plot(row.benches, row.rate_hz, 'o' if row.held else 'x', color='#0072B2' if row.held else '#D55E00',
+                  markersize=8)
+    axes.plot([row.benches for row in rows.free], [row.reached_hz for row in rows.free], 's-', color='#999999',
+              label='free: as fast as the readers follow')
+    axes.plot([], [], 'o', color='#0072B2', label='held: no overrun, nothing lost')
+    axes.plot([], [], 'x', color='#D55E00', label='not held')
+    axes.set(xscale='log', yscale='log', ylabel='ticks a second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
+             title='Sim, monitor and recorder over DDS')
+    axes.legend(fontsize=8)
+
+
+def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write tables, CSV and pictures into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'scale.md': table(rows) + '\n', 'scale.csv': csv_text(rows)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(rows), folder / 'scale')]

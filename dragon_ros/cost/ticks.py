@@ -1,0 +1,152 @@
+"""``cost tick``: where the microseconds of one tick go, stage by stage, for solver and tier, before and after."""
+import csv
+import io
+import json
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median, quantiles
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tiers import EXACT, PAPER, TIERS
+from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.solvers import CHAIN_SOLVERS
+from dragon_ros.cost.stages import STAGES, stages_of
+from dragon_ros.wire.domain import free_domain, local_environment
+
+_TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
+_ALL = (*STAGES, 'publish')
+_OBJECTS, _BYTES = 'objects', 'bytes'
+_COLOURS = ('#999999', '#0072B2', '#56B4E9', '#009E73', '#F0E442', '#E69F00', '#D55E00', '#CC79A7')    # Okabe-Ito
+_LONGEST_S = 120.0
+
+
+@dataclass(frozen=True)
+class Row:
+    """One way to make a tick: solver, tier, what its messages are made as, and the time of each stage."""
+
+    solver: str
+    tier: str
+    messages: str
+    stages: dict[str, Timing]
+
+    @property
+    def total_s(self) -> float:
+        """All stages together, in seconds."""
+        return sum(timing.median_s for timing in self.stages.values())
+
+    @property
+    def name(self) -> str:
+        """What stands beside its bar."""
+        return f'{self.solver}, {self.tier}, {self.messages}'
+
+
+def measure(budget_s: float = 0.3) -> list[Row]:
+    """Measure everything; progress goes to standard error. The first row is how it was before: objects."""
+    messages = _messages(budget_s)
+    ways = [(solver, name) for solver in CHAIN_SOLVERS for name, tier in TIERS.items()
+            if tier is EXACT or (tier is not PAPER and solver != 'plain')]
+    rows = [_row(solver, tier, messages, budget_s) for solver, tier in
+            tqdm(ways, desc='cost tick', unit='row', disable=None)]
+    exact = next(row for row in rows if row.tier == 'exact')
+    if 'objects encode' not in messages:
+        return rows
+    before = {**exact.stages, 'encode': messages['objects encode'], 'publish': messages['objects publish']}
+    return [Row(exact.solver, exact.tier, _OBJECTS, before), *rows]
+
+
+def _row(solver: str, tier: str, messages: dict[str, Timing], budget_s: float) -> Row:
+    scene = replace(Scene(), accuracy=tier)
+    calls = [stages_of(scene, solver, t_s) for t_s in _TIMES_S]
+    stages = {name: timed(lambda name=name: [call[name]() for call in calls], budget_s, 5).shared_by(len(calls))
+              for name in STAGES}
+    if 'bytes publish' in messages:
+        stages['publish'] = messages['bytes publish']
+    return Row(solver, tier, _BYTES, stages)
+
+
+def _messages(budget_s: float) -> dict[str, Timing]:
+    """Return what building and publishing messages costs, measured in a process with rclpy; {} where there is none."""
+    done = subprocess.run([sys.executable, '-m', 'dragon_ros.nodes.publish_cost', str(budget_s)],
+                          capture_output=True, text=True, check=False, timeout=_LONGEST_S,
+                          env=local_environment(free_domain()))
+    if done.returncode:
+        print(f'cost: publishing is left out: {(done.stderr.strip().splitlines() or ["?"])[-1]}', file=sys.stderr)
+        return {}
+    spent: dict[str, list[float]] = json.loads(done.stdout)
+    return {name: Timing(median(each), quantiles(each, n=4)[0], quantiles(each, n=4)[2], len(each))
+            for name, each in spent.items()}
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as a Markdown table with the circumstances above it."""
+    head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (us)' for name in _ALL)
+            + ' | all (us) | times faster |\n|---|---|---|' + '---:|' * (len(_ALL) + 2))
+    lines = [_line(row, rows[0].total_s) for row in rows]
+    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *lines])
+
+
+def _line(row: Row, before_s: float) -> str:
+    cells = [f'{row.stages[name].median_s * 1e6:.1f}' if name in row.stages else '-' for name in _ALL]
+    return (f'| {row.solver} | {row.tier} | {row.messages} | ' + ' | '.join(cells)
+            + f' | {row.total_s * 1e6:.0f} | {before_s / row.total_s:.1f} |')
+
+
+def summary(rows: list[Row]) -> str:
+    """Return what belongs into the README: all of it."""
+    return table(rows)
+
+
+def csv_text(rows: list[Row]) -> str:
+    """Return the rows as CSV, one line a stage, times in seconds."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerow(['solver', 'tier', 'messages', 'stage', 'median_s', 'low_s', 'high_s', 'calls'])
+    for row in rows:
+        for stage, t in row.stages.items():
+            writer.writerow((row.solver, row.tier, row.messages, stage, t.median_s, t.low_s, t.high_s, t.calls))
+    return out.getvalue()
+
+
+def picture(rows: list[Row]) -> Figure:
+    """Return stacked bars: before and after, and after alone on a scale of its own."""
+    figure = Figure(figsize=(13, 0.55 * len(rows) + 2.6), layout='constrained')
+    before, after = figure.subplots(1, 2)
+    _bars(before, rows)
+    _bars(after, [row for row in rows if row.messages == _BYTES])
+    before.set_title('One tick of 223 benches, before and after')
+    after.set_title('After: messages are bytes')
+    handles, labels = before.get_legend_handles_labels()
+    figure.legend(handles, labels, loc='outside upper center', ncols=len(_ALL), fontsize=9)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def _bars(axes: Axes, rows: list[Row]) -> None:
+    names, left = [row.name for row in rows], [0.0] * len(rows)
+    for stage, colour in zip(_ALL, _COLOURS, strict=True):
+        width = [row.stages[stage].median_s * 1e6 if stage in row.stages else 0.0 for row in rows]
+        axes.barh(names, width, left=left, color=colour, label=stage)
+        left = [start + more for start, more in zip(left, width, strict=True)]
+    for row, end in enumerate(left):
+        axes.annotate(f'{end:,.0f}', (end, row), xytext=(4, 0), textcoords='offset points', va='center', fontsize=9)
+    axes.invert_yaxis()
+    axes.margins(x=0.12)
+    axes.set_xlabel('time (µs)')
+    axes.grid(True, axis='x', linewidth=0.4)
+    axes.set_axisbelow(True)
+
+
+def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write table, CSV and pictures into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'tick.md': table(rows) + '\n', 'tick.csv': csv_text(rows)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(rows), folder / 'tick')]

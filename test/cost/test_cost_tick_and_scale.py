@@ -1,0 +1,94 @@
+"""The pages ``cost tick`` and ``cost scale``: their sums, exponents, verdicts and files."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state
+from dragon_ros.cost import live, scale, ticks
+from dragon_ros.cost.measure import Timing
+from dragon_ros.cost.solvers import CHAIN_SOLVERS
+from dragon_ros.cost.stages import STAGES, stages_of
+from dragon_ros.wire import figures
+
+
+def timing(seconds):
+    return Timing(seconds, seconds, seconds, 9)
+
+
+@pytest.mark.parametrize('solver', CHAIN_SOLVERS)
+def test_the_stages_of_a_tick_are_those_of_the_model(solver):
+    scene = Scene(dragon=Dragon(30))
+    calls = stages_of(scene, solver, 300.0)
+    assert tuple(calls) == STAGES
+    np.testing.assert_allclose(calls['chain']().p, state(scene, 300.0).p, atol=scene.promise_m)
+    assert len(calls['encode']()) == 3
+    assert calls['gaps']() > 0
+
+
+def tick_rows():
+    stages = {name: timing(1e-5) for name in (*STAGES, 'publish')}
+    return [ticks.Row('march', 'exact', 'objects', {**stages, 'encode': timing(73e-5)}),
+            ticks.Row('march', 'exact', 'bytes', stages)]
+
+
+def test_the_tick_page_tells_how_many_times_faster_than_before(tmp_path):
+    with np.errstate(all='warn'):
+        paths = ticks.write(tick_rows(), tmp_path, figures.save)
+    assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']
+    assert all(path.stat().st_size for path in paths)
+    assert '| 80 | 10.0 |' in ticks.summary(tick_rows())
+    assert len(ticks.csv_text(tick_rows()).splitlines()) == 1 + 2 * 8
+
+
+def test_without_ros_the_tick_page_leaves_publishing_out(monkeypatch, capsys):
+    monkeypatch.setattr(ticks.sys, 'executable', 'false')
+    assert ticks._messages(0.0) == {}
+    assert 'publishing is left out' in capsys.readouterr().err
+    row = ticks.Row('march', 'exact', 'bytes', {name: timing(1e-5) for name in STAGES})
+    assert '| - | 70 |' in ticks.table([row])
+
+
+def test_publishing_is_measured_where_ros_is():
+    pytest.importorskip('rclpy')
+    assert set(ticks._messages(0.01)) == {'bytes publish', 'objects encode', 'objects publish'}
+
+
+def run(benches, rate_hz, overruns=0, missing=0, wall_s=2.0):
+    usage = {role: live.Usage(0.5, 80.0, 1.0) for role in live.ROLES}
+    return live.Live(benches, rate_hz, 100, wall_s, overruns, {'handles': missing}, usage)
+
+
+def test_a_rate_is_held_only_without_overruns_and_losses():
+    assert run(223, 50).held
+    assert not run(223, 50, overruns=1).held
+    assert not run(223, 50, missing=1).held
+
+
+@pytest.mark.parametrize(('guess_hz', 'limit_hz', 'tried'), [
+    (60, 100, [50, 70, 100, 150]), (600, 60, [50, 70, 100, 150, 200, 300, 500]), (1, 1e9, list(live.RATES_HZ)),
+    (0.1, 1, [5])])
+def test_the_search_ends_with_the_highest_rate_that_is_held(monkeypatch, guess_hz, limit_hz, tried):
+    monkeypatch.setattr(live, 'run', lambda benches, rate_hz, _: run(benches, rate_hz, overruns=rate_hz > limit_hz))
+    assert [row.rate_hz for row in live.highest(223, 1.0, guess_hz)] == tried
+
+
+def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
+    stages = [scale.Stage('march', name, size, timing(1e-6 * size), 100 * size) for size in scale.SIZES
+              for name in STAGES]
+    rows = scale.Measured(stages, [run(223, 0)], [run(223, 50), run(223, 70, overruns=3)])
+    with np.errstate(all='warn'):
+        paths = scale.write(rows, tmp_path, figures.save)
+    assert [path.name for path in paths] == ['scale.md', 'scale.csv', 'scale.png', 'scale.svg']
+    text = scale.summary(rows)
+    assert text.count('N^1.00') == 2 * len(STAGES)
+    assert '| 3 of 100 | 0 | no |' in text
+    assert '| 0 of 100 | 0 | yes |' in text
+
+
+def test_processes_over_dds_are_counted_to_the_last_message():
+    pytest.importorskip('rclpy')
+    row = live.run(20, 0, 60)
+    assert (row.lost, row.overruns) == (0, 0)
+    assert set(row.usage) == set(live.ROLES)
+    assert all(usage.cores > 0 and usage.rss_mb > 10 for usage in row.usage.values())
