@@ -6,8 +6,11 @@ from collections.abc import Iterable, Mapping
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
 
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.step import Frame
+from dragon_ros.wire.encode import Encode
 
 _GIVE_UP = 20       # failures of 0.1 s in a row with nobody to wait for
 _ACKED_S = 4.0      # acknowledgements come with the heartbeat of the middleware, every 3 s with Fast DDS
@@ -30,6 +33,26 @@ def wait_for_readers(wanted: Iterable[tuple[Publisher, int]], stop: threading.Ev
         if stop.wait(0.02):
             return False
     return not stop.is_set()
+
+
+class Feed:
+    """One topic of ``sim``: encodes and publishes, but only what somebody hears."""
+
+    def __init__(self, publisher: Publisher, encode: Encode) -> None:
+        """Publish on ``publisher`` what ``encode`` makes of a frame."""
+        self.publisher, self._encode = publisher, encode
+        self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self.published = 0
+
+    def publish(self, frame: Frame, stop: threading.Event) -> None:
+        """Publish a frame; without a subscriber nothing is encoded.
+
+        Who subscribes later hears from the next frame on, as ever: a volatile topic keeps nothing for late joiners.
+        A latched one does, and is always published.
+        """
+        if self._latched or self.publisher.get_subscription_count():
+            publish(self.publisher, self._encode(frame), stop)
+            self.published += 1
 
 
 def publish(publisher: Publisher, data: bytes, stop: threading.Event) -> None:

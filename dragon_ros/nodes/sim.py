@@ -50,8 +50,8 @@ class Sim(Node):
         self.scene = _scene_of(value)
         self._time_scale, self._on_contact = value['time_scale'], value['on_contact']
         encode = encoders(self.scene, value['frame_id'])
-        self._topics = {name: (self._publisher(name), encode[name]) for name in encode}
-        self._outlets = {name: publisher for name, (publisher, _) in self._topics.items()}
+        self._feeds = {name: outlet.Feed(self._publisher(name), encode[name]) for name in encode}
+        self._outlets = {name: feed.publisher for name, feed in self._feeds.items()}
         self._wanted = outlet.wanted_readers(value['wait_subscribers'], self._outlets)
 
     def _publisher(self, name: str) -> Publisher:
@@ -88,8 +88,8 @@ class Sim(Node):
         return self._ended(f'{why[end.reason]} at {end.t_s:.6f} s after {count} ticks', pacer)
 
     def _publish(self, frame: Frame, stop: threading.Event) -> None:
-        for publisher, encode in self._topics.values():
-            outlet.publish(publisher, encode(frame), stop)
+        for feed in self._feeds.values():
+            feed.publish(frame, stop)
 
     def _first_contact(self, stop: threading.Event) -> Contact | None:
         """Return the contact at which to act, if any. Raises InterruptedError where told to stop meanwhile."""
@@ -115,6 +115,8 @@ class Sim(Node):
     def _ended(self, what: str, pacer: Pacer) -> int:
         late = f'; {pacer.overruns} overruns, the worst {pacer.worst_late_s:.3f} s late' if pacer.overruns else ''
         (self.get_logger().warning if late else self.get_logger().info)(f'{what}{late}')
+        counts = ', '.join(f'{name} {feed.published}' for name, feed in self._feeds.items())
+        self.get_logger().info(f'published: {counts}')
         outlet.drain(self._outlets.values())
         return cli.OK
 

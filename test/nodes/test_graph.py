@@ -179,6 +179,20 @@ def test_parameters_are_described_with_type_range_and_text(start, node):
     assert rows['on_contact'].additional_constraints == 'one of continue, hold, stop'
 
 
+@pytest.mark.parametrize('scale', [0.0, 20.0])
+def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_others(start, node, scale):
+    from geometry_msgs.msg import PoseArray
+    stamps = []
+    node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 1000,
+                             raw=True)
+    sim = start('sim', '--scene', 'first_contact', *overrides(*SHORT), '--ros-args', '-p',
+                'wait_subscribers:=[handles=1]', '-p', f'time_scale:={scale}')
+    node.until(lambda: len(stamps) == 26)
+    assert sim.end() == 0, sim.text
+    assert 'published: handles 26, benches 0, velocities 0' in sim.text
+    assert stamps == [412_200_000_000 + 20_000_000 * k for k in range(26)]
+
+
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['sim', '--scene', 'windin'], 'first_contact, winding'),
     (['sim', '--set', 'track.pitch_m=-1'], 'track.pitch_m'),
