@@ -77,7 +77,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
     say(f'1. sim, monitor and recorder, three processes over DDS, {pace:g} times real time')
     with _processes(folder / 'live.log') as start:
         _bystanders(start, live)
-        sim = start('sim', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
+        sim = start('sim', '--json', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
                     '-p', f'wait_subscribers:=[{_READERS}]')
         threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
         _follow(sim)
