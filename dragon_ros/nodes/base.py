@@ -32,6 +32,7 @@ class DragonNode(Node):
         self.add_pre_set_parameters_callback(self._widen)
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
+        self._ros_time = self.get_clock()
         self._patience = self.create_timer(_NO_CLOCK_S, self._look_for_clock, clock=STEADY)
 
     def get_logger(self) -> logs.Logger:
@@ -66,7 +67,7 @@ class DragonNode(Node):
     def _look_for_clock(self) -> None:
         """Say it, once, where ROS time is to come from /clock and none came."""
         self._patience.cancel()
-        if self.get_clock().ros_time_is_active and not self.get_clock().now().nanoseconds:
+        if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
             self.get_logger().warning(f'use_sim_time is true, and nothing came on /clock for {_NO_CLOCK_S:g} s: stamps '
                                       'of wall time stay 0; start one sim or replay with publish_clock:=true, or set '
                                       'use_sim_time to false')

@@ -277,12 +277,11 @@ def test_the_recorder_survives_stamps_that_no_clock_shows(start, node, tmp_path)
     record = start('record', '--output', tmp_path / 'a.mcap')
     handles = node.create_publisher(PoseArray, 'handles', 10)
     node.until(handles.get_subscription_count)
-    for sec in (-1, 7):
+    for sec in (7, -1):
         message = PoseArray()
         message.header.stamp.sec = sec
         handles.publish(message)
     record.wait_for('not recorded')
-    node.until(lambda: True)
     assert record.stop() == 0, record.text
     assert [t_ns for t_ns, _ in by_topic(tmp_path / 'a.mcap')['/dragon/handles']] == [7 * 10**9]
 

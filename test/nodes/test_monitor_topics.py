@@ -86,6 +86,7 @@ def test_an_episode_is_told_from_its_begin_to_its_end_on_every_topic(start, node
 def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     start('monitor', '--ros-args', '-p', 'warn_below_m:=0.001')
     heard = Listener(node, '/diagnostics')
+    node.until(lambda: heard.got['/diagnostics'])
     source = Publisher(node, 404)
     source.show(404, 412.44, 412.48, 404)
 
