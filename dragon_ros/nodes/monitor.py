@@ -19,8 +19,10 @@ from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import check_handles, read_benches, sight_of
 
 _PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
+_SHOW_S = 0.1           # clearance/marker comes no more often than this
 _TELL_S = 1.0           # /diagnostics comes so often, in wall time
-_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', '/diagnostics')
+_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
+           '/diagnostics')
 
 
 class Monitor(DragonNode):
@@ -34,7 +36,7 @@ class Monitor(DragonNode):
         self._pairs, self._watch = Pairing(), Watch(self._warn_below_m)
         self.dropped = 0
         self._last: Report | None = None
-        self._level = b''
+        self._level, self._shown = b'', 0.0
         self._out = {name: self.create_publisher(shell.message_type(rows[name].type), name, qos.of_channel(rows[name]))
                      for name in _TOPICS}
         self._out['collision/active'].publish(Bool(data=False))
@@ -83,6 +85,7 @@ class Monitor(DragonNode):
         self._last = report
         if self._out['clearance'].get_subscription_count():
             self._out['clearance'].publish(Float64(data=report.clearance_m))
+        self._show_clearance(report)
         if message := messages.collision_of(report):
             self._out['collision'].publish(message)
             self._log(message)
@@ -94,6 +97,13 @@ class Monitor(DragonNode):
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
             markers.publish(messages.markers_of(report))
         self._tell_health()
+
+    def _show_clearance(self, report: Report) -> None:
+        """Publish the clearance for the eye, as often as an eye can read."""
+        marker, now = self._out['clearance/marker'], time.monotonic()
+        if marker.get_subscription_count() and now - self._shown >= _SHOW_S:
+            self._shown = now
+            marker.publish(messages.clearance_of(report))
 
     def _log(self, message: DiagnosticArray) -> None:
         for status in message.status:

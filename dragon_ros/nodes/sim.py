@@ -17,6 +17,7 @@ from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.ends import Ends
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.params import SIM
+from dragon_ros.nodes.track import track_marker
 from dragon_ros.wire import cli
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.encode import encoders
@@ -66,6 +67,8 @@ class Sim(DragonNode):
         self.outlets = {name: feed.publisher for name, feed in self.feeds.items()}
         self._frames = Broadcast(self.scene, contact, self.feeds.values())
         self._frames.also = list(self._also())
+        self._track = self._publisher('track')
+        self._track.publish(track_marker(self.scene, value['frame_id']))
         wanted = outlet.wanted_readers(value['wait_subscribers'], self.outlets)
         self.player = Player(self, self._frames, value['time_scale'], lambda: outlet.readers_are_there(wanted))
 
@@ -85,8 +88,9 @@ class Sim(DragonNode):
     def _publisher(self, name: str) -> Publisher:
         row = channels()[name]
         profile = qos.of_channel(row)
-        return self.create_publisher(shell.message_type(row.type), name,
-                                     qos.lossless(profile) if self._lossless else profile)
+        if self._lossless and row.durability == 'volatile':
+            profile = qos.lossless(profile)
+        return self.create_publisher(shell.message_type(row.type), name, profile)
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:
         """Yield what else is told of each frame."""
