@@ -1,11 +1,11 @@
-"""Parameters of the nodes, each listed once: name, default, limits and text. Imports no ROS, so that help is quick."""
+"""Parameters of the nodes, each listed once: name, default, limits and text. Imports little, so that help is quick."""
 from dataclasses import dataclass
 from typing import Any
 
-from dragon_ros.core.scene import LATEST_S
-
+# A test keeps these two equal to those of core.scene and core.watch, which are slow to import.
+LATEST_S = 2**31 - 1
+NEAR_M = 0.02
 _AS_SCENE = -1.0
-_NEAR_M = 0.02
 
 
 @dataclass(frozen=True)
@@ -51,7 +51,7 @@ SIM = (
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 MONITOR = (
-    Parameter('warn_below_m', _NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
+    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
 )
 
 

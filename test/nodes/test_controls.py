@@ -11,8 +11,9 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from dragon_ros.core.watch import NEAR_M
-from dragon_ros.nodes.params import MONITOR, SIM
+from dragon_ros.core import scene, watch
+from dragon_ros.nodes import params
+from dragon_ros.nodes.params import SIM
 from dragon_ros.wire.cdr_read import read_pose_array
 
 TICK_NS = 20_000_000
@@ -163,8 +164,8 @@ def test_parameters_are_described_with_type_range_text_and_whether_they_are_live
     assert rows['on_contact'].additional_constraints == 'one of continue, hold, stop'
 
 
-def test_the_monitor_warns_by_default_where_the_watcher_looks():
-    assert MONITOR[0].default == NEAR_M
+def test_the_tables_that_import_little_have_the_limits_of_the_core():
+    assert (params.NEAR_M, params.LATEST_S) == (watch.NEAR_M, scene.LATEST_S)
 
 
 def test_the_clock_follows_every_tick_goes_back_at_a_reset_and_is_told_while_time_stands(start, node):
