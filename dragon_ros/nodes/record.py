@@ -13,7 +13,7 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.commands import line
 from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns
 from dragon_ros.wire.channels import Channel, channels
-from dragon_ros.wire.log import LogWriter
+from dragon_ros.wire.log_write import LogWriter
 from dragon_ros.wire.recording import SimulationClock
 
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long

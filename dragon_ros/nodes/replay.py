@@ -14,7 +14,7 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.commands import line
 from dragon_ros.nodes.pacer import Pacer
 from dragon_ros.wire import cli
-from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.log_read import LogReader
 
 
 class Replay(DragonNode):

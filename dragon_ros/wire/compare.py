@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
 from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.log_read import LogReader
 
 
 @dataclass

@@ -6,7 +6,7 @@ import pytest
 from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.compare import compare_with_model
-from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.scenes import load_scene
 
 READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
@@ -84,7 +84,7 @@ def recorded(tmp_path_factory):
     from dragon_ros.core.watch import Watch
     from dragon_ros.nodes.contact_messages import status_of
     from dragon_ros.wire.encode import encoders
-    from dragon_ros.wire.log import LogWriter
+    from dragon_ros.wire.log_write import LogWriter
     from dragon_ros.wire.sights import check_handles, read_benches, sight_of
     scene, path = load_scene('first_contact', SHORT), tmp_path_factory.mktemp('bag') / 'short.mcap'
     encode, watch, events = encoders(scene), Watch(), []
