@@ -236,3 +236,8 @@ def _fields(reader: Reader, kind: str, offsets: list[int], stride: int, columns:
         count = struct.unpack_from(reader.order + 'I', reader.data, 4)[0]
         return strided(reader.data, kind, offsets[0], stride, count, columns)
     return np.stack([np.frombuffer(reader.data, kind, columns, offset) for offset in offsets])
+
+
+def read_string(data: bytes) -> str:
+    """Return the text of a std_msgs/String."""
+    return Reader(data).text()

@@ -25,6 +25,11 @@ class Channel:
     effect: Effect | None
     meaning: str
 
+    @property
+    def latched(self) -> bool:
+        """Whether late readers get what was published last; sim publishes such a topic once, not each tick."""
+        return self.durability == 'transient_local'
+
 
 @lru_cache(maxsize=1)
 def channels() -> dict[str, Channel]:

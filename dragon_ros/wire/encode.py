@@ -11,7 +11,8 @@ Encode = Callable[[Frame], bytes]
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
     """Return, by topic, the functions that turn this scene's frames into bytes; templates are built once, here."""
-    return {channel.name: _BUILDERS[channel.name](scene, frame_id) for channel in live(scene.effects)}
+    return {channel.name: _BUILDERS[channel.name](scene, frame_id) for channel in live(scene.effects)
+            if not channel.latched}
 
 
 def _handles(scene: Scene, frame_id: str) -> Encode:
