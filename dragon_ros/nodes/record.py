@@ -1,27 +1,21 @@
 """``record``: the topics of a dragon, as raw bytes, into an MCAP bag, and an account of what is missing in it."""
-import argparse
 import os
 import resource
 import threading
 import time
 from collections.abc import Callable
 from contextlib import suppress
-from datetime import datetime
-from functools import partial
-from pathlib import Path
 from typing import Any
 
-from dragon_ros.core.errors import DiskError, InputError
+from dragon_ros.core.errors import DiskError
 from dragon_ros.nodes import qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.commands import line
 from dragon_ros.wire import cli, origin
 from dragon_ros.wire.background import BackgroundWriter
 from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns, read_string
 from dragon_ros.wire.channels import Channel, channels
 from dragon_ros.wire.ledger import Ledger
-from dragon_ros.wire.log_write import BagOptions, LogWriter
-from dragon_ros.wire.mcap_file import COMPRESSIONS
+from dragon_ros.wire.log_write import LogWriter
 from dragon_ros.wire.recording import SimulationClock
 
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
@@ -85,8 +79,8 @@ class Recorder(DragonNode):
         log.info(f'closed {self.bag.path}: {counts}')
         log.info(f'{self.bag.kept} messages are in the bag; the queue was {writer.fullest:.1%} full at most, the '
                  f'longest write took {writer.slowest_write_s:.3f} s')
-        for line in self.ledger.lines(gone):
-            log.warning(line)
+        for lack in self.ledger.lines(gone):
+            log.warning(lack)
         if writer.waits:
             log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in all')
         if self.ledger.received > self.bag.kept:
@@ -145,42 +139,12 @@ class Recorder(DragonNode):
         self.writer.attach(origin.ATTACHMENT, 'application/yaml', text.encode())
 
 
-def main(argv: list[str]) -> int:
-    """Run the recorder; return the exit code."""
-    options = line.parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).\n'
-                         'Exit codes: 0 all is in the bag, 3 ticks or messages are missing, 1 the disk failed, 2 bad '
-                         'input.', 'ros2 run dragon_ros record --output run.mcap')
-    options.add_argument('--output', type=Path, metavar='FILE.mcap|FOLDER', help='bag to write: one file, or a rosbag2 '
-                         'directory (dragon_DATE_TIME.mcap)')
-    options.add_argument('--keep-going', action='store_true', help='go on when the publisher leaves, until a signal')
-    options.add_argument('--force', action='store_true', help='replace an existing bag')
-    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='of chunks (zstd)')
-    options.add_argument('--split-size-mb', type=float, metavar='MB', help='start another file at this size')
-    options.add_argument('--split-duration-s', type=float, metavar='S', help='start another file after so much '
-                         'simulation time')
-    options.add_argument('--max-size-mb', type=float, metavar='MB', help='stop before the bag is larger than this')
-    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='a recorder that is killed loses no '
-                         'more than this of wall time (1)')
-    options.add_argument('--fsync', action='store_true', help='also ask the disk to have it, against power cuts')
-    options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
-                         help='largest queue of the writer (256)')
-    arguments = line.parse(options, argv)
-    return shell.run('record', argv, partial(_run, arguments), arguments.json)
-
-
-def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:
-    for name, low, high in (('flush_s', 0.01, 3600), ('queue_mb', 1, 1e5)):
-        if not low <= getattr(arguments, name) <= high:
-            raise InputError(f'--{name.replace("_", "-")} {getattr(arguments, name):g}: must lie between {low:g} and '
-                             f'{high:g}')
-    path = arguments.output or Path(f'dragon_{datetime.now().astimezone():%Y%m%d_%H%M%S}.mcap')
-    bag = LogWriter(path, arguments.force, BagOptions(
-        arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
-        arguments.fsync))
-    node = Recorder(bag, arguments.flush_s, arguments.queue_mb)
+def run(bag: LogWriter, keep_going: bool, flush_s: float, queue_mb: float, stop: threading.Event) -> int:
+    """Record into a bag until the run ends or a signal comes; return the exit code."""
+    node = Recorder(bag, flush_s, queue_mb)
     try:
-        node.get_logger().info(f'records to {path}')
-        shell.spin(node, stop, partial(node.poll, arguments.keep_going))
+        node.get_logger().info(f'records to {bag.path}')
+        shell.spin(node, stop, lambda: node.poll(keep_going))
     finally:
         complete = node.close()
         node.destroy_node()

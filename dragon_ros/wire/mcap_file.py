@@ -19,7 +19,7 @@ from mcap.opcode import Opcode
 
 from dragon_ros import __version__
 from dragon_ros.core.errors import DiskError, MissingError
-from dragon_ros.wire.mcap_index import MAGIC, Index, Part, closing, placed, record_bytes
+from dragon_ros.wire.mcap_index import MAGIC, Index, Part, closing, part_of, placed, record_bytes
 
 CHUNK_BYTES = 2**20
 COMPRESSIONS = ('zstd', 'lz4', 'none')
@@ -161,7 +161,7 @@ class McapFile:
             raise DiskError(f'{self.path}: cannot be written on: {error.strerror}; what was written before is kept'
                             ) from None
         if index is not None:
-            self.parts.append(Part(self._end, index, counts or {}))
+            self.parts.append(part_of(self._end, index, counts or {}))
         self._end += len(data)
 
     def _sync(self) -> None:

@@ -2,7 +2,7 @@
 import struct
 import zlib
 from collections import Counter
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from itertools import groupby
 from typing import NamedTuple
 
@@ -15,11 +15,24 @@ MAGIC = b'\x89MCAP0\r\n'
 
 
 class Part(NamedTuple):
-    """What the index says of one part of a file: where it starts, its index record, messages by channel in it."""
+    """What the index says of one part of a file, small: a long recording keeps one for each of its chunks.
+
+    Where it starts, its index record as bytes, first and last log time, and (channel, messages) of what is in it.
+    """
 
     start: int
-    record: Index
-    counts: dict[int, int]
+    record: bytes
+    start_ns: int = 0
+    end_ns: int = 0
+    counts: tuple[tuple[int, int], ...] = ()
+
+
+def part_of(start: int, index: Index, counts: dict[int, int]) -> Part:
+    """Return what is kept of a part."""
+    if isinstance(index, records.ChunkIndex):
+        return Part(start, record_bytes(index), index.message_start_time, index.message_end_time,
+                    tuple(counts.items()))
+    return Part(start, record_bytes(index))
 
 
 def record_bytes(*rows: records.McapRecord) -> bytes:
@@ -55,12 +68,13 @@ def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channe
     """Return all that follows the last part of a file, which is at ``end``: data end, index, footer."""
     data_end = record_bytes(records.DataEnd(data_section_crc=0))
     start = end + len(data_end)
-    by_kind = sorted((part.record for part in parts), key=_opcode)
+    groups = [record_bytes(*schemas), record_bytes(*channels),
+              record_bytes(statistics(len(schemas), len(channels), parts))]
+    for _, rows in groupby(sorted((part.record for part in parts), key=_opcode), _opcode):
+        groups.append(b''.join(rows))
     summary, offsets = b'', []
-    for row in (schemas, channels, [statistics(len(schemas), len(channels), parts)],
-                *(list(rows) for _, rows in groupby(by_kind, _opcode))):
-        if row:
-            group = record_bytes(*row)
+    for group in groups:
+        if group:
             offsets.append(records.SummaryOffset(group_opcode=Opcode(group[0]), group_start=start + len(summary),
                                                  group_length=len(group)))
             summary += group
@@ -71,25 +85,24 @@ def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channe
     return data_end + summary + record_bytes(footer) + MAGIC
 
 
-def statistics(schemas: int, channels: int, parts: Iterable[Part]) -> records.Statistics:
+def statistics(schemas: int, channels: int, parts: Sequence[Part]) -> records.Statistics:
     """Return the counts of a file."""
     counts: Counter[int] = Counter()
     for part in parts:
-        counts.update(part.counts)
+        counts.update(dict(part.counts))
     kinds = Counter(_opcode(part.record) for part in parts)
-    chunks = [part.record for part in parts if isinstance(part.record, records.ChunkIndex)]
+    chunks = [part for part in parts if part.counts]
     return records.Statistics(
         message_count=counts.total(), channel_message_counts=dict(counts), schema_count=schemas,
         channel_count=channels, chunk_count=len(chunks), metadata_count=kinds[Opcode.METADATA_INDEX],
         attachment_count=kinds[Opcode.ATTACHMENT_INDEX],
-        message_start_time=min((chunk.message_start_time for chunk in chunks), default=0),
-        message_end_time=max((chunk.message_end_time for chunk in chunks), default=0))
+        message_start_time=min((part.start_ns for part in chunks), default=0),
+        message_end_time=max((part.end_ns for part in chunks), default=0))
 
 
 def _taken(builder: RecordBuilder) -> bytes:
     return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
-def _opcode(index: Index) -> Opcode:
-    return {records.ChunkIndex: Opcode.CHUNK_INDEX, records.MetadataIndex: Opcode.METADATA_INDEX,
-            records.AttachmentIndex: Opcode.ATTACHMENT_INDEX}[type(index)]
+def _opcode(record: bytes) -> int:
+    return record[0]
