@@ -34,7 +34,7 @@ class Recorder(DragonNode):
         super().__init__('record')
         self.bag, self.ledger = bag, Ledger()
         self.writer = BackgroundWriter(bag, flush_s, queue_mb)
-        self._clock = SimulationClock(self._log)
+        self._simulation = SimulationClock(self._log)
         self._last, self._seen, self._looked, self._scene = time.monotonic(), False, 0.0, ''
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         for name, channel in channels().items():
@@ -46,7 +46,7 @@ class Recorder(DragonNode):
         """Do what is due beside the messages; return whether the recording has ended."""
         now = time.monotonic()
         if now - self._last > _IDLE_S:
-            self._clock.flush(_IDLE_S)
+            self._simulation.flush(_IDLE_S)
         if now - self._looked > _LOOK_S:
             self._looked = now
             self.ledger.share(topic for topic in self._names.values() if self.count_publishers(topic) > 1)
@@ -61,7 +61,7 @@ class Recorder(DragonNode):
     def close(self) -> bool:
         """Write what is held back and the account, close the bag; return whether it has all. Raises DiskError."""
         gone = not self.count_publishers('handles')
-        self._clock.flush()
+        self._simulation.flush()
         self.writer.stop()
         try:
             with suppress(DiskError):
@@ -91,7 +91,7 @@ class Recorder(DragonNode):
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'slowest write_s': f'{writer.slowest_write_s:.6f}',
-                'before the first tick': str(self._clock.left_out),
+                'before the first tick': str(self._simulation.left_out),
                 'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
 
     def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
@@ -112,13 +112,13 @@ class Recorder(DragonNode):
                 if scene:
                     self._learn(read_string(data))
                 if stamp_at is None:
-                    self._clock.unstamped(topic, data, source_ns, sequence, channel.latched)
+                    self._simulation.unstamped(topic, data, source_ns, sequence, channel.latched)
                     return
                 t_ns = read_stamp_ns(data[:4] + data[stamp_at:stamp_at + 8])
                 self._log(topic, data, t_ns, sequence, source_ns)
                 if handles:
                     self.ledger.stamp(t_ns)
-                    self._clock.mark(source_ns, t_ns)
+                    self._simulation.mark(source_ns, t_ns)
             except MessageError as error:
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
         return callback
