@@ -22,7 +22,7 @@ _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing 
 _IDLE_S = 0.25      # what has no stamp waits no longer for the next handles when nothing comes
 _LOOK_S = 1.0       # how often publishers are counted
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
-             'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None, 'std_msgs/msg/String': None}
+             'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
 RECEIVED = 'dragon_ros.received'     # the metadata record with what came and what is missing
 
 
@@ -101,7 +101,8 @@ class Recorder(DragonNode):
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
         shared = channel.name.startswith('/')      # by every node of the graph, and stamped with wall time
-        stamp_at = None if shared else _STAMP_AT.get(channel.type, 4)
+        once = channel.latched and channel.publisher == 'sim'      # for all ticks, whatever its stamp
+        stamp_at = None if shared or once else _STAMP_AT.get(channel.type, 4)
         handles, scene = channel.name == 'handles', channel.name == 'scene'
 
         def callback(data: bytes, info: dict[str, int]) -> None:

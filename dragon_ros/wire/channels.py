@@ -27,7 +27,7 @@ class Channel:
 
     @property
     def latched(self) -> bool:
-        """Whether late readers get what was published last; sim publishes such a topic once, not each tick."""
+        """Whether late readers get what was published last."""
         return self.durability == 'transient_local'
 
 
@@ -45,7 +45,7 @@ def channels_of(document: Document) -> dict[str, Channel]:
 def live(effects: Effect) -> list[Channel]:
     """Return the topics on which sim publishes each tick for these effects; latched ones it publishes once."""
     return [channel for channel in channels().values() if channel.publisher == 'sim'
-            and channel.durability == 'volatile' and (channel.effect is None or channel.effect in effects)]
+            and not channel.latched and (channel.effect is None or channel.effect in effects)]
 
 
 def _channel(document: Document, name: str) -> Channel:

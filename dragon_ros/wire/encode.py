@@ -11,8 +11,7 @@ Encode = Callable[[Frame], bytes]
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
     """Return, by topic, the functions that turn this scene's frames into bytes; templates are built once, here."""
-    return {channel.name: _BUILDERS[channel.name](scene, frame_id) for channel in live(scene.effects)
-            if not channel.latched}
+    return {channel.name: _BUILDERS[channel.name](scene, frame_id) for channel in live(scene.effects)}
 
 
 def _handles(scene: Scene, frame_id: str) -> Encode:

@@ -65,7 +65,7 @@ class Ledger:
                 row.ticks, row.off_ticks = Spans(), 0
         self._run = run
         rows = [] if scene is None else live(scene.effects)
-        self._each_tick = {f'{namespace}/{row.name}' for row in rows if not row.latched}
+        self._each_tick = {f'{namespace}/{row.name}' for row in rows}
 
     def share(self, topics: Iterable[str]) -> None:
         """Learn that topics have several publishers at a time."""

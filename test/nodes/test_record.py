@@ -91,7 +91,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with LogReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
-    assert info['message_count'] == 3 * 26 + 1
+    assert info['message_count'] == 3 * 26 + 2      # and track and scene
 
 
 @pytest.mark.parametrize('how', ['full', 'limit', 'gone'])

@@ -86,9 +86,8 @@ def test_a_binary_file_is_no_scene(tmp_path):
 
 
 def test_topics_follow_the_effects():
-    assert [row.name for row in live(Effect.NONE)] == ['handles', 'scene']
-    assert [row.name for row in live(Effect.VELOCITY | Effect.BENCHES)] == [
-        'handles', 'benches', 'velocities', 'scene']
+    assert [row.name for row in live(Effect.NONE)] == ['handles']
+    assert [row.name for row in live(Effect.VELOCITY | Effect.BENCHES)] == ['handles', 'benches', 'velocities']
 
 
 def test_the_event_is_latched_for_late_joiners():
