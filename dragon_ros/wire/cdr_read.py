@@ -21,7 +21,7 @@ class MessageError(InputError):
 class Reader:
     """Walks over plain CDR; offsets count from the start of the data."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | bytearray) -> None:
         """Read the encapsulation header."""
         if len(data) < 4 or data[0] != 0 or data[1] > 1:
             raise MessageError(f'not plain CDR: it starts with {bytes(data[:4]).hex() or "nothing"}; '
@@ -90,14 +90,14 @@ def read_stamp_ns(data: bytes) -> int:
     return Reader(data).stamp_ns()
 
 
-def read_pose_array(data: bytes) -> Poses:
+def read_pose_array(data: bytes | bytearray) -> Poses:
     """Return a geometry_msgs/PoseArray."""
     reader = Reader(data)
     t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
     return Poses(t_ns, frame_id, reader.doubles(7 * count).reshape(count, 7))
 
 
-def read_multi_array(data: bytes) -> tuple[list[str], Floats]:
+def read_multi_array(data: bytes | bytearray) -> tuple[list[str], Floats]:
     """Return labels and values of a std_msgs/Float64MultiArray, in the shape of its dimensions."""
     reader = Reader(data)
     labels, shape = [], []
@@ -149,7 +149,7 @@ class _Marker:
     end: int
 
 
-def read_marker_array(data: bytes) -> Markers:
+def read_marker_array(data: bytes | bytearray) -> Markers:
     """Return a visualization_msgs/MarkerArray.
 
     Markers of one layout (equal string lengths and counts, a stride of whole 8 bytes) are viewed at once, others are

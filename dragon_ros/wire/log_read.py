@@ -1,89 +1,124 @@
-"""MCAP files in rosbag2's profile, read."""
+"""Bags, read: single MCAP files and rosbag2 folders, whatever their compression."""
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import suppress
 from dataclasses import dataclass
-from os import SEEK_END
 from pathlib import Path
-from typing import IO, Any
+from typing import Any
 
 import yaml
-from mcap.reader import SeekingReader
-from mcap.summary import Summary
+from mcap.records import Attachment, Channel, Metadata
 
-from dragon_ros.core.errors import DragonError, InputError, MissingError
+from dragon_ros.wire.bag_chunk import Row
+from dragon_ros.wire.bag_file import BagError, BagFile
+from dragon_ros.wire.bag_folder import files_of
+from dragon_ros.wire.bag_index import Index, Piece, summary_index, walked_index
+from dragon_ros.wire.bag_order import InOrder
+from dragon_ros.wire.documents import values_of
 
-_MAGIC = b'\x89MCAP0\r\n'
-
-
-class BagError(InputError):
-    """The file is not a bag that can be read."""
+__all__ = ['BagError', 'LogReader', 'Message', 'Topic']
+END_OF_TIME_NS = 2**64
+_LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
 
 
 @dataclass(frozen=True)
 class Message:
-    """One message of a bag."""
+    """One message of a bag; ``t_ns`` is its log time."""
 
     topic: str
     data: bytes
     t_ns: int
     sequence: int
+    publish_ns: int
 
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag: full name, message type, QoS as rosbag2 writes it, and how many messages there are."""
+    """One topic of a bag: full name, type, encoding, QoS as rosbag2 writes it, and how many messages there are."""
 
     name: str
     type: str
+    encoding: str
     qos: dict[str, Any]
     messages: int
 
 
 class LogReader:
-    """Reads a bag that was closed properly."""
+    """Reads a bag that was closed properly, in bounded memory."""
 
     def __init__(self, path: Path) -> None:
         """Open a bag and read its index. Raises MissingError or BagError."""
         self.path = path
+        self._indexes: list[Index] = []
         try:
-            self._file = path.open('rb')
-        except OSError as error:
-            raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
-        try:
-            with _bag_errors(path):
-                _check_ends(path, self._file)
-                self._reader = SeekingReader(self._file, validate_crcs=True)
-                self._take(self._reader.get_summary())
-        except BagError:
-            self._file.close()
+            for each in files_of(path):
+                self._indexes.append(_index_of(BagFile(each)))
+            self._take()
+        except BaseException:
+            self.close()
             raise
 
-    def _take(self, summary: Summary | None) -> None:
-        """Keep what the index says."""
-        if summary is None or summary.statistics is None:
-            raise BagError(f'{self.path}: has no index at its end; the recording was cut off')
-        self.start_ns = summary.statistics.message_start_time
-        self.end_ns = summary.statistics.message_end_time
-        counts = summary.statistics.channel_message_counts
-        for channel in summary.channels.values():
-            if channel.message_encoding != 'cdr':
-                raise BagError(f'{self.path}: topic {channel.topic} holds {channel.message_encoding or "unknown"} '
-                               'messages; only cdr can be played')
-        self.topics = [Topic(channel.topic, summary.schemas[channel.schema_id].name,
-                             _qos_of(channel.metadata), counts.get(channel.id, 0))
-                       for channel in summary.channels.values()]
-        if not summary.statistics.message_count:
+    def _take(self) -> None:
+        """Keep what the indexes say."""
+        rows = {index.file: index for index in self._indexes}
+        self._names = {file: {number: channel.topic for number, channel in index.channels.items()}
+                       for file, index in rows.items()}
+        self.topics = _topics([(index, channel) for index in self._indexes for channel in index.channels.values()])
+        for topic in self.topics:
+            if topic.encoding != 'cdr':
+                raise BagError(f'{self.path}: topic {topic.name} holds {topic.encoding or "unknown"} messages; '
+                               'only cdr can be played')
+        pieces = [piece for index in self._indexes for piece in index.pieces if piece.end_ns or piece.start_ns]
+        if not sum(topic.messages for topic in self.topics) or not pieces:
             raise BagError(f'{self.path}: is empty, there is no message in it')
+        self.start_ns, self.end_ns = min(p.start_ns for p in pieces), max(p.end_ns for p in pieces)
 
-    def messages(self, topics: list[str] | None = None, start_ns: int | None = None) -> Iterator[Message]:
-        """Yield messages in order of time."""
-        with _bag_errors(self.path):
-            for _, channel, message in self._reader.iter_messages(topics, start_ns):
-                yield Message(channel.topic, message.data, message.log_time, message.sequence)
+    @property
+    def files(self) -> list[Path]:
+        """The files that the bag is made of."""
+        return [index.file.path for index in self._indexes]
+
+    def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
+                 end_ns: int | None = None) -> Iterator[Message]:
+        """Yield messages with start_ns <= t < end_ns in order of time. Raises BagError at damage."""
+        wanted = None if topics is None else set(topics)
+
+        def choose(piece: Piece, row: Row) -> bool:
+            return wanted is None or self._name(piece, row) in wanted
+        pieces = [piece for index in self._indexes for piece in index.pieces]
+        last_ns = END_OF_TIME_NS if end_ns is None else end_ns
+        for piece, row, data in InOrder(pieces, choose).between(start_ns or 0, last_ns):
+            yield Message(self._name(piece, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
+
+    def _name(self, piece: Piece, row: Row) -> str:
+        try:
+            return self._names[piece.file][row.channel]
+        except KeyError:
+            raise piece.file.fault(piece.place.offset, f'a message on channel {row.channel}, which nothing '
+                                   'declares') from None
+
+    def metadata(self, name: str) -> dict[str, str]:
+        """Return the first metadata record of a name; {} where there is none. Raises BagError."""
+        for index in self._indexes:
+            for place in index.metadata:
+                record = index.file.fields(place, Metadata.read)
+                if record.name == name:
+                    return dict(record.metadata)
+        return {}
+
+    def attachment(self, name: str) -> bytes | None:
+        """Return the first attachment of a name that is small enough to be read. Raises BagError."""
+        for index in self._indexes:
+            for place in index.attachments:
+                with suppress(BagError):
+                    record = index.file.fields(place, Attachment.read)
+                    if record.name == name:
+                        return bytes(record.data)
+        return None
 
     def close(self) -> None:
-        """Close the file."""
-        self._file.close()
+        """Close the files."""
+        for index in self._indexes:
+            index.file.close()
 
     def __enter__(self) -> 'LogReader':
         """Use it in a ``with`` block."""
@@ -94,33 +129,46 @@ class LogReader:
         self.close()
 
 
-def _qos_of(metadata: dict[str, str]) -> dict[str, Any]:
+def _index_of(file: BagFile) -> Index:
+    """Return the index of a whole file; one without a complete summary is walked through."""
+    try:
+        index = summary_index(file)
+        return _walked(file) if index is None else index
+    except BagError as error:
+        readable = walked_index(file).pieces
+        reach = readable[-1].place.end if readable else 0
+        file.close()
+        raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
+                       'makes a whole bag of them', **error.fields) from None
+
+
+def _walked(file: BagFile) -> Index:
+    index = walked_index(file)
+    if index.damage:
+        raise index.damage
+    for piece in index.pieces:
+        for _ in index.survey(piece):
+            pass
+    return index
+
+
+def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
+    """Return the topics of all channels; those of one name are one topic."""
+    out: dict[str, Topic] = {}
+    for index, channel in channels:
+        schema = index.schemas.get(channel.schema_id)
+        before = out.get(channel.topic)
+        messages = index.counts[channel.id] + (before.messages if before else 0)
+        out[channel.topic] = Topic(channel.topic, schema.name if schema else '', channel.message_encoding,
+                                   qos_of(channel.metadata), messages)
+    return list(out.values())
+
+
+def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
     """Return the first QoS profile of a channel; {} where there is none that can be read."""
+    text = metadata.get('offered_qos_profiles', '')
     try:
-        profiles = yaml.safe_load(metadata.get('offered_qos_profiles', '')) or []
+        profiles = values_of(text) if len(text) <= _LONGEST_QOS else None
         return dict(profiles[0]) if profiles else {}
-    except (yaml.YAMLError, TypeError, ValueError, KeyError):
+    except (yaml.YAMLError, TypeError, ValueError, KeyError, RecursionError):
         return {}
-
-
-def _check_ends(path: Path, file: IO[bytes]) -> None:
-    """Refuse a file that does not start or end as a closed MCAP file does."""
-    size = file.seek(0, SEEK_END)
-    file.seek(0)
-    if file.read(len(_MAGIC)) != _MAGIC:
-        raise BagError(f'{path}: is {f"not an MCAP file ({size} bytes)" if size else "empty (0 bytes)"}')
-    file.seek(max(0, size - len(_MAGIC)))
-    if file.read() != _MAGIC or size == len(_MAGIC):
-        raise BagError(f'{path}: was cut off before its end; it has no index ({size} bytes)')
-    file.seek(0)
-
-
-@contextmanager
-def _bag_errors(path: Path) -> Iterator[None]:
-    """Turn what the MCAP library raises on damaged files into one clear error."""
-    try:
-        yield
-    except DragonError:
-        raise
-    except Exception as error:  # the library and its decompressors trip over damage in many ways
-        raise BagError(f'{path}: is damaged: {str(error) or type(error).__name__}') from None
