@@ -1,0 +1,30 @@
+"""The bag that is simulated offline is the one that real nodes record."""
+from dragon_ros.__main__ import main
+from dragon_ros.wire.bag_frames import scene_of_bag
+from dragon_ros.wire.log_read import LogReader
+
+SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
+READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1]'
+
+
+def by_topic(bag):
+    out = {}
+    for message in bag.messages():
+        out.setdefault(message.topic, []).append((message.t_ns, message.sequence, message.data))
+    return out
+
+
+def test_the_scene_recorded_live_and_simulated_offline_give_equal_messages(start, tmp_path):
+    record = start('record', '--output', tmp_path / 'live.mcap')
+    sim = start('sim', *SCENE, '--ros-args', '-p', READERS, '-p', 'time_scale:=0.0')
+    assert sim.end() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert main(['simulate', *SCENE, '--output', str(tmp_path / 'offline.mcap')]) == 0
+    with LogReader(tmp_path / 'live.mcap') as live, LogReader(tmp_path / 'offline.mcap') as offline:
+        recorded, simulated = by_topic(live), by_topic(offline)
+        assert scene_of_bag(live) == scene_of_bag(offline)
+        assert {topic.name: topic.type for topic in live.topics} == {topic.name: topic.type for topic in offline.topics}
+    assert len(simulated['/dragon/handles']) == 26
+    for name in ('handles', 'benches', 'velocities'):
+        assert recorded[f'/dragon/{name}'] == simulated[f'/dragon/{name}']
+    assert [row[:2] for row in recorded['/dragon/scene']] == [row[:2] for row in simulated['/dragon/scene']]
