@@ -9,7 +9,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dragon_ros.core.errors import InputError
+from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.scene import NS
 from dragon_ros.tools.inspect_text import bag_text, check_text, repair_text
 from dragon_ros.tools.sightings import clearance_in, first_contact_in
@@ -60,7 +60,7 @@ def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
     try:
         with LogReader(arguments.bag) as bag:
             values.update(_dragon(bag, arguments))
-    except InputError as error:
+    except DragonError as error:
         values['unread'] = str(error)
     values['topics'] = _topics(contents, values.pop('run', None))
     return values, cli.FAILED if contents.problems.count else cli.OK

@@ -20,7 +20,8 @@ def first_contact_in(bag: LogReader, namespace: str, scene: Scene | None) -> dic
         return told
     if scene is None:
         return {'source': None, 't_s': None}
-    found = first_contact(scene)
+    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+        found = first_contact(scene, bar.update)
     if not isinstance(found, Contact):
         return {'source': 'scene', 't_s': None}
     return {'source': 'scene', 't_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),

@@ -40,9 +40,13 @@ def _listed(path: Path) -> list[Path]:
     if path.stat().st_size > _LARGEST:
         raise BagError(f'{path}: has {path.stat().st_size} bytes; the largest that is read has {_LARGEST}')
     section = read_document(path).values.get(_ROOT)
-    names = section.get('relative_file_paths') if isinstance(section, dict) else None
+    section = section if isinstance(section, dict) else {}
+    names = section.get('relative_file_paths')
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise BagError(f'{path}: has no list {_ROOT}.relative_file_paths; it is not the metadata of a bag')
+    if str(section.get('compression_mode')).lower() == 'message':
+        raise BagError(f'{path}: its messages are compressed one by one, which is not read; compress the storage '
+                       'instead (`ros2 bag convert`)')
     for name in names:
         if not name.endswith('.mcap') or Path(name).name != name:
             raise BagError(f'{path}: lists {name!r}; expected the names of .mcap files in its folder')

@@ -67,10 +67,10 @@ class LogReader:
             if topic.encoding != 'cdr':
                 raise BagError(f'{self.path}: topic {topic.name} holds {topic.encoding or "unknown"} messages; '
                                'only cdr can be played')
-        pieces = [piece for index in self._indexes for piece in index.pieces if piece.end_ns or piece.start_ns]
-        if not sum(topic.messages for topic in self.topics) or not pieces:
+        spans = [span for index in self._indexes for span in _spans(index)]
+        if not sum(topic.messages for topic in self.topics) or not spans:
             raise BagError(f'{self.path}: is empty, there is no message in it')
-        self.start_ns, self.end_ns = min(p.start_ns for p in pieces), max(p.end_ns for p in pieces)
+        self.start_ns, self.end_ns = min(start for start, _ in spans), max(end for _, end in spans)
 
     @property
     def files(self) -> list[Path]:
@@ -150,6 +150,14 @@ def _walked(file: BagFile) -> Index:
         for _ in index.survey(piece):
             pass
     return index
+
+
+def _spans(index: Index) -> list[tuple[int, int]]:
+    """Return the times in ns between which the messages of a file lie, as its summary says, or else its chunks."""
+    said = index.statistics
+    if said is None:
+        return [(piece.start_ns, piece.end_ns) for piece in index.pieces]
+    return [(said.message_start_time, said.message_end_time)] if said.message_count else []
 
 
 def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:

@@ -92,6 +92,15 @@ def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
         LogReader(tmp_path / 'pipe.mcap')
 
 
+def test_a_bag_of_one_message_at_time_zero_is_a_bag(tmp_path):
+    with LogWriter(tmp_path / 'a.mcap') as bag:
+        bag.add_channel('/x', channels()['clearance'])
+        bag.write('/x', bytes(12), 0, 1)
+    assert read(tmp_path / 'a.mcap') == [(0, 1)]
+    with LogReader(tmp_path / 'a.mcap') as bag:
+        assert (bag.start_ns, bag.end_ns) == (0, 0)
+
+
 def test_frames_are_the_model_and_know_their_clearance(tmp_path, write_bag):
     with LogReader(write_bag(tmp_path / 'a.mcap')) as bag:
         seen = list(frames(bag))
