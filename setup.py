@@ -35,7 +35,8 @@ setup(
     ],
     python_requires='>=3.10',
     # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
-    install_requires=['matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0', 'shapely>=2.0', 'tqdm>=4.64'],
-    extras_require={'test': ['hypothesis', 'pytest>=7.4']},
+    install_requires=['lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0', 'shapely>=2.0',
+                      'tqdm>=4.64', 'zstandard>=0.22'],
+    extras_require={'parquet': ['pyarrow>=15'], 'test': ['hypothesis', 'pytest>=7.4']},
     zip_safe=False,
 )

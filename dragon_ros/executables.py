@@ -12,10 +12,13 @@ class Executable(NamedTuple):
 EXECUTABLES = {
     'sim': Executable('dragon_ros.nodes.commands.sim', 'simulate a scene and publish it'),
     'monitor': Executable('dragon_ros.nodes.commands.monitor', 'watch a published dragon and report its contacts'),
-    'record': Executable('dragon_ros.nodes.record', 'record the topics of a dragon as an MCAP bag'),
-    'replay': Executable('dragon_ros.nodes.replay', 'publish a bag as it was recorded'),
+    'record': Executable('dragon_ros.nodes.commands.record', 'record the topics of a dragon as an MCAP bag'),
+    'replay': Executable('dragon_ros.nodes.commands.replay', 'publish a bag as it was recorded'),
     'table': Executable('dragon_ros.tools.table', 'print positions and velocities, without ROS'),
     'contact': Executable('dragon_ros.tools.contact', 'find the first contact of a scene, without ROS'),
+    'inspect': Executable('dragon_ros.tools.inspect', 'tell what is in a bag, check or repair it'),
+    'export': Executable('dragon_ros.tools.export', 'write what is in a bag as CSV, Parquet or NumPy'),
+    'simulate': Executable('dragon_ros.tools.simulate', 'write the bag of a scene, without ROS or waiting'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
     'demo': Executable('dragon_ros.tools.demo', 'run everything once: sim, monitor, bag, replay, picture'),
 }

@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
 LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
-LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml'},
-             'tools': {'numpy', 'matplotlib', 'tqdm'},
+LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'},
+             'tools': {'numpy', 'matplotlib', 'tqdm', 'pyarrow'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil'}}
 
 

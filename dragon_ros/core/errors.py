@@ -31,6 +31,10 @@ class MissingError(InputError):
     """Something that was asked for by name or path is not there or cannot be read."""
 
 
+class DiskError(DragonError):
+    """What was being written cannot go on: the disk is full, a limit is reached, the file has vanished."""
+
+
 class ModelEnd(DragonError):
     """The model has no state at the asked time; ``fields`` has ``t_s`` and the limit."""
 

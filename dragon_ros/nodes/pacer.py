@@ -17,6 +17,7 @@ class Pacer:
         self._scale = _checked(scale)
         self._origin: tuple[int, int] | None = None
         self.last_ns: int | None = None
+        self.late_ns = 0            # how late the last tick started
         self.overruns = 0
         self.worst_late_s = 0.0
 
@@ -45,7 +46,7 @@ class Pacer:
         self.last_ns = t_ns
         if not self._scale:
             return
-        late = self._late_ns(t_ns)
+        self.late_ns = late = max(0, self._late_ns(t_ns))
         if step_ns > 0 and late > step_ns / self._scale:
             self.overruns += 1
             self.worst_late_s = max(self.worst_late_s, late / 1e9)

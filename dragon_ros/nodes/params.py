@@ -50,6 +50,11 @@ SIM = (
     Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
+REPLAY = (
+    Parameter('time_scale', 1.0, 'Seconds of the bag for each second; 0 (at the start only): as fast as the readers '
+              'follow', 0.0, 1e6, live=True),
+    *CONTROLS,
+)
 MONITOR = (
     Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
 )

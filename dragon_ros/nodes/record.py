@@ -1,96 +1,152 @@
-"""``record``: the topics of a dragon, as raw bytes, into an MCAP bag."""
-import argparse
+"""``record``: the topics of a dragon, as raw bytes, into an MCAP bag, and an account of what is missing in it."""
+import os
+import resource
 import threading
 import time
 from collections.abc import Callable
-from datetime import datetime
-from functools import partial
-from pathlib import Path
+from contextlib import suppress
 from typing import Any
 
+from dragon_ros.core.errors import DiskError
 from dragon_ros.nodes import qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.commands import line
-from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns
+from dragon_ros.wire import cli, origin
+from dragon_ros.wire.background import BackgroundWriter
+from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns, read_string
 from dragon_ros.wire.channels import Channel, channels
-from dragon_ros.wire.log import LogWriter
+from dragon_ros.wire.ledger import Ledger
+from dragon_ros.wire.log_write import LogWriter
 from dragon_ros.wire.recording import SimulationClock
 
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
+_IDLE_S = 0.25      # what has no stamp waits no longer for the next handles when nothing comes
+_LOOK_S = 1.0       # how often publishers are counted
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
+RECEIVED = 'dragon_ros.received'     # the metadata record with what came and what is missing
 
 
 class Recorder(DragonNode):
     """Subscribes to every topic of topics.yaml and writes what it gets."""
 
-    def __init__(self, path: Path, overwrite: bool) -> None:
-        """Create the bag, then subscribe."""
+    def __init__(self, bag: LogWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
+        """Subscribe; ``bag`` is closed by ``close``."""
         super().__init__('record')
-        self.bag = LogWriter(path, overwrite)
-        self._clock = SimulationClock(self.bag.write)
-        self._last, self._seen = time.monotonic(), False
+        self.bag, self.ledger = bag, Ledger()
+        self.writer = BackgroundWriter(bag, flush_s, queue_mb)
+        self._simulation = SimulationClock(self._log)
+        self._last, self._seen, self._looked, self._scene = time.monotonic(), False, 0.0, ''
+        self._names = {name: self.resolve_topic_name(name) for name in channels()}
         for name, channel in channels().items():
-            topic = self.resolve_topic_name(name)
-            self.bag.add_channel(topic, channel)
-            self.create_subscription(shell.message_type(channel.type), name, self._take(topic, channel),
+            bag.add_channel(self._names[name], channel)
+            self.create_subscription(shell.message_type(channel.type), name, self._take(self._names[name], channel),
                                      qos.lossless(qos.of_channel(channel)), raw=True)
 
-    def ended(self) -> bool:
-        """Return whether the run was there and has gone."""
-        quiet = time.monotonic() - self._last > _QUIET_S
-        gone = quiet and self._seen and self.count_publishers('handles') == 0
-        if gone:
+    def poll(self, keep_going: bool) -> bool:
+        """Do what is due beside the messages; return whether the recording has ended."""
+        now = time.monotonic()
+        if now - self._last > _IDLE_S:
+            self._simulation.flush(_IDLE_S)
+        if now - self._looked > _LOOK_S:
+            self._looked = now
+            self.ledger.share(topic for topic in self._names.values() if self.count_publishers(topic) > 1)
+        if self.writer.error is not None:
+            return True
+        quiet = self._seen and not keep_going and now - self._last > _QUIET_S
+        if quiet and not self.count_publishers('handles'):
             self.get_logger().info('the publisher of handles has left')
-        return gone
+            return True
+        return False
 
-    def close(self) -> None:
-        """Write what is held back, and close the bag."""
-        self._clock.flush()
-        self.bag.close()
+    def close(self) -> bool:
+        """Write what is held back and the account, close the bag; return whether it has all. Raises DiskError."""
+        gone = not self.count_publishers('handles')
+        self._simulation.flush()
+        self.writer.stop()
+        try:
+            with suppress(DiskError):
+                self.bag.describe(RECEIVED, self.ledger.report(gone) | self._pressure())
+            self.bag.close()
+            if self.writer.error is not None:
+                raise self.writer.error
+        finally:
+            self._tell(gone)
+        return self.ledger.complete(gone)
+
+    def _tell(self, gone: bool) -> None:
+        counts = ', '.join(f'{topic} {count}' for topic, count in self.bag.counts.items())
+        writer, log = self.writer, self.get_logger()
+        log.info(f'closed {self.bag.path}: {counts}')
+        log.info(f'{self.bag.kept} messages are in the bag; the queue was {writer.fullest:.1%} full at most, the '
+                 f'longest write took {writer.slowest_write_s:.3f} s')
+        for lack in self.ledger.lines(gone):
+            log.warning(lack)
+        if writer.waits:
+            log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in all')
+        if self.ledger.received > self.bag.kept:
+            log.warning(f'{self.ledger.received - self.bag.kept} messages that came are not in the bag')
+
+    def _pressure(self) -> dict[str, str]:
+        """Return how close the recorder was to its limits."""
+        writer = self.writer
+        return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
+                'queue waited_s': f'{writer.waited_s:.6f}', 'slowest write_s': f'{writer.slowest_write_s:.6f}',
+                'before the first tick': str(self._simulation.left_out),
+                'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
+
+    def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
+        self.ledger.note(topic, t_ns, sequence)
+        self.writer.write(topic, data, t_ns, sequence, source_ns)
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
         shared = channel.name.startswith('/')      # by every node of the graph, and stamped with wall time
-        stamp_at = None if shared else _STAMP_AT.get(channel.type, 4)
-        handles = channel.name == 'handles'
+        once = channel.latched and channel.publisher == 'sim'      # for all ticks, whatever its stamp
+        stamp_at = None if shared or once else _STAMP_AT.get(channel.type, 4)
+        handles, scene = channel.name == 'handles', channel.name == 'scene'
 
         def callback(data: bytes, info: dict[str, int]) -> None:
             self._last = self._last if shared else time.monotonic()
             self._seen = self._seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
+                if scene:
+                    self._learn(read_string(data))
                 if stamp_at is None:
-                    self._clock.unstamped(topic, data, source_ns, sequence)
+                    self._simulation.unstamped(topic, data, source_ns, sequence, channel.latched)
                     return
                 t_ns = read_stamp_ns(data[:4] + data[stamp_at:stamp_at + 8])
-                self.bag.write(topic, data, t_ns, sequence)
+                self._log(topic, data, t_ns, sequence, source_ns)
                 if handles:
-                    self._clock.mark(source_ns, t_ns)
+                    self.ledger.stamp(t_ns)
+                    self._simulation.mark(source_ns, t_ns)
             except MessageError as error:
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
         return callback
 
+    def _learn(self, text: str) -> None:
+        """Keep the scene of the run as metadata and attachment, and learn its ticks."""
+        if text == self._scene:
+            return
+        self._scene = text
+        scene = origin.scene_in(text)
+        if scene is None:
+            self.get_logger().warning('scene: this version cannot read it; it is recorded as it is')
+        self.ledger.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
+        told = {key: str(value) for key, value in vars(self.bag.options).items()}
+        told |= origin.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
+                                     'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
+        self.writer.describe(origin.RECORD, origin.run_metadata(text, told))
+        self.writer.attach(origin.ATTACHMENT, 'application/yaml', text.encode())
 
-def main(argv: list[str]) -> int:
-    """Run the recorder; return the exit code."""
-    options = line.parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).',
-                         'ros2 run dragon_ros record --output run.mcap')
-    options.add_argument('--output', type=Path, metavar='FILE', help='bag to write (dragon_DATE_TIME.mcap)')
-    options.add_argument('--keep-going', action='store_true', help='go on when the publisher leaves, until a signal')
-    options.add_argument('--force', action='store_true', help='replace an existing file')
-    arguments = line.parse(options, argv)
-    return shell.run('record', argv, partial(_run, arguments), arguments.json)
 
-
-def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:
-    path = arguments.output or Path(f'dragon_{datetime.now().astimezone():%Y%m%d_%H%M%S}.mcap')
-    node = Recorder(path, arguments.force)
+def run(bag: LogWriter, keep_going: bool, flush_s: float, queue_mb: float, stop: threading.Event) -> int:
+    """Record into a bag until the run ends or a signal comes; return the exit code."""
+    node = Recorder(bag, flush_s, queue_mb)
     try:
-        node.get_logger().info(f'records to {path}')
-        return shell.spin(node, stop, node.ended if not arguments.keep_going else lambda: False)
+        node.get_logger().info(f'records to {bag.path}')
+        shell.spin(node, stop, lambda: node.poll(keep_going))
     finally:
-        node.close()
-        counts = ', '.join(f'{topic} {count}' for topic, count in node.bag.counts.items())
-        node.get_logger().info(f'closed {path}: {counts}')
+        complete = node.close()
         node.destroy_node()
+    return cli.OK if complete else cli.INCOMPLETE

@@ -1,97 +1,136 @@
-"""``replay``: a bag back onto its topics, at the recorded spacing."""
-import argparse
+"""``replay``: a bag back onto its topics, at the recorded spacing, under control."""
 import threading
-import time
-from functools import partial
-from pathlib import Path
+from collections import Counter
+from collections.abc import Callable
+from typing import Any, NamedTuple
 
+from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.watch import NS
-from dragon_ros.nodes import outlet, qos, shell
+from dragon_ros.core.errors import DragonError, FieldError, InputError
+from dragon_ros.core.scene import NS
+from dragon_ros.nodes import keys, outlet, qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.commands import line
-from dragon_ros.nodes.pacer import Pacer
-from dragon_ros.wire import cli
-from dragon_ros.wire.log import LogReader
+from dragon_ros.nodes.clock import SimulationTime
+from dragon_ros.nodes.controls import Player
+from dragon_ros.nodes.params import REPLAY
+from dragon_ros.nodes.reel import BagReel
+from dragon_ros.wire.log_read import LogReader
+
+_JUMP_S = 5.0
+_CLOCK = '/clock'
+
+
+class Choice(NamedTuple):
+    """What is played of a bag: seconds from its start, topics (None: all), and who must listen first."""
+
+    start_s: float = 0.0
+    end_s: float | None = None
+    topics: list[str] | None = None
+    wait_subscribers: tuple[str, ...] = ()
 
 
 class Replay(DragonNode):
-    """Publishes the bytes of a bag under the recorded names."""
+    """Publishes the bytes of a bag under the recorded names, in any executor; ``player.done`` at the end."""
 
-    def __init__(self, bag: LogReader, topics: list[str] | None, lossless: bool) -> None:
-        """Advertise the topics of the bag."""
-        super().__init__('replay')
-        self._bag = bag
+    def __init__(self, bag: LogReader, choice: Choice, **overrides: Any) -> None:
+        """Advertise the topics of the bag with their recorded QoS. Raises InputError where the choice does not fit."""
+        super().__init__('replay', REPLAY, overrides)
+        start_ns, end_ns = span_of(bag, choice)
+        self._lossless = self.setting['time_scale'] == 0
+        self.outlets = self._advertise(bag, choice.topics)
+        self.reel = BagReel(bag, self.outlets, start_ns, end_ns)
+        self.late_us: Counter[int] = Counter()
+        wanted = outlet.wanted_readers(choice.wait_subscribers, self.outlets)
+        self.player = Player(self, self.reel, self.setting['time_scale'], lambda: outlet.readers_are_there(wanted))
+        self.reel.also.append(self._note_late)
+        if self.setting['publish_clock']:
+            if _CLOCK in self.outlets:
+                raise InputError(f'--clock: the bag has {_CLOCK} itself; choose --topics without it')
+            self.reel.also.append(SimulationTime(self, start_ns).tell)
+
+    @property
+    def actions(self) -> dict[str, Callable[[], str]]:
+        """What each key does."""
+        player = self.player
+        return {' ': lambda: player.resume() if player.paused else player.pause(), 's': player.step,
+                keys.RIGHT: lambda: self._jump(_JUMP_S), keys.LEFT: lambda: self._jump(-_JUMP_S)}
+
+    def refuse(self, name: str, value: Any) -> None:
+        """Raise DragonError where a live parameter may not take a value."""
+        if name == 'seek_s':
+            self.reel.check_time(round(value * NS))
+        if name == 'time_scale' and value == 0 and not self._lossless:
+            raise FieldError('time_scale', value, 'a replay that loses nothing has topics of its own kind from the '
+                             'start', 'start it with --rate 0, or set it above 0')
+
+    def changed(self, name: str) -> None:
+        """Take a new speed over."""
+        if name == 'time_scale':
+            self.player.set_speed(self.setting['time_scale'])
+
+    def summary(self) -> str:
+        """Return how much was published, and how late."""
+        count = sum(self.reel.published.values())
+        if not self.late_us:
+            return f'{count} messages published, as fast as the readers follow'
+        return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} us (median), '
+                f'{quantile(self.late_us, 0.99)} us (99th percentile), {max(self.late_us)} us (worst)')
+
+    def _advertise(self, bag: LogReader, topics: list[str] | None) -> dict[str, Publisher]:
         rows = [row for row in bag.topics if topics is None or row.name in topics]
         profiles = {row.name: qos.of_bag(row.qos) for row in rows}
-        self._out: dict[str, Publisher] = {
-            row.name: self.create_publisher(shell.message_type(row.type), row.name, qos.lossless(profiles[row.name])
-                                            if lossless else profiles[row.name]) for row in rows}
+        return {row.name: self.create_publisher(
+            shell.message_type(row.type), row.name,
+            qos.lossless(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
-    def run(self, arguments: argparse.Namespace, stop: threading.Event) -> int:
-        """Publish once, or for ever; return the exit code."""
-        wanted = outlet.wanted_readers(arguments.wait_subscribers, self._out)
-        if not outlet.wait_for_readers(wanted, stop):
-            return cli.OK
-        published = 0
-        while True:
-            published += self._once(arguments, stop)
-            if not arguments.loop or stop.is_set():
-                break
-        self.get_logger().info(f'{published} messages of {self._bag.path} published')
-        outlet.drain(self._out.values())
-        return cli.OK
+    def _note_late(self, _: int) -> None:
+        if self.player.pacer.scale:
+            self.late_us[min(self.player.pacer.late_ns // 1000, 10**6)] += 1
 
-    def _once(self, arguments: argparse.Namespace, stop: threading.Event) -> int:
-        pacer, told, count = Pacer(arguments.rate), time.monotonic(), 0
-        start_ns = self._bag.start_ns + round(arguments.start * NS)
-        for message in self._bag.messages(list(self._out), start_ns):
-            if not pacer.wait(message.t_ns, stop):
-                break
-            outlet.publish(self._out[message.topic], message.data, stop)
-            count += 1
-            if time.monotonic() - told >= 1:
-                told = time.monotonic()
-                self.get_logger().info(f'at {message.t_ns / NS:.3f} s of {self._bag.end_ns / NS:.3f} s')
-        return count
+    def _jump(self, by_s: float) -> str:
+        last_s = (self.player.pacer.last_ns or 0) / NS
+        done = self.set_parameters([RosParameter('seek_s', value=last_s + by_s)])[0]
+        if not done.successful:
+            raise DragonError(done.reason)
+        return self.player.seek()
 
 
-def main(argv: list[str]) -> int:
-    """Replay a bag; return the exit code."""
-    options = line.parser('replay', 'Publish the messages of a bag on their topics again, byte for byte.',
-                         'ros2 run dragon_ros replay run.mcap --rate 2 --start 5')
-    options.add_argument('bag', type=Path, metavar='BAG', help='MCAP file')
-    options.add_argument('--rate', type=float, default=1.0, help='speed factor; 0 is as fast as possible (1)')
-    options.add_argument('--start', type=float, default=0.0, metavar='S', help='seconds of the bag to leave out (0)')
-    options.add_argument('--loop', action='store_true', help='start again at the end')
-    options.add_argument('--topics', type=lambda text: text.split(','), metavar='NAME,...',
-                         help='publish only these topics (full names)')
-    options.add_argument('--wait-subscribers', type=lambda text: text.split(','), default=[], metavar='NAME=N,...',
-                         help='start when topics have so many subscribers')
-    arguments = line.parse(options, argv)
-    return shell.run('replay', argv, partial(_run, arguments), arguments.json)
-
-
-def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:
-    with LogReader(arguments.bag) as bag:
-        _check(arguments, bag)
-        node = Replay(bag, arguments.topics, arguments.rate == 0)
-        try:
-            return node.run(arguments, stop)
-        finally:
-            node.destroy_node()
-
-
-def _check(arguments: argparse.Namespace, bag: LogReader) -> None:
-    """Refuse options that do not fit the bag."""
+def span_of(bag: LogReader, choice: Choice) -> tuple[int, int]:
+    """Return the first and the last log time to play. Raises InputError where the choice does not fit the bag."""
     length_s = (bag.end_ns - bag.start_ns) / NS
-    if not 0 <= arguments.rate <= 1e6:
-        raise InputError(f'--rate {arguments.rate:g}: must lie between 0 (as fast as possible) and 1e6')
-    if not 0 <= arguments.start <= length_s:
-        raise InputError(f'--start {arguments.start:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')
+    if not 0 <= choice.start_s <= length_s:
+        raise InputError(f'--start {choice.start_s:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')
+    if choice.end_s is not None and not choice.start_s <= choice.end_s:
+        raise InputError(f'--end {choice.end_s:g}: must not be before --start {choice.start_s:g}')
     known = [row.name for row in bag.topics]
-    for name in arguments.topics or []:
+    for name in choice.topics or []:
         if name not in known:
             raise InputError(f'--topics {name}: is not in the bag; it has {", ".join(known)}')
+    end_ns = bag.end_ns if choice.end_s is None else min(bag.end_ns, bag.start_ns + round(choice.end_s * NS))
+    return bag.start_ns + round(choice.start_s * NS), end_ns
+
+
+def quantile(counts: Counter[int], part: float) -> int:
+    """Return the value that ``part`` of the counted ones do not exceed."""
+    left = part * counts.total()
+    for value in sorted(counts):
+        left -= counts[value]
+        if left <= 0:
+            return value
+    return max(counts, default=0)
+
+
+def run(bag: LogReader, choice: Choice, given: dict[str, Any], stop: threading.Event) -> int:
+    """Replay a bag in an executor of its own; return the exit code."""
+    node = Replay(bag, choice, **given)
+    try:
+        with keys.keys(node, node.actions) as listens:
+            if listens:
+                node.get_logger().info('keys: space pauses and goes on, s steps, the arrows seek 5 s')
+            code = shell.spin(node, stop, lambda: node.player.done)
+        node.get_logger().info(node.summary())
+        outlet.drain(node.outlets.values())
+        return code
+    finally:
+        node.destroy_node()

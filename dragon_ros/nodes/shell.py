@@ -11,9 +11,9 @@ from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
-from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.core.errors import DiskError, DragonError, MissingError
 from dragon_ros.nodes import logs
-from dragon_ros.wire.cli import BAD_INPUT, OK
+from dragon_ros.wire.cli import BAD_INPUT, FAILED, OK
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
@@ -30,7 +30,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
         logs.say('error', name, ' '.join(str(error).split()))
-        return BAD_INPUT
+        return FAILED if isinstance(error, DiskError) else BAD_INPUT
     finally:
         rclpy.try_shutdown()
 

@@ -19,8 +19,10 @@ from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.params import SIM
 from dragon_ros.nodes.track import track_marker
 from dragon_ros.wire import cli
+from dragon_ros.wire.cdr import string_message
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.origin import scene_file
 from dragon_ros.wire.scenes import load_scene
 
 
@@ -69,6 +71,9 @@ class Sim(DragonNode):
         self._frames.also = list(self._also())
         self._track = self._publisher('track')
         self._track.publish(track_marker(self.scene, value['frame_id']))
+        self._scene = self._publisher('scene')
+        self._scene.publish(string_message(scene_file(self.scene, {
+            name: value[name] for name in ('frame_id', 'on_contact')})))
         wanted = outlet.wanted_readers(value['wait_subscribers'], self.outlets)
         self.player = Player(self, self._frames, value['time_scale'], lambda: outlet.readers_are_there(wanted))
 

@@ -3,7 +3,6 @@
 The checker has its own chain (bisection on the law of cosines), its own rectangles (corners and edge normals) and its
 own second derivatives (differences of its own positions). It shares only the scene's plain numbers with the solver.
 """
-import json
 from collections.abc import Callable
 from itertools import pairwise
 from math import asinh, atan2, cos, hypot, pi, sin, sqrt
@@ -12,12 +11,12 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.first_contact import Contact, NoContact
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.types import Floats
-from dragon_ros.wire.documents import Document
-from dragon_ros.wire.scenes import scene_of, scene_values
+from dragon_ros.tools.certificate_file import read_claims
+from dragon_ros.wire.scenes import scene_values
 
 _STEP_M = 1e-3          # for differences along the leading bench's way
 _AGREE_M = 1e-5         # between a recorded bound and the checker's
@@ -39,22 +38,15 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
 
 def check(path: Path, progress: Callable[[Any], Any] = lambda rows: rows) -> int:
     """Check a certificate file and return how many intervals it has. Raises InputError with the first fault."""
-    try:
-        values = json.loads(path.read_text(encoding='utf-8'))
-        scene = scene_of(Document(str(path), values['scene']))
-        rows = {lead: [row for row in values['intervals'] if row['lead'] == lead] for lead in ('head', 'body')}
-        for row in values['intervals']:
-            row.update({key: float(row[key]) for key in ('start_rad', 'stop_rad', 'bound_m')})
-        t_s = values['contact']['t_s']
-    except OSError as error:
-        raise MissingError(f'--verify {path}: cannot be read: {error.strerror}') from None
-    except (ValueError, KeyError, TypeError, AttributeError) as error:
-        raise InputError(f'--verify {path}: is no certificate: {error!r}') from None
+    scene, rows, t_s = read_claims(path)
     checker = Checker(scene)
-    checker.check_cover(rows, scene.end.t_s if t_s is None else float(t_s), t_s is not None)
-    for row in progress([*rows['head'], *rows['body']]):
-        checker.check_bound(row)
-    return len(values['intervals'])
+    try:
+        checker.check_cover(rows, scene.end.t_s if t_s is None else t_s, t_s is not None)
+        for row in progress([*rows['head'], *rows['body']]):
+            checker.check_bound(row)
+    except (ArithmeticError, ValueError) as error:
+        raise InputError(f'--verify {path}: its numbers lead nowhere: {error}') from None
+    return sum(map(len, rows.values()))
 
 
 class Checker:

@@ -20,7 +20,7 @@ from dragon_ros.wire import cli
 from dragon_ros.wire.cdr_read import Status, read_diagnostics
 from dragon_ros.wire.compare import compare_with_model
 from dragon_ros.wire.domain import free_domain, local_environment
-from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.scenes import load_scene
 
 SCENE = 'first_contact'

@@ -4,14 +4,18 @@ import io
 import json
 from argparse import Namespace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.scene import Scene
+from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import states, velocity_of
 from dragon_ros.tools import paper_tables
+from dragon_ros.tools.bag_rows import at_times, values_of
 from dragon_ros.wire import cli
+from dragon_ros.wire.bag_frames import namespace_of
+from dragon_ros.wire.log_read import LogReader
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
 Row = tuple[float, int, float, float, float, float, float]
@@ -21,8 +25,10 @@ def main(argv: list[str]) -> int:
     """Print the table; return the exit code."""
     options = cli.parser('table', 'Print positions and velocities of the handles (0 is the head, the last the tail).',
                          'python -m dragon_ros table --times 0,60,300 --handles 0,1,51,223')
+    options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
+                         help='take them from a bag, each time the first tick at or after it (no scene options)')
     cli.add_scene_options(options)
-    options.add_argument('--times', default='0', metavar='T,...|START:STOP:STEP', help='seconds (0)')
+    options.add_argument('--times', metavar='T,...|START:STOP:STEP', help='seconds (0, or where the bag begins)')
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
     options.add_argument('--paper', action='store_true',
                          help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
@@ -34,8 +40,12 @@ def _run(arguments: Namespace) -> int:
     if arguments.paper:
         cli.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
         return cli.OK
-    scene = cli.scene_from(arguments)
-    rows = table(scene, times_of(arguments.times), handles_of(arguments.handles, scene.dragon.benches))
+    if arguments.bag:
+        rows = _bag_rows(arguments)
+    else:
+        scene = cli.scene_from(arguments)
+        handles = handles_of(arguments.handles, scene.dragon.benches)
+        rows = table(scene, times_of(arguments.times or '0'), handles)
     cli.write_output(arguments.output, _FORMATS[arguments.format](rows))
     return cli.OK
 
@@ -48,6 +58,20 @@ def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
     block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
     return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)
             for handle, values in zip(handles, group, strict=True)]
+
+
+def _bag_rows(arguments: Namespace) -> list[Row]:
+    """Return rows as ``table`` does, out of a bag; velocities that it has not are nan."""
+    out: list[Row] = []
+    with LogReader(arguments.bag) as bag:
+        times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
+        for frame in at_times(bag, namespace_of(bag), times_s):
+            handles = handles_of(arguments.handles, len(frame.handles_m) - 1)
+            values = values_of(frame, handles).tolist()
+            out += [(frame.t_ns / NS, handle, *row) for handle, row in zip(handles, values, strict=True)]
+    if not out:
+        raise InputError(f'{arguments.bag}: has no tick at or after the --times; it ends at {bag.end_ns / NS:.9f} s')
+    return out
 
 
 def times_of(text: str) -> list[float]:
@@ -91,7 +115,8 @@ def _csv(rows: list[Row]) -> str:
 
 
 def _json(rows: list[Row]) -> str:
-    return json.dumps([dict(zip(COLUMNS, row, strict=True)) for row in rows])
+    return json.dumps([dict(zip(COLUMNS, (None if value != value else value for value in row), strict=True))
+                       for row in rows])
 
 
 _FORMATS = {'text': _text, 'csv': _csv, 'json': _json}

@@ -52,6 +52,13 @@ class Writer:
         return self.data
 
 
+def string_message(text: str) -> bytes:
+    """Return a std_msgs/String."""
+    writer = Writer()
+    writer.text(text)
+    return bytes(writer.finish())
+
+
 def stamp_of(t_ns: int) -> tuple[int, int]:
     """Return (sec, nanosec) of a time in nanoseconds."""
     return t_ns // NS, t_ns % NS

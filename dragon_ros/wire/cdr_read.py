@@ -22,7 +22,7 @@ class MessageError(InputError):
 class Reader:
     """Walks over plain CDR; offsets count from the start of the data."""
 
-    def __init__(self, data: bytes) -> None:
+    def __init__(self, data: bytes | bytearray) -> None:
         """Read the encapsulation header."""
         if len(data) < 4 or data[0] != 0 or data[1] > 1:
             raise MessageError(f'not plain CDR: it starts with {bytes(data[:4]).hex() or "nothing"}; '
@@ -62,7 +62,7 @@ class Reader:
         return view
 
 
-def decode(name: str, data: bytes) -> dict[str, Any]:
+def decode(name: str, data: bytes | bytearray) -> dict[str, Any]:
     """Return any message of the package's topics: fields by name, sequences of numbers as views of the bytes.
 
     A message of equal numbers alone is a row of them: a Pose is 7 floats, Pose[] has the shape (N, 7).
@@ -149,14 +149,14 @@ def read_stamp_ns(data: bytes) -> int:
     return Reader(data).stamp_ns()
 
 
-def read_pose_array(data: bytes) -> Poses:
+def read_pose_array(data: bytes | bytearray) -> Poses:
     """Return a geometry_msgs/PoseArray."""
     reader = Reader(data)
     t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
     return Poses(t_ns, frame_id, reader.array('d', 7 * count).reshape(count, 7))
 
 
-def read_multi_array(data: bytes) -> tuple[list[str], Floats]:
+def read_multi_array(data: bytes | bytearray) -> tuple[list[str], Floats]:
     """Return labels and values of a std_msgs/Float64MultiArray, in the shape of its dimensions."""
     message = decode('std_msgs/msg/Float64MultiArray', data)
     dimensions = message['layout']['dim']
@@ -181,3 +181,8 @@ def read_diagnostics(data: bytes) -> list[Status]:
     """Return the statuses of a diagnostic_msgs/DiagnosticArray."""
     return [Status(row['level'], row['name'], row['message'], {pair['key']: pair['value'] for pair in row['values']})
             for row in decode('diagnostic_msgs/msg/DiagnosticArray', data)['status']]
+
+
+def read_string(data: bytes) -> str:
+    """Return the text of a std_msgs/String."""
+    return Reader(data).text()

@@ -36,7 +36,7 @@ class Markers:
     action: Array
     poses: Floats
     scale: Floats
-    data: bytes
+    data: bytes | bytearray
 
     def points_of(self, marker: int) -> Floats:
         """View the points (K, 3) of one marker."""
@@ -46,8 +46,14 @@ class Markers:
         count = reader.take('I')
         return reader.array('d', 3 * count).reshape(count, 3)
 
+    @property
+    def geometry(self) -> Floats:
+        """All coordinates: the poses, or the points of the first marker where it is a list."""
+        points = self.points_of(0) if self.type.size else np.empty((0, 3))
+        return points if points.size else self.poses
 
-def read_marker_array(data: bytes) -> Markers:
+
+def read_marker_array(data: bytes | bytearray) -> Markers:
     """Return a visualization_msgs/MarkerArray.
 
     Markers of one layout (equal string lengths and counts) and a stride of whole 8 bytes are viewed at once; where the

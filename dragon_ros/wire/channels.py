@@ -25,6 +25,11 @@ class Channel:
     effect: Effect | None
     meaning: str
 
+    @property
+    def latched(self) -> bool:
+        """Whether late readers get what was published last."""
+        return self.durability == 'transient_local'
+
 
 @lru_cache(maxsize=1)
 def channels() -> dict[str, Channel]:
@@ -40,7 +45,7 @@ def channels_of(document: Document) -> dict[str, Channel]:
 def live(effects: Effect) -> list[Channel]:
     """Return the topics on which sim publishes each tick for these effects; latched ones it publishes once."""
     return [channel for channel in channels().values() if channel.publisher == 'sim'
-            and channel.durability == 'volatile' and (channel.effect is None or channel.effect in effects)]
+            and not channel.latched and (channel.effect is None or channel.effect in effects)]
 
 
 def _channel(document: Document, name: str) -> Channel:

@@ -10,7 +10,7 @@ from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelE
 if TYPE_CHECKING:       # help comes without numpy
     from dragon_ros.core.scene import Scene
 
-OK, FAILED, BAD_INPUT = 0, 1, 2
+OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
 
 
 class Parser(argparse.ArgumentParser):

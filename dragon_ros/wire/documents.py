@@ -9,6 +9,8 @@ import yaml
 
 from dragon_ros.core.errors import InputError, MissingError
 
+MOST_VALUES = 100_000
+
 
 @dataclass
 class Document:
@@ -61,6 +63,7 @@ def parse_document(name: str, text: str) -> Document:
     document = Document(name, {})
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
+        check_size(root)
         if root is not None and not isinstance(root, yaml.MappingNode):
             raise InputError(f'{name}: holds no mapping of keys and values')
         if root is not None:
@@ -71,6 +74,31 @@ def parse_document(name: str, text: str) -> Document:
         place = f'{name}:{mark.line + 1}' if mark else name
         raise InputError(f'{place}: is not YAML: {getattr(error, "problem", None) or error}') from None
     return document
+
+
+def values_of(text: str) -> Any:
+    """Return what YAML from a stranger holds. Raises YAMLError, ValueError or RecursionError."""
+    check_size(yaml.compose(text, Loader=yaml.SafeLoader))
+    return yaml.safe_load(text)
+
+
+def check_size(root: yaml.Node | None) -> None:
+    """Raise ValueError where aliases make much out of little, or a value holds itself."""
+    sizes: dict[int, int] = {}
+
+    def size(node: yaml.Node) -> int:
+        if id(node) not in sizes:
+            sizes[id(node)] = MOST_VALUES + 1       # of a value that holds itself
+            sizes[id(node)] = 1 + sum(map(size, _below(node)))
+        return sizes[id(node)]
+    if root is not None and size(root) > MOST_VALUES:
+        raise ValueError(f'with its aliases written out it has more than {MOST_VALUES} values')
+
+
+def _below(node: yaml.Node) -> list[yaml.Node]:
+    if isinstance(node, yaml.MappingNode):
+        return [part for pair in node.value for part in pair]
+    return list(node.value) if isinstance(node, yaml.SequenceNode) else []
 
 
 def _collect(document: Document, node: yaml.MappingNode, prefix: str) -> None:

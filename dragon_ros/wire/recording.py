@@ -4,11 +4,12 @@ A message with a stamp of the simulation is logged there. One without (velocitie
 handles were published last before it: that is decided by the publishers' source times, since topics overtake each
 other on the way.
 """
+import time
 from bisect import bisect_right
 from collections.abc import Callable
 from typing import NamedTuple
 
-Write = Callable[[str, bytes, int, int], None]
+Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
 
 
@@ -17,17 +18,20 @@ class _Held(NamedTuple):
     topic: str
     data: bytes
     sequence: int
+    latched: bool
+    since_s: float
 
 
 class SimulationClock:
     """Holds messages without a stamp back until it is known which tick they belong to."""
 
     def __init__(self, write: Write) -> None:
-        """``write(topic, data, t_ns, sequence)`` gets every message once."""
+        """``write(topic, data, t_ns, sequence, source_ns)`` gets every message once."""
         self._write = write
         self._sources: list[int] = []
         self._stamps: list[int] = []
         self._held: list[_Held] = []
+        self.left_out = 0       # messages of before the first tick that was seen
 
     def mark(self, source_ns: int, t_ns: int) -> None:
         """Note that the handles of ``t_ns`` were published at ``source_ns``."""
@@ -38,16 +42,21 @@ class SimulationClock:
             del self._sources[:_KEEP], self._stamps[:_KEEP]
         self._release(lambda held: held.source_ns < self._sources[-1])
 
-    def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int) -> None:
-        """Log a message without a stamp as soon as its tick is known."""
-        self._held.append(_Held(source_ns, topic, data, sequence))
-        if not self._sources:
-            del self._held[:-_KEEP]     # they may wait long for a run
+    def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int, latched: bool = False) -> None:
+        """Log a message without a stamp as soon as its tick is known.
+
+        Of what was published before the first tick that was seen, only the latched is kept, and logged at that tick.
+        """
+        self._held.append(_Held(source_ns, topic, data, sequence, latched, time.monotonic()))
+        if not self._sources and len(self._held) > _KEEP:       # they may wait long for a run
+            self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
+            self.left_out += 1
         self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
 
-    def flush(self) -> None:
-        """Log what still waits."""
-        self._release(lambda _: True)
+    def flush(self, age_s: float = 0.0) -> None:
+        """Log what has waited for ``age_s`` at least: no more handles came, so it belongs to the last tick."""
+        before_s = time.monotonic() - age_s
+        self._release(lambda held: held.since_s <= before_s and (age_s == 0 or bool(self._sources)))
 
     def _release(self, known: Callable[[_Held], bool]) -> None:
         """Log the held messages whose tick is known; one of a tick before the first that was seen is left out."""
@@ -56,6 +65,8 @@ class SimulationClock:
             self._held = [held for held in self._held if not known(held)]
         for held in ready:
             at = bisect_right(self._sources, held.source_ns) - 1
-            if at >= 0 or not self._sources:
-                t_ns = self._stamps[at] if self._sources else held.source_ns
-                self._write(held.topic, held.data, t_ns, held.sequence)
+            if at < 0 and self._sources and not held.latched:
+                self.left_out += 1
+                continue
+            t_ns = self._stamps[max(at, 0)] if self._sources else held.source_ns
+            self._write(held.topic, held.data, t_ns, held.sequence, held.source_ns)

@@ -18,6 +18,7 @@ from dragon_ros.wire.documents import Document, parse_document, read_document
 SECTIONS: dict[str, type] = {'dragon': Dragon, 'track': Spiral, 'head': Head, 'run': Run}
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
+ABOUT = 'about'     # what a scene says of itself: anything, and it changes nothing
 
 
 def scene_names() -> list[str]:
@@ -38,7 +39,7 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
 def scene_of(document: Document) -> Scene:
     """Return the scene that a document describes."""
-    document.check_keys('', document.values, (*SECTIONS, *SINGLES))
+    document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
         parts = {name: _build(document, name, kind) for name, kind in SECTIONS.items()}
         values = document.values

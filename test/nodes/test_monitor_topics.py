@@ -9,7 +9,7 @@ from dragon_ros.core.step import state, tick
 from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log import LogReader
+from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.scenes import load_scene
 
 T_STAR_NS = 412_473_837_682

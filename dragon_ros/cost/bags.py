@@ -1,0 +1,155 @@
+"""``cost bag``: how fast a bag is written and how large it becomes, by compression, beside the library's writer."""
+import csv
+import io
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+
+from matplotlib.figure import Figure
+from mcap.writer import CompressionType, Writer
+from tqdm import tqdm
+
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.wire.channels import channels
+from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.log_write import BagOptions, LogWriter
+
+_SCENE = Scene(run=Run(300, 303, 100))
+_OWN, _LIBRARY = 'dragon_ros', 'mcap.writer'
+_RAW = {'zstd': CompressionType.ZSTD, 'lz4': CompressionType.LZ4, 'none': CompressionType.NONE}
+_Row = tuple[str, bytes, int, int]
+
+
+@dataclass(frozen=True)
+class Written:
+    """One writer with one compression: time for all ticks, and bytes before and after."""
+
+    writer: str
+    compression: str
+    timing: Timing
+    ticks: int
+    messages: int
+    raw_bytes: int
+    bag_bytes: int
+
+    @property
+    def mb_s(self) -> float:
+        """Megabytes of messages for each second."""
+        return self.raw_bytes / 1e6 / self.timing.median_s
+
+    @property
+    def ticks_s(self) -> float:
+        """Ticks for each second."""
+        return self.ticks / self.timing.median_s
+
+    @property
+    def message_us(self) -> float:
+        """Microseconds for each message."""
+        return 1e6 * self.timing.median_s / self.messages
+
+    @property
+    def share(self) -> float:
+        """Size of the bag as a share of its messages."""
+        return self.bag_bytes / self.raw_bytes
+
+
+def measure(budget_s: float = 0.3) -> list[Written]:
+    """Write the same ticks with each writer and compression; progress goes to standard error."""
+    rows = _rows()
+    raw = sum(len(data) for _, data, _, _ in rows)
+    jobs = [(writer, compression) for compression in _RAW for writer in (_OWN, _LIBRARY)]
+    out = []
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / 'bag.mcap'
+        for writer, compression in tqdm(jobs, desc='cost bag', unit='bag', disable=None):
+            timing = timed(partial(_WRITERS[writer], path, compression, rows), budget_s)
+            out.append(Written(writer, compression, timing, _SCENE.last_tick + 1, len(rows), raw,
+                               path.stat().st_size))
+    return out
+
+
+def _rows() -> list[_Row]:
+    encode = encoders(_SCENE)
+    frames = [tick(_SCENE, k) for k in range(_SCENE.last_tick + 1)]
+    return [(name, encode[name](frame), frame.t_ns, k) for k, frame in enumerate(frames) for name in encode]
+
+
+def _own(path: Path, compression: str, rows: list[_Row]) -> None:
+    with LogWriter(path, overwrite=True, options=BagOptions(compression)) as bag:
+        for name in {name for name, *_ in rows}:
+            bag.add_channel(name, channels()[name])
+        for row in rows:
+            bag.write(*row)
+
+
+def _library(path: Path, compression: str, rows: list[_Row]) -> None:
+    with path.open('wb') as file:
+        writer = Writer(file, compression=_RAW[compression])
+        writer.start('ros2')
+        schema = writer.register_schema('x', 'ros2msg', b'')
+        ids = {name: writer.register_channel(name, 'cdr', schema) for name in {name for name, *_ in rows}}
+        for name, data, t_ns, k in rows:
+            writer.add_message(ids[name], t_ns, data, t_ns, k)
+        writer.finish()  # type: ignore[no-untyped-call]
+
+
+_WRITERS: dict[str, Callable[[Path, str, list[_Row]], None]] = {_OWN: _own, _LIBRARY: _library}
+
+
+def table(rows: list[Written]) -> str:
+    """Return the rows as Markdown with the circumstances above them."""
+    lines = [f'{circumstances()}. {rows[0].ticks} ticks of {_SCENE.dragon.benches} benches: {rows[0].messages} '
+             f'messages, {rows[0].raw_bytes / 1e6:.1f} MB.', '',
+             '| writer | compression | MB/s | us a message | ticks/s | times 100 Hz | size | kB a tick |',
+             '|---|---|---:|---:|---:|---:|---:|---:|']
+    lines += [f'| {row.writer} | {row.compression} | {row.mb_s:.0f} | {row.message_us:.1f} | {row.ticks_s:.0f} '
+              f'| {row.ticks_s / 100:.0f} | {row.share:.1%} | {row.bag_bytes / row.ticks / 1000:.1f} |' for row in rows]
+    return '\n'.join(lines)
+
+
+def summary(rows: list[Written]) -> str:
+    """Return what belongs into the README: all of it."""
+    return table(rows)
+
+
+def csv_text(rows: list[Written]) -> str:
+    """Return the rows as CSV."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerow(['writer', 'compression', 'ticks', 'messages', 'raw_bytes', 'bag_bytes', 'median_s', 'low_s',
+                     'high_s', 'calls'])
+    for row in rows:
+        t = row.timing
+        writer.writerow((row.writer, row.compression, row.ticks, row.messages, row.raw_bytes, row.bag_bytes, t.median_s,
+                         t.low_s, t.high_s, t.calls))
+    return out.getvalue()
+
+
+def picture(rows: list[Written]) -> Figure:
+    """Return throughput against size, one point a writer and compression."""
+    figure = Figure(figsize=(8, 5), layout='constrained')
+    axes = figure.subplots()
+    for row in rows:
+        own = row.writer == _OWN
+        axes.plot(100 * row.share, row.mb_s, 'o' if own else 's', color='#0072B2' if own else '#E69F00', markersize=9)
+        axes.annotate(f'{row.writer}, {row.compression}', (100 * row.share, row.mb_s), xytext=(8, 4 if own else -12),
+                      textcoords='offset points', fontsize=8)
+    axes.set(xlabel='size of the bag (% of its messages)', ylabel='throughput (MB/s of messages)', xlim=(0, 140),
+             title=f'Writing bags of {_SCENE.dragon.benches} benches')
+    axes.set_ylim(bottom=0)
+    axes.grid(True, linewidth=0.4)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def write(rows: list[Written], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write table, CSV and picture into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'bag.md': table(rows) + '\n', 'bag.csv': csv_text(rows)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(rows), folder / 'bag')]

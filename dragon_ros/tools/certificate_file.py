@@ -1,0 +1,53 @@
+"""Certificate files, read: nothing in them is believed before it is a number that can be one."""
+import json
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import FieldError, InputError, MissingError
+from dragon_ros.core.scene import LATEST_S, Scene
+from dragon_ros.wire.documents import Document
+from dragon_ros.wire.scenes import scene_of
+
+LEADS = ('head', 'body')
+_LARGEST = 256 * 2**20      # bytes
+_FURTHEST_RAD = 1e10
+_LIMITS = {'start_rad': (0.0, _FURTHEST_RAD), 'stop_rad': (0.0, _FURTHEST_RAD), 'bound_m': (-1e12, 1e12)}
+
+
+class Claims(NamedTuple):
+    """What a certificate claims: a scene, intervals by lead, and the time of contact (None: there is none)."""
+
+    scene: Scene
+    rows: dict[str, list[dict[str, Any]]]
+    t_s: float | None
+
+
+def read_claims(path: Path) -> Claims:
+    """Return what a certificate file claims. Raises MissingError or InputError."""
+    try:
+        size = path.stat().st_size
+        if size > _LARGEST:
+            raise InputError(f'--verify {path}: has {size} bytes; the largest that is read has {_LARGEST}')
+        values = json.loads(path.read_text(encoding='utf-8'))
+        scene = scene_of(Document(str(path), values['scene']))
+        rows = [_row(row) for row in values['intervals']]
+        t_s = values['contact']['t_s']
+        if t_s is not None:
+            t_s = number('contact.t_s', t_s, low=scene.run.start_s, high=LATEST_S)
+            scene.check_time(t_s)
+    except OSError as error:
+        raise MissingError(f'--verify {path}: cannot be read: {error.strerror}') from None
+    except FieldError as error:
+        raise InputError(f'--verify {path}: {error}', **error.fields) from None
+    except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
+        raise InputError(f'--verify {path}: is no certificate: {str(error)[:200]!r}') from None
+    return Claims(scene, {lead: [row for row in rows if row['lead'] == lead] for lead in LEADS}, t_s)
+
+
+def _row(row: dict[str, Any]) -> dict[str, Any]:
+    """Return an interval whose numbers can be what they claim. Raises FieldError, KeyError or TypeError."""
+    if row['lead'] not in LEADS:
+        raise FieldError('lead', row['lead'], f'it is one of {", ".join(LEADS)}', 'name one')
+    return {'lead': row['lead'], **{key: number(key, row[key], low=low, high=high)
+                                    for key, (low, high) in _LIMITS.items()}}

@@ -1,0 +1,207 @@
+"""One MCAP file, chunk by chunk: a chunk reaches the disk whole or is taken back, so that the file can be closed.
+
+The library's writer ends a chunk by its size alone and cannot take back what a full disk cut off. Here its records are
+put together so that a chunk ends when it should; only the Message record, that of the hot path, is packed by hand.
+"""
+import os
+import struct
+import zlib
+from collections import defaultdict
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import dataclass, field
+from fcntl import LOCK_EX, LOCK_NB, flock
+from io import FileIO
+from pathlib import Path
+
+from mcap import records
+from mcap.opcode import Opcode
+
+from dragon_ros import __version__
+from dragon_ros.core.errors import DiskError, MissingError
+from dragon_ros.wire.mcap_index import MAGIC, Index, Part, closing, part_of, placed, record_bytes
+
+CHUNK_BYTES = 2**20
+COMPRESSIONS = ('zstd', 'lz4', 'none')
+_MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
+
+
+@dataclass
+class _Open:
+    """The chunk that is being filled."""
+
+    parts: list[bytes] = field(default_factory=list)
+    size: int = 0
+    index: dict[int, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
+
+
+class McapFile:
+    """Writes one file. What fails to reach the disk raises DiskError and leaves the file as it was before."""
+
+    def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False) -> None:
+        """Create the file. Raises MissingError where it cannot be written or would overwrite another."""
+        self.path = path
+        self._compression = '' if compression == 'none' else compression
+        self._compress = _compressor(compression)
+        self._file = _create(path, overwrite)
+        self._fsync = fsync
+        self._schemas: list[records.Schema] = []
+        self._channels: list[records.Channel] = []
+        self.parts: list[Part] = []
+        self._open = _Open()
+        self._end = 0
+        self._append(MAGIC + record_bytes(records.Header('ros2', f'dragon_ros {__version__}')))
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file as if it were ended now, not counting the index: what waits counts uncompressed."""
+        return self._end + self._open.size
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file has been ended."""
+        return self._file.closed
+
+    def add_schema(self, name: str, text: bytes) -> int:
+        """Write a ros2msg schema and return its number."""
+        schema = records.Schema(id=len(self._schemas) + 1, name=name, encoding='ros2msg', data=text)
+        self._append(record_bytes(schema))
+        self._schemas.append(schema)
+        return schema.id
+
+    def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
+        """Write a channel of CDR messages and return its number."""
+        channel = records.Channel(id=len(self._channels) + 1, topic=topic, message_encoding='cdr', metadata=metadata,
+                                  schema_id=schema)
+        self._append(record_bytes(channel))
+        self._channels.append(channel)
+        return channel.id
+
+    def add_message(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
+        """Put one message into the open chunk; a full chunk is written."""
+        chunk = self._open
+        chunk.index[channel].append((t_ns, chunk.size))
+        chunk.parts += (_MESSAGE.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns), data)
+        chunk.size += _MESSAGE.size + len(data)
+        if chunk.size >= CHUNK_BYTES:
+            self.end_chunk()
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Write a metadata record behind what came before."""
+        self.end_chunk()
+        data = record_bytes(records.Metadata(name=name, metadata=values))
+        self._append(data, records.MetadataIndex(offset=self._end, length=len(data), name=name))
+
+    def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
+        """Write an attachment behind what came before."""
+        self.end_chunk()
+        row = records.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
+        data = record_bytes(row)
+        self._append(data, records.AttachmentIndex(offset=self._end, length=len(data), log_time=0, create_time=0,
+                                                   data_size=len(content), name=name, media_type=media_type))
+
+    def end_chunk(self) -> None:
+        """Write the open chunk, if there is anything in it. What cannot be written is lost, what was before is not."""
+        if not self._open.parts:
+            return
+        done, self._open = self._open, _Open()
+        content = b''.join(done.parts)
+        times = [t_ns for entries in done.index.values() for t_ns, _ in entries]
+        chunk = records.Chunk(compression=self._compression, data=self._compress(content),
+                              message_start_time=min(times), message_end_time=max(times),
+                              uncompressed_crc=zlib.crc32(content), uncompressed_size=len(content))
+        data, index = placed(chunk, done.index, self._end)
+        self._append(data, index, {channel: len(entries) for channel, entries in done.index.items()})
+        if self._fsync:
+            self._sync()
+        self._check_there()
+
+    def finish(self) -> None:
+        """Write the index and close. Where the disk has no room for it, the last chunks give theirs.
+
+        Raises DiskError where messages are lost by that; the file is whole all the same.
+        """
+        try:
+            try:
+                self.end_chunk()
+            finally:
+                self._write_index()
+            if self._fsync:
+                self._sync()
+        finally:
+            with suppress(OSError):
+                self._file.close()
+
+    def _write_index(self) -> None:
+        full: DiskError | None = None
+        while True:
+            try:
+                self._append(closing(self._schemas, self._channels, self.parts, self._end))
+                break
+            except DiskError as error:
+                if not self.parts:
+                    raise
+                full = error
+            self._end = self.parts.pop().start
+            self._file.truncate(self._end)
+            self._file.seek(self._end)
+        if full:
+            raise full
+
+    def _append(self, data: bytes, index: Index | None = None, counts: dict[int, int] | None = None) -> None:
+        """Write at the end, whole or not at all, and note what the index will say of it."""
+        rest = memoryview(data)
+        try:
+            while rest:
+                rest = rest[self._file.write(rest):]
+        except OSError as error:
+            with suppress(OSError):
+                self._file.truncate(self._end)
+                self._file.seek(self._end)
+            raise DiskError(f'{self.path}: cannot be written on: {error.strerror}; what was written before is kept'
+                            ) from None
+        if index is not None:
+            self.parts.append(part_of(self._end, index, counts or {}))
+        self._end += len(data)
+
+    def _sync(self) -> None:
+        with suppress(OSError):
+            os.fdatasync(self._file.fileno())
+
+    def _check_there(self) -> None:
+        """Notice that the file was moved or removed: writing into it goes on without an error."""
+        try:
+            same = os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
+        except OSError:
+            same = False
+        if not same:
+            raise DiskError(f'{self.path}: is no longer there; it was moved or removed while it was written')
+
+
+def _compressor(name: str) -> Callable[[bytes], bytes]:
+    """Return what compresses a chunk."""
+    if name == 'zstd':
+        from zstandard import ZstdCompressor
+        return ZstdCompressor(level=1).compress
+    if name == 'lz4':
+        from lz4.frame import compress
+        return compress     # type: ignore[no-any-return]
+    return bytes
+
+
+def _create(path: Path, overwrite: bool) -> FileIO:
+    try:
+        if overwrite and path.exists() and not path.stat().st_mode & 0o222:
+            raise MissingError(f'{path}: is read-only; give another --output')
+        # An existing file is emptied only once it is known that nobody else writes it.
+        file = FileIO(path, 'r+' if overwrite and path.exists() else 'x')
+        flock(file, LOCK_EX | LOCK_NB)
+        file.truncate(0)
+        return file
+    except BlockingIOError:
+        file.close()
+        raise MissingError(f'{path}: another recorder is writing it; give another --output') from None
+    except FileExistsError:
+        raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None

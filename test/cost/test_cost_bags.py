@@ -1,0 +1,38 @@
+"""The page on bags: its figures follow from what was measured, and its bags are whole."""
+import csv
+import io
+
+import pytest
+
+from dragon_ros.cost import bags
+from dragon_ros.cost.measure import Timing
+from dragon_ros.wire import figures
+from dragon_ros.wire.log_read import LogReader
+
+
+def row(writer='dragon_ros', compression='zstd', seconds=0.5):
+    return bags.Written(writer, compression, Timing(seconds, 0.4, 0.6, 5), 100, 300, 7_000_000, 1_400_000)
+
+
+def test_throughput_and_size_follow_from_the_times():
+    one = row()
+    assert (one.mb_s, one.ticks_s, one.share) == (14, 200, 0.2)
+    assert one.message_us == pytest.approx(1667, abs=1)
+
+
+def test_table_csv_and_picture_have_every_row(tmp_path):
+    rows = [row(), row('mcap.writer', 'none', 0.25)]
+    paths = bags.write(rows, tmp_path, figures.save)
+    assert {path.name for path in paths} == {'bag.md', 'bag.csv', 'bag.png', 'bag.svg'}
+    assert '| dragon_ros | zstd | 14 |' in bags.summary(rows)
+    read = list(csv.DictReader(io.StringIO((tmp_path / 'bag.csv').read_text())))
+    assert [line['median_s'] for line in read] == ['0.5', '0.25']
+
+
+@pytest.mark.parametrize('writer', list(bags._WRITERS))
+def test_each_writer_of_the_page_writes_the_same_messages(tmp_path, writer):
+    rows = bags._rows()[:30]
+    bags._WRITERS[writer](tmp_path / 'a.mcap', 'lz4', rows)
+    with LogReader(tmp_path / 'a.mcap') as bag:
+        found = [(message.topic, message.data, message.t_ns, message.sequence) for message in bag.messages()]
+    assert sorted(found) == sorted(rows)

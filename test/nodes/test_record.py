@@ -1,0 +1,159 @@
+"""Recorders that are killed, starved of disk or of messages: what was recorded stays, and what is missing is told."""
+import resource
+import signal
+import time
+
+import pytest
+import yaml
+from mcap.exceptions import EndOfFile
+from mcap.reader import make_reader
+from mcap.records import Message
+from mcap.stream_reader import StreamReader
+
+from dragon_ros.core.scene import Run
+from dragon_ros.wire.cdr import Writer, stamp_of
+from dragon_ros.wire.compare import compare_with_model
+from dragon_ros.wire.log_read import LogReader
+from dragon_ros.wire.origin import scene_in
+from dragon_ros.wire.scenes import load_scene
+
+READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1]'
+SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
+
+
+def sim(start, *pairs, speed=1.0):
+    given = [part for pair in pairs for part in ('--set', pair)]
+    return start('sim', '--scene', 'first_contact', *given, '--ros-args', '-p', READERS, '-p', f'time_scale:={speed}')
+
+
+def streamed(path):
+    """Return (topic, log time) of all messages that the library's stream reader finds in a file without an end."""
+    found, names = [], {}
+    try:
+        with path.open('rb') as file:
+            for record in StreamReader(file).records:
+                if hasattr(record, 'topic'):
+                    names[record.id] = record.topic
+                if isinstance(record, Message):
+                    found.append((names[record.channel_id], record.log_time, record.data))
+    except (EndOfFile, ValueError, OSError):
+        pass
+    return found
+
+
+def received(path):
+    with path.open('rb') as file:
+        return {row.name: row.metadata for row in make_reader(file).iter_metadata()}
+
+
+def poses(t_ns):
+    writer = Writer()
+    writer.put('I', *stamp_of(t_ns))
+    writer.text('dragon')
+    writer.put('I', 0)
+    return bytes(writer.finish())
+
+
+@pytest.mark.parametrize('moment', [0.4, 1.3, 2.9])
+def test_a_recorder_that_is_killed_loses_at_most_the_flush_interval(start, tmp_path, moment):
+    bag = tmp_path / 'run.mcap'
+    record = start('record', '--output', bag, '--flush-s', '0.5')
+    publisher = sim(start, 'run.start_s=400')
+    publisher.wait_for('starts')
+    while not streamed(bag):
+        time.sleep(0.01)
+    time.sleep(moment)
+    heard_ns = 400 * 10**9 + round(max(0.0, moment - 1.0) * 1e9)      # half a second and as much for a busy machine
+    record.signal(signal.SIGKILL)
+    assert record.end() == -signal.SIGKILL, record.text
+    found = streamed(bag)
+    for name in ('handles', 'benches', 'velocities'):
+        times = [t_ns for topic, t_ns, _ in found if topic == f'/dragon/{name}']
+        assert times == [400 * 10**9 + 20_000_000 * k for k in range(len(times))]
+        assert times[-1] >= heard_ns
+
+
+def test_a_bag_alone_makes_its_run_again(start, tmp_path):
+    record = start('record', '--output', tmp_path / 'run')
+    publisher = sim(start, *SHORT, 'accuracy=1e-6', speed=0.0)
+    assert publisher.end() == 0, publisher.text
+    assert record.end() == 0, record.text
+    bag = tmp_path / 'run' / 'run_0.mcap'
+    told = received(bag)
+    scene = scene_in(told['dragon_ros']['scene'])
+    assert scene == load_scene('first_contact', [*SHORT, 'accuracy=1e-6'])
+    assert (told['dragon_ros']['tier'], told['dragon_ros']['about.on_contact']) == ('standard', 'continue')
+    assert told['dragon_ros.received']['complete'] == 'true'
+    assert told['dragon_ros.received']['/dragon/handles ticks'] == '0-25'
+    with bag.open('rb') as file:
+        (attachment,) = make_reader(file).iter_attachments()
+    assert (attachment.name, scene_in(attachment.data.decode())) == ('scene.yaml', scene)
+    with LogReader(bag) as run:
+        assert compare_with_model(run, scene).faults == []
+    info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
+    assert info['message_count'] == 3 * 26 + 2      # and track and scene
+
+
+@pytest.mark.parametrize('how', ['full', 'limit', 'gone'])
+def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path, how):
+    (tmp_path / 'bags').mkdir()
+    bag = tmp_path / 'bags' / 'run.mcap'
+    record = start('record', '--output', bag, '--compression', 'none', '--flush-s', '0.1',
+                   *(['--max-size-mb', '2'] if how == 'limit' else []))
+    publisher = sim(start, 'run.start_s=400')
+    publisher.wait_for('starts')
+    while not streamed(bag):
+        time.sleep(0.01)
+    if how == 'full':
+        resource.prlimit(record.pid, resource.RLIMIT_FSIZE, (2_000_000, 2_000_000))
+    elif how == 'gone':
+        (tmp_path / 'bags').rename(tmp_path / 'moved')
+        bag = tmp_path / 'moved' / 'run.mcap'
+    assert record.end() == 1, record.text
+    says = {'full': 'File too large', 'limit': '--max-size-mb', 'gone': 'no longer there'}[how]
+    assert says in record.text
+    assert 'Traceback' not in record.text
+    with bag.open('rb') as file:
+        messages = list(make_reader(file, validate_crcs=True).iter_messages())
+    assert messages
+    assert bag.stat().st_size <= 2_000_000 or how == 'gone'
+    assert publisher.stop() == 0, publisher.text        # it was still there
+
+
+def test_lost_and_missing_ticks_are_told_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
+    from geometry_msgs.msg import PoseArray
+    from std_msgs.msg import String
+
+    from dragon_ros.core.scene import Scene
+    from dragon_ros.nodes import qos
+    from dragon_ros.wire.cdr import string_message
+    from dragon_ros.wire.channels import channels
+    from dragon_ros.wire.origin import scene_file
+    run = Run(0, 1, 30)
+    scene = node.create_publisher(String, 'scene', qos.of_channel(channels()['scene']))
+    handles = node.create_publisher(PoseArray, 'handles', 100)
+    scene.publish(string_message(scene_file(Scene(run=run))))
+    record = start('record', '--output', tmp_path / 'a.mcap', '--keep-going')
+    node.until(lambda: handles.get_subscription_count() and scene.get_subscription_count())
+    bag = tmp_path / 'a.mcap'
+    node.until(lambda: b'scene.yaml' in bag.read_bytes())       # the recorder knows the run
+    for k in (3, 4, 7, 8, 12):
+        handles.publish(poses(run.time_ns(k)))
+    node.until(lambda: len([row for row in streamed(bag) if row[0] == '/dragon/handles']) == 5)
+    assert record.stop() == 3, record.text
+    assert '/dragon/handles: 5 ticks are missing: 5-6, 9-11' in record.text
+    told = received(bag)['dragon_ros.received']
+    assert told['complete'] == 'false'
+    assert told['/dragon/handles missing ticks'] == '5-6, 9-11'
+    assert told['/dragon/handles lost'] == '0'
+
+
+@pytest.mark.parametrize(('options', 'says'), [
+    (['--compression', 'zip'], '--compression'), (['--split-size-mb', '0'], 'split_size_mb'),
+    (['--flush-s', '0'], '--flush-s'), (['--queue-mb', 'nan'], '--queue-mb'),
+    (['--output', 'a.mcap', '--split-size-mb', '5'], 'name a directory')])
+def test_record_options_that_make_no_sense_are_refused(start, tmp_path, options, says):
+    process = start('record', *options)
+    assert process.end() == 2
+    assert says in process.text
+    assert not [path for path in tmp_path.iterdir() if path.name != 'log']

@@ -1,0 +1,184 @@
+"""Replay as a user drives it: from where, how fast, with pause, step and seek, and what comes first."""
+from collections import Counter
+
+import pytest
+
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.wire.cdr import string_message
+from dragon_ros.wire.cdr_read import read_pose_array, read_string
+from dragon_ros.wire.channels import channels
+from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.log_read import LogReader
+from dragon_ros.wire.log_write import LogWriter
+from dragon_ros.wire.origin import scene_file
+
+SCENE = Scene(run=Run(10, 12, 10))
+NS = 10**9
+
+
+@pytest.fixture(scope='module')
+def recorded(tmp_path_factory):
+    path, encode = tmp_path_factory.mktemp('bag') / 'short.mcap', encoders(SCENE)
+    with LogWriter(path) as bag:
+        for name in (*encode, 'scene'):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        for k in range(21):
+            frame = tick(SCENE, k)
+            for name in encode:
+                bag.write(f'/dragon/{name}', encode[name](frame), frame.t_ns, k + 1)
+            if k == 0:
+                bag.write('/dragon/scene', string_message(scene_file(SCENE)), frame.t_ns, 1)
+    return path
+
+
+@pytest.fixture
+def stamps(node):
+    """The stamps of the handles that are heard, in ticks of a tenth of a second."""
+    from geometry_msgs.msg import PoseArray
+    out = []
+    node.create_subscription(PoseArray, 'handles',
+                             lambda data: out.append(read_pose_array(data).t_ns * 10 // NS), 100, raw=True)
+    return out
+
+
+@pytest.fixture
+def call(node):
+    from std_srvs.srv import Trigger
+
+    def serve(name):
+        client = node.create_client(Trigger, f'replay/{name}')
+        node.until(client.service_is_ready)
+        future = client.call_async(Trigger.Request())
+        node.until(future.done)
+        return future.result()
+    return serve
+
+
+@pytest.fixture
+def put(node):
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+
+    def set_one(name, value):
+        client = node.create_client(SetParameters, 'replay/set_parameters')
+        node.until(client.service_is_ready)
+        future = client.call_async(SetParameters.Request(parameters=[Parameter(name, value=value).to_parameter_msg()]))
+        node.until(future.done)
+        return future.result().results[0]
+    return set_one
+
+
+def by_topic(path):
+    out = {}
+    with LogReader(path) as bag:
+        for message in bag.messages():
+            out.setdefault(message.topic, []).append((message.t_ns, message.sequence, message.data))
+    return out
+
+
+@pytest.mark.parametrize('rate', ['0', '5'])
+def test_replaying_into_the_recorder_gives_the_same_messages_byte_for_byte(start, tmp_path, recorded, rate):
+    record = start('record', '--output', tmp_path / 'again.mcap')
+    replay = start('replay', recorded, '--rate', rate, '--wait-subscribers',
+                   '/dragon/handles=1,/dragon/benches=1,/dragon/velocities=1,/dragon/scene=1')
+    assert replay.end() == 0, replay.text
+    assert record.end() == 0, record.text
+    assert by_topic(tmp_path / 'again.mcap') == by_topic(recorded)
+    assert ('behind the steady clock' in replay.text) == (rate != '0')
+
+
+def test_replay_plays_from_start_to_end(start, node, recorded, stamps):
+    replay = start('replay', recorded, '--start', '0.35', '--end', '0.82', '--rate', '5', '--topics',
+                   '/dragon/handles', '--wait-subscribers', '/dragon/handles=1')
+    assert replay.end() == 0, replay.text
+    node.until(lambda: len(stamps) >= 5)
+    assert stamps == [104, 105, 106, 107, 108]
+
+
+def test_what_is_latched_comes_first_wherever_it_starts(start, node, recorded):
+    from geometry_msgs.msg import PoseArray
+    from std_msgs.msg import String
+
+    from dragon_ros.nodes import qos
+    heard = []
+    node.create_subscription(PoseArray, 'handles', lambda _: heard.append('handles'), 100, raw=True)
+    node.create_subscription(String, 'scene', lambda data: heard.append(read_string(data)),
+                             qos.of_channel(channels()['scene']), raw=True)
+    replay = start('replay', recorded, '--start', '1.5', '--wait-subscribers', '/dragon/handles=1,/dragon/scene=1')
+    assert replay.end() == 0, replay.text
+    node.until(lambda: len(heard) >= 7)
+    assert Counter(heard) == {scene_file(SCENE): 1, 'handles': 6}
+
+
+def test_replay_pauses_steps_seeks_and_goes_on_by_service(start, node, recorded, stamps, call, put):
+    replay = start('replay', recorded, '--rate', '2', '--topics', '/dragon/handles', '--wait-subscribers',
+                   '/dragon/handles=1')
+    node.until(lambda: len(stamps) >= 3)
+    assert call('pause').success
+    assert put('seek_s', 11.55).successful
+    assert call('seek').success
+    node.until(lambda: stamps[-1] == 115)
+    assert put('step_ticks', 2).successful
+    assert call('step').success
+    node.until(lambda: stamps[-1] == 117)
+    assert stamps[-3:] == [115, 116, 117]
+    assert not put('seek_s', 12.5).successful
+    assert call('resume').success
+    assert replay.end() == 0, replay.text
+    node.until(lambda: stamps[-1] == 120)
+    assert stamps[-4:] == [117, 118, 119, 120]
+
+
+def test_replay_publishes_the_time_of_the_bag_on_request(start, node, recorded):
+    from rosgraph_msgs.msg import Clock
+    times = []
+    node.create_subscription(Clock, '/clock', lambda m: times.append(m.clock.sec * NS + m.clock.nanosec), 100)
+    replay = start('replay', recorded, '--clock', '--loop', '--rate', '5')
+    node.until(lambda: 12 * NS in times and 10 * NS in times)
+    assert set(times) <= {SCENE.run.time_ns(k) for k in range(21)}
+    assert replay.stop() == 0, replay.text
+
+
+@pytest.mark.parametrize(('options', 'says'), [(['--end', '-1'], '--end'), (['--rate', '2e6'], '--rate')])
+def test_replay_options_that_do_not_fit_are_refused(start, recorded, options, says):
+    process = start('replay', recorded, *options)
+    assert process.end() == 2
+    assert says in process.text
+
+
+def test_typed_keys_are_told_apart():
+    from dragon_ros.nodes import keys
+    known = {' ': 0, 's': 0, keys.RIGHT: 0, keys.LEFT: 0}
+    assert keys.split('s \x1b[C\x1b[Dxs\x1b[', known) == ['s', ' ', keys.RIGHT, keys.LEFT, 's']
+
+
+def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
+    """A real terminal: the other end of a pty."""
+    import os
+    import pty
+    import sys
+    child, terminal = pty.fork()
+    if child == 0:
+        os.execv(sys.executable, [sys.executable, '-m', 'dragon_ros', 'replay', str(recorded), '--rate', '0.5',
+                                  '--loop'])
+    text = ''
+
+    def wait_for(words):
+        nonlocal text
+        while words not in text:
+            text += os.read(terminal, 4096).decode()
+        text = text.partition(words)[2]
+    wait_for('keys: space pauses')
+    wait_for('starts')
+    os.write(terminal, b' ')
+    wait_for('paused at')
+    os.write(terminal, b's')
+    wait_for('at ')
+    os.write(terminal, b' ')
+    wait_for('goes on at')
+    os.write(terminal, b'\x1b[C')
+    wait_for('seek_s')
+    os.write(terminal, b'\x03')
+    wait_for('messages published')
+    assert os.waitpid(child, 0)[1] == 0
