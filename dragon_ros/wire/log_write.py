@@ -3,6 +3,7 @@
 A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one file or more.
 """
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -190,16 +191,19 @@ class LogWriter:
         rosbag2.write_metadata(self.path, rosbag2.metadata_text(self._files, profiles, custom))
 
 
+@lru_cache
 def schema_text(name: str) -> str:
     """Return the ros2msg schema of a message type."""
     return (config.folder() / 'schemas' / f'{name.replace("/msg/", ".")}.msg').read_text()
 
 
+@lru_cache
 def type_hash(name: str) -> str:
     """Return the RIHS01 hash of a message type."""
     return str(read_document(config.folder() / 'schemas' / 'types.yaml').values[name])
 
 
+@lru_cache
 def qos_text(channel: Channel) -> str:
     """Return a channel's QoS as rosbag2 stores it."""
     row: dict[str, Any] = {
