@@ -17,13 +17,13 @@ from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.ends import Ends
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.params import SIM
-from dragon_ros.nodes.track import track_marker
 from dragon_ros.wire import cli
 from dragon_ros.wire.cdr import string_message
 from dragon_ros.wire.channels import channels
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.origin import scene_file
 from dragon_ros.wire.scenes import load_scene
+from dragon_ros.wire.track import track_message
 
 
 class Broadcast(Frames):
@@ -70,7 +70,7 @@ class Sim(DragonNode):
         self._frames = Broadcast(self.scene, contact, self.feeds.values())
         self._frames.also = list(self._also())
         self._track = self._publisher('track')
-        self._track.publish(track_marker(self.scene, value['frame_id']))
+        self._track.publish(track_message(self.scene, value['frame_id']))
         self._scene = self._publisher('scene')
         self._scene.publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))

@@ -13,11 +13,12 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.wire import cli, origin
 from dragon_ros.wire.cdr import string_message
-from dragon_ros.wire.channels import live
+from dragon_ros.wire.channels import channels, live
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.interrupt import stopped_by_signals
 from dragon_ros.wire.log_write import BagOptions, LogWriter
 from dragon_ros.wire.mcap_file import COMPRESSIONS
+from dragon_ros.wire.track import track_message
 
 _NAMESPACE = '/dragon'      # of the live nodes, unless told otherwise
 _FRAME_ID = 'dragon'
@@ -56,14 +57,16 @@ def _run(arguments: Namespace) -> int:
 
 
 def _introduce(scene: Scene, bag: LogWriter, namespace: str) -> None:
-    """Say what made the run, as `sim` and `record` do: metadata, attachment, and the latched topic."""
+    """Say what made the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
     text = origin.scene_file(scene, {'frame_id': _FRAME_ID})
     told = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(origin.RECORD, origin.run_metadata(text, told | origin.versions()))
     bag.attach(origin.ATTACHMENT, 'application/yaml', text.encode())
-    for row in live(scene.effects):
-        bag.add_channel(f'{namespace}/{row.name}', row)
-    bag.write(f'{namespace}/scene', string_message(text), scene.run.start_ns, 1)
+    once = {'track': track_message(scene, _FRAME_ID), 'scene': string_message(text)}
+    for name in (*once, *(row.name for row in live(scene.effects))):
+        bag.add_channel(f'{namespace}/{name}', channels()[name])
+    for name, data in once.items():
+        bag.write(f'{namespace}/{name}', data, scene.run.start_ns, 1)
 
 
 def simulate(scene: Scene, bag: LogWriter, namespace: str, stop: Event) -> int:

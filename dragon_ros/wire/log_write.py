@@ -3,6 +3,7 @@
 A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one file or more.
 """
 from dataclasses import dataclass, field, fields
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
@@ -190,6 +191,7 @@ class LogWriter:
         rosbag2.write_metadata(self.path, rosbag2.metadata_text(self._files, profiles, custom))
 
 
+@lru_cache
 def qos_text(channel: Channel) -> str:
     """Return a channel's QoS as rosbag2 stores it."""
     row: dict[str, Any] = {

@@ -11,6 +11,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fcntl import LOCK_EX, LOCK_NB, flock
+from functools import reduce
 from io import FileIO
 from pathlib import Path
 
@@ -23,6 +24,7 @@ from dragon_ros.wire.mcap_index import MAGIC, Index, Part, closing, part_of, pla
 
 CHUNK_BYTES = 2**20
 COMPRESSIONS = ('zstd', 'lz4', 'none')
+_MOST_BUFFERS = 1000      # that one write takes; Linux has a limit of 1024
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
 
 
@@ -50,7 +52,7 @@ class McapFile:
         self.parts: list[Part] = []
         self._open = _Open()
         self._end = 0
-        self._append(MAGIC + record_bytes(records.Header('ros2', f'dragon_ros {__version__}')))
+        self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
 
     @property
     def size(self) -> int:
@@ -65,7 +67,7 @@ class McapFile:
     def add_schema(self, name: str, text: bytes) -> int:
         """Write a ros2msg schema and return its number."""
         schema = records.Schema(id=len(self._schemas) + 1, name=name, encoding='ros2msg', data=text)
-        self._append(record_bytes(schema))
+        self._append([record_bytes(schema)])
         self._schemas.append(schema)
         return schema.id
 
@@ -73,7 +75,7 @@ class McapFile:
         """Write a channel of CDR messages and return its number."""
         channel = records.Channel(id=len(self._channels) + 1, topic=topic, message_encoding='cdr', metadata=metadata,
                                   schema_id=schema)
-        self._append(record_bytes(channel))
+        self._append([record_bytes(channel)])
         self._channels.append(channel)
         return channel.id
 
@@ -90,14 +92,14 @@ class McapFile:
         """Write a metadata record behind what came before."""
         self.end_chunk()
         data = record_bytes(records.Metadata(name=name, metadata=values))
-        self._append(data, records.MetadataIndex(offset=self._end, length=len(data), name=name))
+        self._append([data], records.MetadataIndex(offset=self._end, length=len(data), name=name))
 
     def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
         """Write an attachment behind what came before."""
         self.end_chunk()
         row = records.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
         data = record_bytes(row)
-        self._append(data, records.AttachmentIndex(offset=self._end, length=len(data), log_time=0, create_time=0,
+        self._append([data], records.AttachmentIndex(offset=self._end, length=len(data), log_time=0, create_time=0,
                                                    data_size=len(content), name=name, media_type=media_type))
 
     def end_chunk(self) -> None:
@@ -105,13 +107,14 @@ class McapFile:
         if not self._open.parts:
             return
         done, self._open = self._open, _Open()
-        content = b''.join(done.parts)
         times = [t_ns for entries in done.index.values() for t_ns, _ in entries]
-        chunk = records.Chunk(compression=self._compression, data=self._compress(content),
+        chunk = records.Chunk(compression=self._compression, data=b'',
                               message_start_time=min(times), message_end_time=max(times),
-                              uncompressed_crc=zlib.crc32(content), uncompressed_size=len(content))
-        data, index = placed(chunk, done.index, self._end)
-        self._append(data, index, {channel: len(entries) for channel, entries in done.index.items()})
+                              uncompressed_crc=reduce(lambda crc, part: zlib.crc32(part, crc), done.parts, 0),
+                              uncompressed_size=done.size)
+        data = self._compress(done.parts)
+        head, tail, index = placed(chunk, sum(map(len, data)), done.index, self._end)
+        self._append([head, *data, tail], index, {channel: len(rows) for channel, rows in done.index.items()})
         if self._fsync:
             self._sync()
         self._check_there()
@@ -136,7 +139,7 @@ class McapFile:
         full: DiskError | None = None
         while True:
             try:
-                self._append(closing(self._schemas, self._channels, self.parts, self._end))
+                self._append([closing(self._schemas, self._channels, self.parts, self._end)])
                 break
             except DiskError as error:
                 if not self.parts:
@@ -148,12 +151,11 @@ class McapFile:
         if full:
             raise full
 
-    def _append(self, data: bytes, index: Index | None = None, counts: dict[int, int] | None = None) -> None:
+    def _append(self, data: list[bytes], index: Index | None = None, counts: dict[int, int] | None = None) -> None:
         """Write at the end, whole or not at all, and note what the index will say of it."""
-        rest = memoryview(data)
         try:
-            while rest:
-                rest = rest[self._file.write(rest):]
+            for first in range(0, len(data), _MOST_BUFFERS):
+                self._write(data[first:first + _MOST_BUFFERS])
         except OSError as error:
             with suppress(OSError):
                 self._file.truncate(self._end)
@@ -162,7 +164,15 @@ class McapFile:
                             ) from None
         if index is not None:
             self.parts.append(part_of(self._end, index, counts or {}))
-        self._end += len(data)
+        self._end += sum(map(len, data))
+
+    def _write(self, data: list[bytes]) -> None:
+        """Write buffers where the file stands; a disk that is almost full takes only a part at first."""
+        done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
+        if done < whole:
+            rest = memoryview(b''.join(data))[done:]
+            while rest:
+                rest = rest[self._file.write(rest):]
 
     def _sync(self) -> None:
         with suppress(OSError):
@@ -178,15 +188,16 @@ class McapFile:
             raise DiskError(f'{self.path}: is no longer there; it was moved or removed while it was written')
 
 
-def _compressor(name: str) -> Callable[[bytes], bytes]:
-    """Return what compresses a chunk."""
-    if name == 'zstd':
-        from zstandard import ZstdCompressor
-        return ZstdCompressor(level=1).compress
+def _compressor(name: str) -> Callable[[list[bytes]], list[bytes]]:
+    """Return what compresses the parts of a chunk. Level 1 of zstd makes dragons as small as level 3 does."""
+    if name == 'none':
+        return list
     if name == 'lz4':
-        from lz4.frame import compress
-        return compress     # type: ignore[no-any-return]
-    return bytes
+        import lz4.frame
+        return lambda parts: [lz4.frame.compress(b''.join(parts))]
+    from zstandard import ZstdCompressor
+    compressor = ZstdCompressor(level=1)
+    return lambda parts: [compressor.compress(b''.join(parts))]
 
 
 def _create(path: Path, overwrite: bool) -> FileIO:

@@ -43,24 +43,26 @@ def record_bytes(*rows: records.McapRecord) -> bytes:
     return _taken(builder)
 
 
-def placed(chunk: records.Chunk, messages: dict[int, list[tuple[int, int]]],
-           start: int) -> tuple[bytes, records.ChunkIndex]:
-    """Return the bytes of a chunk that starts at ``start`` with its message indexes, and the record that finds it.
+def placed(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]],
+           start: int) -> tuple[bytes, bytes, records.ChunkIndex]:
+    """Return what stands before and after the data of a chunk that starts at ``start``, and the record that finds it.
 
-    ``messages`` has (log time, offset in the chunk) by channel.
+    ``chunk`` has no data itself, to copy none: ``size`` bytes follow. ``messages`` has (log time, offset in the
+    chunk) by channel.
     """
-    builder, offsets = RecordBuilder(), {}
-    chunk.write(builder)
-    length = builder.count
+    assert not chunk.data
+    head = record_bytes(chunk)
+    head = head[:1] + struct.pack('<Q', len(head) - 9 + size) + head[9:-8] + struct.pack('<Q', size)
+    builder, offsets, length = RecordBuilder(), {}, len(head) + size
     for channel, entries in messages.items():
-        offsets[channel] = start + builder.count
+        offsets[channel] = start + length + builder.count
         records.MessageIndex(channel_id=channel, records=entries).write(builder)
     index = records.ChunkIndex(
         message_start_time=chunk.message_start_time, message_end_time=chunk.message_end_time,
         chunk_start_offset=start, chunk_length=length, message_index_offsets=offsets,
-        message_index_length=builder.count - length, compression=chunk.compression, compressed_size=len(chunk.data),
+        message_index_length=builder.count, compression=chunk.compression, compressed_size=size,
         uncompressed_size=chunk.uncompressed_size)
-    return _taken(builder), index
+    return head, _taken(builder), index
 
 
 def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: Sequence[Part],

@@ -28,11 +28,13 @@ class Field:
     many: int | None
 
 
+@lru_cache
 def schema_text(name: str) -> str:
     """Return the ros2msg schema of a message type such as geometry_msgs/msg/PoseArray."""
     return (config.folder() / 'schemas' / f'{name.replace("/msg/", ".")}.msg').read_text()
 
 
+@lru_cache
 def type_hash(name: str) -> str:
     """Return the RIHS01 hash of a message type."""
     return str(read_document(config.folder() / 'schemas' / 'types.yaml').values[name])

@@ -89,7 +89,8 @@ def test_inspect_tells_topics_scene_contact_and_clearance(capsys, bag):
     assert code == 0
     rows = {row['topic']: row for row in values['topics']}
     assert {name: row['messages'] for name, row in rows.items()} == {
-        '/dragon/scene': 1, '/dragon/handles': TICKS, '/dragon/benches': TICKS, '/dragon/velocities': TICKS}
+        '/dragon/scene': 1, '/dragon/track': 1,
+        **{f'/dragon/{name}': TICKS for name in ('handles', 'benches', 'velocities')}}
     assert rows['/dragon/handles']['rate_hz'] == pytest.approx(50)
     assert (rows['/dragon/handles']['missing'], rows['/dragon/handles']['doubled']) == (0, 0)
     assert values['scene']['run']['start_s'] == 412.2
