@@ -21,7 +21,7 @@ LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire',
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'},
              'tools': {'numpy', 'matplotlib', 'tqdm', 'pyarrow'},
-             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm'}}
+             'cost': {'numpy', 'scipy', 'matplotlib', 'mcap', 'tqdm'}}
 
 
 def imports(path):
