@@ -13,7 +13,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.wire import cli, origin
 from dragon_ros.wire.cdr import string_message
-from dragon_ros.wire.channels import live
+from dragon_ros.wire.channels import channels, live
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.interrupt import stopped_by_signals
 from dragon_ros.wire.log_write import BagOptions, LogWriter
@@ -61,7 +61,7 @@ def _introduce(scene: Scene, bag: LogWriter, namespace: str) -> None:
     told = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(origin.RECORD, origin.run_metadata(text, told | origin.versions()))
     bag.attach(origin.ATTACHMENT, 'application/yaml', text.encode())
-    for row in live(scene.effects):
+    for row in (channels()['scene'], *live(scene.effects)):
         bag.add_channel(f'{namespace}/{row.name}', row)
     bag.write(f'{namespace}/scene', string_message(text), scene.run.start_ns, 1)
 
