@@ -116,10 +116,10 @@ class Recorder(DragonNode):
                     self._simulation.unstamped(topic, data, source_ns, sequence, channel.latched)
                     return
                 t_ns = read_stamp_ns(data[:4] + data[stamp_at:stamp_at + 8])
-                self._log(topic, data, t_ns, sequence, source_ns)
-                if handles:
+                if handles:     # first what belongs to the tick before, so that the bag is in order
                     self.ledger.stamp(t_ns)
                     self._simulation.mark(source_ns, t_ns)
+                self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)
         return callback

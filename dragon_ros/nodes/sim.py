@@ -71,8 +71,8 @@ class Sim(DragonNode):
         self._frames.also = list(self._also())
         self._track = self._publisher('track')
         self._track.publish(track_message(self.scene, value['frame_id']))
-        self._scene = self._publisher('scene')
-        self._scene.publish(string_message(scene_file(self.scene, {
+        self.outlets['scene'] = self._publisher('scene')
+        self.outlets['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
         wanted = outlet.wanted_readers(value['wait_subscribers'], self.outlets)
         self.player = Player(self, self._frames, value['time_scale'], lambda: outlet.readers_are_there(wanted))

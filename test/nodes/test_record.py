@@ -17,7 +17,7 @@ from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.origin import scene_in
 from dragon_ros.wire.scenes import load_scene
 
-READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1]'
+READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'
 SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
 
 
