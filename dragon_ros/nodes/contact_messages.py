@@ -126,7 +126,8 @@ def _bench(sight: Sight, header: Header, bench: int) -> Marker:
     z, w = half_turns(b.axis[bench:bench + 1])[0].tolist()
     pose.orientation = Quaternion(z=z, w=w)
     scale = Vector3(x=2 * float(b.half_length[bench]), y=2 * float(b.half_width[bench]), z=_PROUD * BENCH_HEIGHT_M)
-    return Marker(header=header, ns='bench in contact', id=bench, type=Marker.CUBE, pose=pose, scale=scale, color=_ORANGE)
+    return Marker(header=header, ns='bench in contact', id=bench, type=Marker.CUBE, pose=pose, scale=scale,
+                  color=_ORANGE)
 
 
 def _pose(x_m: float, y_m: float, z_m: float = BENCH_HEIGHT_M) -> Pose:
