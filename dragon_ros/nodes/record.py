@@ -16,6 +16,7 @@ from dragon_ros.wire.channels import Channel, channels
 from dragon_ros.wire.log import LogWriter
 from dragon_ros.wire.recording import SimulationClock
 
+_REST_S = 5.0       # to write what had come when the signal came
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
@@ -88,7 +89,7 @@ def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:
     node = Recorder(path, arguments.force)
     try:
         node.get_logger().info(f'records to {path}')
-        return shell.spin(node, stop, node.ended if not arguments.keep_going else lambda: False)
+        return shell.spin(node, stop, node.ended if not arguments.keep_going else lambda: False, _REST_S)
     finally:
         node.close()
         counts = ', '.join(f'{topic} {count}' for topic, count in node.bag.counts.items())
