@@ -12,7 +12,7 @@ from dragon_ros.core.watch import NS, EpisodeEnd, Event, Report, Sight
 from dragon_ros.wire.cdr import half_turns, stamp_of
 from dragon_ros.wire.cdr_markers import BENCH_HEIGHT_M
 
-_RED = ColorRGBA(r=0.9, g=0.05, b=0.05, a=1.0)
+_ORANGE = ColorRGBA(r=0.90, g=0.62, b=0.0, a=1.0)       # Okabe-Ito, as in the pictures
 _BLACK = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)
 _POINT_M, _TEXT_M, _PROUD = 0.12, 0.35, 1.1
 
@@ -120,13 +120,14 @@ def _status(level: bytes, name: str, message: str, values: Mapping[str, str]) ->
 
 
 def _bench(sight: Sight, header: Header, bench: int) -> Marker:
-    """Return one bench in red, a little higher than it is so that it covers the blue one."""
+    """Return one bench in orange, a little higher than it is so that it covers the blue one."""
     b = sight.benches
     pose = _pose(*b.centre[bench].tolist(), 0.0)
     z, w = half_turns(b.axis[bench:bench + 1])[0].tolist()
     pose.orientation = Quaternion(z=z, w=w)
     scale = Vector3(x=2 * float(b.half_length[bench]), y=2 * float(b.half_width[bench]), z=_PROUD * BENCH_HEIGHT_M)
-    return Marker(header=header, ns='bench in contact', id=bench, type=Marker.CUBE, pose=pose, scale=scale, color=_RED)
+    return Marker(header=header, ns='bench in contact', id=bench, type=Marker.CUBE, pose=pose, scale=scale,
+                  color=_ORANGE)
 
 
 def _pose(x_m: float, y_m: float, z_m: float = BENCH_HEIGHT_M) -> Pose:

@@ -18,6 +18,7 @@ from dragon_ros.wire.ledger import Ledger
 from dragon_ros.wire.log_write import LogWriter
 from dragon_ros.wire.recording import SimulationClock
 
+_REST_S = 5.0       # to write what had come when the signal came
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
 _IDLE_S = 0.25      # what has no stamp waits no longer for the next handles when nothing comes
 _LOOK_S = 1.0       # how often publishers are counted
@@ -145,7 +146,7 @@ def run(bag: LogWriter, keep_going: bool, flush_s: float, queue_mb: float, stop:
     node = Recorder(bag, flush_s, queue_mb)
     try:
         node.get_logger().info(f'records to {bag.path}')
-        shell.spin(node, stop, lambda: node.poll(keep_going))
+        shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S)
     finally:
         complete = node.close()
         node.destroy_node()

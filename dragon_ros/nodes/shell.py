@@ -2,18 +2,21 @@
 import importlib
 import signal
 import threading
+import time
 from collections.abc import Callable
 from typing import Any
 
 import rclpy
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import SingleThreadedExecutor
+from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dragon_ros.core.errors import DiskError, DragonError, MissingError
 from dragon_ros.nodes import logs
 from dragon_ros.wire.cli import BAD_INPUT, FAILED, OK
+
+_EMPTY_LOOKS = 3
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
@@ -35,14 +38,29 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
         rclpy.try_shutdown()
 
 
-def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False) -> int:
-    """Serve a node's callbacks until a signal or until ``until()``; then serve what is already queued."""
+def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
+    """Serve a node's callbacks until a signal or until ``until()``; then what came by then, ``rest_s`` at most."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while not stop.is_set() and not until():
         executor.spin_once(timeout_sec=0.1)
+    _serve_rest(executor, rest_s)
     executor.shutdown()
     return OK
+
+
+def _serve_rest(executor: SingleThreadedExecutor, rest_s: float) -> None:
+    """Serve what is ready; a look that finds nothing may have found a wake-up call, so look again."""
+    end, empty = time.monotonic() + rest_s, 0
+    while time.monotonic() < end and empty < _EMPTY_LOOKS:
+        try:
+            handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
+        except TimeoutException:
+            empty += 1
+            continue
+        empty = 0
+        handler()
+        handler.result()
 
 
 def message_type(name: str) -> Any:

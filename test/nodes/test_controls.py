@@ -252,3 +252,26 @@ def test_without_a_terminal_no_progress_is_logged(start):
     sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5')
     assert sim.end() == 0
     assert [line.partition(']: ')[2].split()[0] for line in sim.lines] == ['starts', 'the', 'published:']
+
+
+def test_what_came_before_the_signal_is_served_before_the_end(domain):
+    import rclpy
+    from rclpy.duration import Duration
+    from std_msgs.msg import Float64
+
+    from dragon_ros.nodes import shell
+    rclpy.init()
+    try:
+        node, got, stop = rclpy.create_node('reader'), [], threading.Event()
+        publisher = node.create_publisher(Float64, 'x', 100)
+        node.create_subscription(Float64, 'x', lambda message: got.append(message.data), 100)
+        shell.spin(node, stop, publisher.get_subscription_count)
+        for value in range(100):
+            publisher.publish(Float64(data=float(value)))
+        assert publisher.wait_for_all_acked(Duration(seconds=30))
+        stop.set()
+        shell.spin(node, stop, rest_s=30.0)
+        assert got == list(range(100))
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
