@@ -12,6 +12,7 @@ from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.intake import subscribe_raw
 from dragon_ros.nodes.params import MONITOR
 from dragon_ros.wire.cdr import float64_of
 from dragon_ros.wire.cdr_read import Poses
@@ -35,7 +36,7 @@ class Monitor(DragonNode):
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
         self._pairs, self._watch = Pairing(), Watch(self._warn_below_m)
-        self.dropped = 0
+        self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
         self._out = {name: self.create_publisher(shell.message_type(rows[name].type), name, qos.of_channel(rows[name]))
@@ -44,13 +45,12 @@ class Monitor(DragonNode):
         self.create_timer(_TELL_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
-            self.create_subscription(shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)),
-                                     raw=True)
+            subscribe_raw(self, shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)))
 
-    def _on_handles(self, data: bytes) -> None:
+    def _on_handles(self, data: bytes, _: Any) -> None:
         self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data), time.monotonic())))
 
-    def _on_benches(self, data: bytes) -> None:
+    def _on_benches(self, data: bytes, _: Any) -> None:
         self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
@@ -84,6 +84,7 @@ class Monitor(DragonNode):
         """Publish what one tick tells, each topic only where it changes or somebody listens."""
         active = self._last is not None and self._last.count > 0
         self._last = report
+        self.seen += 1
         if self._out['clearance'].get_subscription_count():
             self._out['clearance'].publish(float64_of(report.clearance_m))
         self._show_clearance(report)
@@ -131,6 +132,7 @@ def run(stop: threading.Event) -> int:
     try:
         return shell.spin(node, stop)
     finally:
+        node.get_logger().info(f'saw {node.seen} ticks')
         if node.dropped:
             node.get_logger().warning(f'{node.dropped} messages were dropped')
         node.destroy_node()
