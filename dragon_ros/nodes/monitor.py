@@ -17,6 +17,7 @@ from dragon_ros.nodes.params import MONITOR
 from dragon_ros.wire.cdr import float64_of
 from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
+from dragon_ros.wire.contact_markers import contact_markers
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
 
@@ -97,7 +98,7 @@ class Monitor(DragonNode):
             self._out['collision/point'].publish(messages.point_of(event))
         markers = self._out['collision/markers']
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
-            markers.publish(messages.markers_of(report))
+            markers.publish(contact_markers(report))
         self._tell_health()
 
     def _show_clearance(self, report: Report) -> None:
