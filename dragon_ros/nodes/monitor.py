@@ -17,7 +17,7 @@ from dragon_ros.nodes.params import MONITOR
 from dragon_ros.wire.cdr import float64_of
 from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
-from dragon_ros.wire.contact_markers import contact_markers
+from dragon_ros.wire.contact_markers import clearance_marker, contact_markers
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
 
@@ -106,7 +106,7 @@ class Monitor(DragonNode):
         marker, now = self._out['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and now - self._shown >= _SHOW_S:
             self._shown = now
-            marker.publish(messages.clearance_of(report))
+            marker.publish(clearance_marker(report))
 
     def _log(self, message: DiagnosticArray) -> None:
         for status in message.status:

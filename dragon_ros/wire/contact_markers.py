@@ -1,10 +1,10 @@
-"""The contacts of a tick as the bytes of a MarkerArray: while there is contact it is published with every tick."""
+"""Contacts and clearance of a tick as the bytes of markers: while there is contact they come with every tick."""
 from dragon_ros.core.contact import witness
 from dragon_ros.core.watch import Report, Sight
 from dragon_ros.wire.cdr import Writer, half_turns
 from dragon_ros.wire.cdr_markers import BENCH_HEIGHT_M, CUBE, Colour, Look, put_marker
 
-_SPHERE, _TEXT_VIEW_FACING, _DELETEALL = 2, 9, 3
+_SPHERE, _TEXT_VIEW_FACING, _DELETE, _DELETEALL = 2, 9, 2, 3
 _RED: Colour = (0.9, 0.05, 0.05, 1.0)
 _BLACK: Colour = (0.0, 0.0, 0.0, 1.0)
 _POINT_M, _TEXT_M, _PROUD = 0.12, 0.35, 1.1
@@ -20,6 +20,18 @@ def contact_markers(report: Report) -> bytes:
     writer.put('I', len(looks))
     for look in looks:
         put_marker(writer, look, report.sight.frame_id, report.sight.t_ns)
+    return bytes(writer.finish())
+
+
+def clearance_marker(report: Report) -> bytes:
+    """Return the clearance as text above the place between the closest benches; DELETE where none are near."""
+    look = Look('clearance', 0, 0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.0), action=_DELETE)
+    if report.closest:
+        x, y = witness(report.sight.benches, *report.closest).point_m
+        look = Look('clearance', 0, _TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), _BLACK,
+                    place=(x, y - 2 * _TEXT_M, -_TEXT_M), text=f'{report.clearance_m * 1e3:.2f} mm')
+    writer = Writer()
+    put_marker(writer, look, report.sight.frame_id, report.sight.t_ns)
     return bytes(writer.finish())
 
 
