@@ -131,7 +131,7 @@ def _processes(folder: Path) -> Iterator[_Start]:
 def _watched(start: _Start) -> tuple[float, dict[str, Usage]]:
     """Wait until sim has run; return its wall time from the first tick on, and the usage of each process meanwhile."""
     deadline = time.monotonic() + _LONGEST_S
-    while 'runs from' not in start.text():
+    while 'starts ' not in start.text():
         _alive(start, deadline)
         time.sleep(_POLL_S)
     began, first = time.monotonic(), {name: _look(child.pid) for name, child in start.running.items()}
