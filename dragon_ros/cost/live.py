@@ -19,11 +19,11 @@ from dragon_ros.wire.log_read import LogReader
 ROLES = ('sim', 'monitor', 'record')
 RATES_HZ = (5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000)
 _READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
-_COUNTED = ('handles', 'benches', 'velocities', 'clearance')
+_COUNTED = ('handles', 'benches', 'velocities')
 _START_S = 100.0
 _LONGEST_S = 300.0
 _POLL_S = 0.05
-_OVERRUNS = re.compile(r'; (\d+) overruns')
+_OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns'), re.compile(r'saw (\d+) ticks')
 
 
 @dataclass(frozen=True)
@@ -49,7 +49,7 @@ class Live:
 
     @property
     def lost(self) -> int:
-        """Messages that did not arrive; a missing clearance is a tick that the monitor did not see."""
+        """Messages that the recorder missed, and ticks that the monitor did not see."""
         return sum(self.missing.values())
 
     @property
@@ -76,12 +76,13 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
               '-p', f'time_scale:={1.0 if rate_hz else 0.0}', '-p', _READERS)
         wall_s, usage = _watched(start)
         _ended(start.running['record'])
-        text = start.text()
+        start.running['monitor'].send_signal(signal.SIGINT)
+        _ended(start.running['monitor'])
+        overruns, seen = (_number(*which) for which in ((_OVERRUNS, start.text()), (_SEEN, start.text('monitor'))))
         with LogReader(bag) as reader:
             counts = {topic.name.removeprefix('/dragon/'): topic.messages for topic in reader.topics}
-    missing = {topic: ticks - counts.get(topic, 0) for topic in _COUNTED}
-    overruns = _OVERRUNS.search(text)
-    return Live(benches, rate_hz, ticks, wall_s, int(overruns[1]) if overruns else 0, missing, usage)
+    missing = {'seen': ticks - seen, **{topic: ticks - counts.get(topic, 0) for topic in _COUNTED}}
+    return Live(benches, rate_hz, ticks, wall_s, overruns, missing, usage)
 
 
 def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
@@ -130,7 +131,7 @@ def _processes(folder: Path) -> Iterator[_Start]:
 def _watched(start: _Start) -> tuple[float, dict[str, Usage]]:
     """Wait until sim has run; return its wall time from the first tick on, and the usage of each process meanwhile."""
     deadline = time.monotonic() + _LONGEST_S
-    while 'runs from' not in start.text():
+    while 'starts ' not in start.text():
         _alive(start, deadline)
         time.sleep(_POLL_S)
     began, first = time.monotonic(), {name: _look(child.pid) for name, child in start.running.items()}
@@ -162,3 +163,9 @@ def _ended(process: 'subprocess.Popen[bytes]') -> None:
         process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
         raise DragonError(f'a process did not end within {_LONGEST_S:g} s of the run') from None
+
+
+def _number(pattern: 're.Pattern[str]', text: str) -> int:
+    """Return the number that a log tells, 0 where it tells none."""
+    found = pattern.search(text)
+    return int(found[1]) if found else 0

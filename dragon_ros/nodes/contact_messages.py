@@ -1,20 +1,13 @@
-"""What the monitor says, as messages: contacts, markers, health."""
+"""What the monitor says, as messages: contacts and health."""
 from collections.abc import Mapping
 from math import isnan
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
-from geometry_msgs.msg import Point, PointStamped, Pose, Quaternion, Vector3
-from std_msgs.msg import ColorRGBA, Header
-from visualization_msgs.msg import Marker, MarkerArray
+from geometry_msgs.msg import Point, PointStamped
+from std_msgs.msg import Header
 
-from dragon_ros.core.contact import witness
-from dragon_ros.core.watch import NS, EpisodeEnd, Event, Report, Sight
-from dragon_ros.wire.cdr import half_turns, stamp_of
-from dragon_ros.wire.cdr_markers import BENCH_HEIGHT_M
-
-_ORANGE = ColorRGBA(r=0.90, g=0.62, b=0.0, a=1.0)       # Okabe-Ito, as in the pictures
-_BLACK = ColorRGBA(r=0.0, g=0.0, b=0.0, a=1.0)
-_POINT_M, _TEXT_M, _PROUD = 0.12, 0.35, 1.1
+from dragon_ros.core.watch import NS, EpisodeEnd, Event, Report
+from dragon_ros.wire.cdr import stamp_of
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
@@ -61,36 +54,8 @@ def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
 
 def point_of(event: Event) -> PointStamped:
     """Return where a contact began."""
-    return PointStamped(header=header_of(event.frame_id, event.after_ns), point=_point(*event.point_m))
-
-
-def markers_of(report: Report) -> MarkerArray:
-    """Return the deepest contacts of a tick as markers that replace all earlier ones; DELETEALL alone without any."""
-    sight = report.sight
-    header = header_of(sight.frame_id, sight.t_ns)
-    out = [Marker(header=header, action=Marker.DELETEALL)]
-    if report.touching:
-        i, j = report.touching[0]
-        seen = witness(sight.benches, i, j)
-        (x, y), text = seen.point_m, f'{i} x {j}: {seen.gap_m * 1e3:.2f} mm'
-        more = f' (+{report.count - 1})' if report.count > 1 else ''
-        out += [_bench(sight, header, bench) for bench in sorted({n for pair in report.touching for n in pair})]
-        out.append(Marker(header=header, ns='point', type=Marker.SPHERE, pose=_pose(x, y), color=_BLACK,
-                          scale=Vector3(x=_POINT_M, y=_POINT_M, z=_POINT_M)))
-        out.append(Marker(header=header, ns='label', type=Marker.TEXT_VIEW_FACING, color=_BLACK, text=text + more,
-                          pose=_pose(x, y, 2 * _TEXT_M), scale=Vector3(z=_TEXT_M)))
-    return MarkerArray(markers=out)
-
-
-def clearance_of(report: Report) -> Marker:
-    """Return the clearance as text above the place between the closest benches; DELETE where none are near."""
-    out = Marker(header=header_of(report.sight.frame_id, report.sight.t_ns), ns='clearance', action=Marker.DELETE)
-    if report.closest:
-        x, y = witness(report.sight.benches, *report.closest).point_m
-        out.action, out.type, out.color, out.scale = Marker.ADD, Marker.TEXT_VIEW_FACING, _BLACK, Vector3(z=_TEXT_M)
-        out.pose, out.text = _pose(x, y, -_TEXT_M), f'{report.clearance_m * 1e3:.2f} mm'
-        out.pose.position.y -= 2 * _TEXT_M
-    return out
+    x_m, y_m = event.point_m
+    return PointStamped(header=header_of(event.frame_id, event.after_ns), point=Point(x=x_m, y=y_m))
 
 
 def level_of(report: Report | None, warn_below_m: float) -> bytes:
@@ -117,22 +82,3 @@ def health_of(name: str, report: Report | None, warn_below_m: float, dropped: in
 def _status(level: bytes, name: str, message: str, values: Mapping[str, str]) -> DiagnosticStatus:
     return DiagnosticStatus(level=level, name=name, hardware_id='dragon', message=message,
                             values=[KeyValue(key=key, value=value) for key, value in values.items()])
-
-
-def _bench(sight: Sight, header: Header, bench: int) -> Marker:
-    """Return one bench in orange, a little higher than it is so that it covers the blue one."""
-    b = sight.benches
-    pose = _pose(*b.centre[bench].tolist(), 0.0)
-    z, w = half_turns(b.axis[bench:bench + 1])[0].tolist()
-    pose.orientation = Quaternion(z=z, w=w)
-    scale = Vector3(x=2 * float(b.half_length[bench]), y=2 * float(b.half_width[bench]), z=_PROUD * BENCH_HEIGHT_M)
-    return Marker(header=header, ns='bench in contact', id=bench, type=Marker.CUBE, pose=pose, scale=scale,
-                  color=_ORANGE)
-
-
-def _pose(x_m: float, y_m: float, z_m: float = BENCH_HEIGHT_M) -> Pose:
-    return Pose(position=_point(x_m, y_m, z_m), orientation=Quaternion(w=1.0))
-
-
-def _point(x_m: float, y_m: float, z_m: float = 0.0) -> Point:
-    return Point(x=x_m, y=y_m, z=z_m)

@@ -12,10 +12,12 @@ from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.intake import subscribe_raw
 from dragon_ros.nodes.params import MONITOR
 from dragon_ros.wire.cdr import float64_of
 from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
+from dragon_ros.wire.contact_markers import clearance_marker, contact_markers
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
 
@@ -35,7 +37,7 @@ class Monitor(DragonNode):
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
         self._pairs, self._watch = Pairing(), Watch(self._warn_below_m)
-        self.dropped = 0
+        self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
         self._out = {name: self.create_publisher(shell.message_type(rows[name].type), name, qos.of_channel(rows[name]))
@@ -44,13 +46,12 @@ class Monitor(DragonNode):
         self.create_timer(_TELL_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
-            self.create_subscription(shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)),
-                                     raw=True)
+            subscribe_raw(self, shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)))
 
-    def _on_handles(self, data: bytes) -> None:
+    def _on_handles(self, data: bytes, _: Any) -> None:
         self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data), time.monotonic())))
 
-    def _on_benches(self, data: bytes) -> None:
+    def _on_benches(self, data: bytes, _: Any) -> None:
         self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
@@ -84,6 +85,7 @@ class Monitor(DragonNode):
         """Publish what one tick tells, each topic only where it changes or somebody listens."""
         active = self._last is not None and self._last.count > 0
         self._last = report
+        self.seen += 1
         if self._out['clearance'].get_subscription_count():
             self._out['clearance'].publish(float64_of(report.clearance_m))
         self._show_clearance(report)
@@ -96,7 +98,7 @@ class Monitor(DragonNode):
             self._out['collision/point'].publish(messages.point_of(event))
         markers = self._out['collision/markers']
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
-            markers.publish(messages.markers_of(report))
+            markers.publish(contact_markers(report))
         self._tell_health()
 
     def _show_clearance(self, report: Report) -> None:
@@ -104,7 +106,7 @@ class Monitor(DragonNode):
         marker, now = self._out['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and now - self._shown >= _SHOW_S:
             self._shown = now
-            marker.publish(messages.clearance_of(report))
+            marker.publish(clearance_marker(report))
 
     def _log(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -131,6 +133,7 @@ def run(stop: threading.Event) -> int:
     try:
         return shell.spin(node, stop)
     finally:
+        node.get_logger().info(f'saw {node.seen} ticks')
         if node.dropped:
             node.get_logger().warning(f'{node.dropped} messages were dropped')
         node.destroy_node()

@@ -40,9 +40,9 @@ class Writer:
         self.put('I', len(raw))
         self.data += raw
 
-    def header(self, frame_id: str) -> int:
+    def header(self, frame_id: str, t_ns: int = 0) -> int:
         """Append a std_msgs/Header and return the offset of its stamp."""
-        stamp = self.put('I', 0, 0)
+        stamp = self.put('I', *stamp_of(t_ns))
         self.text(frame_id)
         return stamp
 

@@ -19,7 +19,10 @@ Colour = tuple[float, float, float, float]
 
 @dataclass(frozen=True)
 class Look:
-    """How one marker looks; ``points`` is how many there is room for, ``colours`` (K, 4) are those of the triangles."""
+    """How one marker looks and where it is.
+
+    ``turn`` is (z, w) of its quaternion, ``points`` how many there is room for, ``colours`` those of the triangles.
+    """
 
     ns: str
     id: int
@@ -28,6 +31,10 @@ class Look:
     colour: Colour
     points: int = 0
     colours: tuple[Colour, ...] = ()
+    place: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turn: tuple[float, float] = (0.0, 1.0)
+    text: str = ''
+    action: int = 0
 
 
 class Places(NamedTuple):
@@ -38,12 +45,12 @@ class Places(NamedTuple):
     points: int
 
 
-def put_marker(writer: Writer, look: Look, frame_id: str) -> Places:
+def put_marker(writer: Writer, look: Look, frame_id: str, t_ns: int = 0) -> Places:
     """Append one Marker and return the offsets of its stamp, pose and points."""
-    stamp = writer.header(frame_id)
+    stamp = writer.header(frame_id, t_ns)
     writer.text(look.ns)
-    writer.put('i', look.id, look.type, 0)
-    pose = writer.put('d', 0, 0, 0, 0, 0, 0, 1)
+    writer.put('i', look.id, look.type, look.action)
+    pose = writer.put('d', *look.place, 0, 0, *look.turn)
     writer.put('d', *look.scale)
     writer.put('f', *look.colour)
     writer.put('i', 0, 0)           # lifetime: for ever
@@ -56,7 +63,7 @@ def put_marker(writer: Writer, look: Look, frame_id: str) -> Places:
     writer.header('')               # texture
     writer.text('')
     writer.put('I', 0, 0)           # texture data, uv_coordinates
-    writer.text('')                 # text
+    writer.text(look.text)
     writer.text('')                 # mesh_resource
     writer.text('')                 # mesh_file
     writer.put('I', 0)

@@ -91,4 +91,4 @@ def test_processes_over_dds_are_counted_to_the_last_message():
     row = live.run(20, 0, 60)
     assert (row.lost, row.overruns) == (0, 0)
     assert set(row.usage) == set(live.ROLES)
-    assert all(usage.cores > 0 and usage.rss_mb > 10 for usage in row.usage.values())
+    assert all(usage.cores >= 0 and usage.rss_mb > 10 for usage in row.usage.values())

@@ -26,6 +26,16 @@ def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
     assert pairs.take_unmatched() == []
 
 
+def test_a_run_that_starts_afresh_while_one_topic_lags_costs_no_pair():
+    pairs = Pairing()
+    for first in (poses(1), poses(2), again := poses(1)):
+        pairs.add_handles(first, 0.0)
+    found = [pairs.add_benches(shown(t_ns), 0.0) for t_ns in (1, 2, 1)]
+    assert [one.t_ns for one, _ in found] == [1, 2, 1]
+    assert found[-1][0] is again
+    assert pairs.take_unmatched() == []
+
+
 def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
     pairs = Pairing()
     pairs.add_handles(poses(1), 10.0)
