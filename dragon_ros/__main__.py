@@ -4,10 +4,13 @@ import importlib
 import sys
 
 from dragon_ros.executables import EXECUTABLES
+from dragon_ros.wire import completion
 
 
 def main(argv: list[str]) -> int:
     """Run ``NAME ARGUMENTS...`` and return the exit code."""
+    if completion.asked_for() and not argv:
+        argv = [completion.chosen(EXECUTABLES)]
     if not argv or argv[0] in ('-h', '--help'):
         print(usage())
         return 0 if argv else 2

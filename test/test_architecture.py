@@ -19,8 +19,8 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
 LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
-LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml'},
-             'tools': {'numpy', 'matplotlib', 'tqdm'},
+LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml', 'argcomplete', 'matplotlib'},
+             'tools': {'numpy', 'matplotlib', 'PIL', 'tqdm'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil'}}
 
 
@@ -44,6 +44,13 @@ def test_imports_point_down(layer, path):
             assert rest[0] in LAYERS[layer], f'{path.name} imports {name}'
         elif top != 'dragon_ros' and layer in LIBRARIES:
             assert top in LIBRARIES[layer] or top in sys.stdlib_module_names, f'{path.name} imports {name}'
+
+
+@pytest.mark.parametrize(('library', 'module'), [('argcomplete', 'completion.py'), ('matplotlib', 'figures.py')])
+def test_only_one_module_of_wire_imports_a_library_of_the_screen(library, module):
+    users = {path.name for layer, path in MODULES if layer == 'wire'
+             if any(name.split('.')[0] == library for name in imports(path))}
+    assert users == {module}
 
 
 def test_the_core_runs_where_there_is_no_ros():
