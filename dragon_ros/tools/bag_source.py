@@ -10,11 +10,13 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import NS
 from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import Sight, Watch
-from dragon_ros.tools.sources import Moment, Progress, Touch, witness_at
+from dragon_ros.tools.sources import Moment, Progress, Touch, thinned, witness_at
 from dragon_ros.wire.cdr_read import read_multi_array, read_stamp_ns
 from dragon_ros.wire.log import LogReader
 from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import check_handles, read_benches, sight_of
+
+_HAIR_S = 1e-9
 
 
 @dataclass(frozen=True)
@@ -41,9 +43,20 @@ class BagSource:
         return sorted(rows.items())
 
     @cached_property
-    def ticks_s(self) -> Floats:
-        """Times of the ticks."""
+    def _times_s(self) -> Floats:
         return np.array([stamp for stamp, _ in self._ticks]) / NS
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the first and the last tick."""
+        return float(self._times_s[0]), float(self._times_s[-1])
+
+    def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
+        """Return at most ``most`` ticks between two times, evenly spread."""
+        first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
+        last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S)) - 1
+        out: Floats = self._times_s[thinned(first, last, most)]
+        return out
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the tick nearest to each time; both grow. Ticks without benches are left out."""
@@ -56,7 +69,7 @@ class BagSource:
 
     def _nearest(self, times_s: Floats) -> Ints:
         """Return the numbers of the ticks nearest to times, each once."""
-        ticks = self.ticks_s
+        ticks = self._times_s
         after = np.clip(np.searchsorted(ticks, times_s), 0, len(ticks) - 1)
         before = np.maximum(after - 1, 0)
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))

@@ -108,7 +108,7 @@ _FIGURES: dict[str, Callable[[Namespace, 'Source'], 'Figure']] = {
 
 def _times(arguments: Namespace, source: 'Source') -> list[float]:
     if arguments.time is None:
-        return [float(source.ticks_s[0])]
+        return [source.span_s[0]]
     try:
         return [float(part) for part in arguments.time.split(',')]
     except ValueError:

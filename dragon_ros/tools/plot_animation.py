@@ -25,8 +25,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     for name, value in (('--pace', pace), ('--fps', fps)):
         if not 0 < value <= 1e6:
             raise FieldError(name, value, 'it must be positive', 'try --pace 20 --fps 20')
-    first = float(source.ticks_s[0]) if start_s is None else start_s
-    last = float(source.ticks_s[-1]) if stop_s is None else stop_s
+    first, last = (at if given is None else given for at, given in zip(source.span_s, (start_s, stop_s), strict=True))
     check_times(source, (first, last))
     frames = 1 + int((last - first) * fps / pace)
     if not 2 <= frames <= MOST_FRAMES:

@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.types import Floats
-from dragon_ros.tools.sources import Moment, Progress, Source, Touch, check_times, spread
+from dragon_ros.tools.sources import Moment, Progress, Source, Touch, check_times
 from dragon_ros.wire.figures import HEAD, LINES, POINT, QUIET
 
 MOST_POINTS = 1500          # of one curve: more than a screen has
@@ -15,14 +15,14 @@ _CLOSE_S = 15.0             # before the contact
 def clearance_picture(source: Source, progress: Progress) -> Figure:
     """Return the smallest gap of all benches over the run, and over the last seconds before the contact."""
     touch = source.first_touch(progress)
-    first, last = float(source.ticks_s[0]), float(source.ticks_s[-1])
+    first, last = source.span_s
     start = first if touch is None else max(first, touch.t_s - _CLOSE_S)
     stop = last if touch is None else min(last, touch.t_s + 0.1 * _CLOSE_S)
     figure = Figure(figsize=(11, 4.4))
     spans = [(first, last)] if touch is None or stop - start > 0.8 * (last - first) else [(first, last), (start, stop)]
     panels = figure.subplots(1, len(spans), squeeze=False).flat
     for axes, span in zip(panels, spans, strict=True):
-        times_s, gaps_m = clearances(source, spread(source, *span, MOST_POINTS), progress)
+        times_s, gaps_m = clearances(source, source.ticks_s(*span, MOST_POINTS), progress)
         axes.plot(times_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.2)
         _shade_overlap(axes)
         axes.set(xlabel='time (s)', ylabel='clearance (mm)', xlim=span)

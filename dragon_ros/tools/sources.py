@@ -14,7 +14,7 @@ from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state, states, velocity_of
-from dragon_ros.core.types import Floats
+from dragon_ros.core.types import Floats, Ints
 
 _AT_ONCE = 64               # states that are computed together
 _TRACK_POINTS = 6000
@@ -54,12 +54,15 @@ class Source(Protocol):
         """What pictures call it."""
 
     @property
-    def ticks_s(self) -> Floats:
-        """Times (T,) of its ticks."""
+    def span_s(self) -> tuple[float, float]:
+        """Times of its first and last tick."""
 
     @property
     def track(self) -> Floats | None:
         """Points (P, 2) of the line that it walks, where that is known."""
+
+    def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
+        """Return at most ``most`` ticks between two times, both included, evenly spread."""
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at times that grow; what has only ticks gives the tick nearest to each."""
@@ -75,20 +78,25 @@ class SceneSource:
     name: str
     scene: Scene
 
-    @cached_property
-    def ticks_s(self) -> Floats:
-        """The run's ticks."""
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the run's first and last tick."""
         run = self.scene.run
-        return np.array([run.time_ns(k) for k in range(self.scene.last_tick + 1)]) / NS
+        return run.start_ns / NS, run.time_ns(self.scene.last_tick) / NS
 
     @cached_property
     def track(self) -> Floats:
         """The spiral from the centre to beyond the tail at the start and at the end of the run."""
-        run, scene = self.scene.run, self.scene
-        ends = (run.start_s, run.time_ns(scene.last_tick) / NS)
-        outer = max(float(state(scene, t_s).theta[-1]) for t_s in ends)
+        outer = max(float(state(self.scene, t_s).theta[-1]) for t_s in self.span_s)
         theta: Floats = np.linspace(0.0, outer + np.pi, _TRACK_POINTS)
-        return points(scene.track.b_m, theta, np.zeros_like(theta))
+        return points(self.scene.track.b_m, theta, np.zeros_like(theta))
+
+    def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
+        """Return at most ``most`` of the run's ticks between two times, evenly spread."""
+        run = self.scene.run
+        first, last = (run.tick_at(round(t_s * NS)) for t_s in (start_s, stop_s))
+        numbers = thinned(max(0, first + (run.time_ns(first) < round(start_s * NS))), last, most)
+        return np.array([run.time_ns(k) for k in numbers.tolist()]) / NS
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
         """Yield the dragon at these times."""
@@ -115,20 +123,17 @@ def moment(source: Source, t_s: float) -> Moment:
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:
     """Raise InputError for a time at which there is nothing to see."""
-    first, last = float(source.ticks_s[0]), float(source.ticks_s[-1])
+    first, last = source.span_s
     for t_s in times_s:
         if not first - 1e-9 <= t_s <= last + 1e-9:
             raise InputError(f'--time {t_s:g}: {source.name} goes from {first:g} to {last:g} s; ask for a time between')
 
 
-def spread(source: Source, start_s: float, stop_s: float, most: int) -> Floats:
-    """Return at most ``most`` ticks between two times, both included, evenly spread."""
-    ticks = source.ticks_s
-    rows = np.flatnonzero((ticks >= start_s - 1e-9) & (ticks <= stop_s + 1e-9))
-    if rows.size > most:
-        rows = rows[np.unique(np.linspace(0, rows.size - 1, most).round().astype(int))]
-    out: Floats = ticks[rows]
-    return out
+def thinned(first: int, last: int, most: int) -> Ints:
+    """Return the whole numbers from first to last, or ``most`` of them, evenly spread, with both ends."""
+    count = last - first + 1
+    return np.linspace(first, last, min(count, most)).round().astype(int) if count > most else np.arange(
+        first, last + 1)
 
 
 def witness_at(moment: Moment, pair: tuple[int, int]) -> Witness:

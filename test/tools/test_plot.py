@@ -6,7 +6,7 @@ from dragon_ros.__main__ import main
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.tools.bag_source import dragon_in
 from dragon_ros.tools.plot_series import clearances
-from dragon_ros.tools.sources import SceneSource, moment, spread
+from dragon_ros.tools.sources import SceneSource, moment
 from dragon_ros.wire.log import LogReader
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<link'}
@@ -46,7 +46,9 @@ def test_a_bag_tells_what_its_scene_tells(scene, bag):
     model = SceneSource('winding', scene)
     with LogReader(bag) as opened:
         recorded = dragon_in(opened)
-        assert recorded.ticks_s == pytest.approx(model.ticks_s, abs=1e-9)
+        every = (*model.span_s, 1000)
+        assert recorded.span_s == model.span_s == (412.0, 413.0)
+        assert np.array_equal(recorded.ticks_s(*every), model.ticks_s(*every))
         one, true = moment(recorded, 412.31), moment(model, 412.3)
         assert one.t_s == pytest.approx(412.3)
         assert one.p == pytest.approx(true.p, abs=1e-12)
@@ -55,17 +57,18 @@ def test_a_bag_tells_what_its_scene_tells(scene, bag):
         touch, exact = recorded.first_touch(iter), first_contact(scene)
         assert (touch.benches, touch.witness.corner) == (exact.benches, exact.witness.corner)
         assert touch.t_s == pytest.approx(exact.t_s, abs=1e-4)
-        times, gaps = clearances(recorded, recorded.ticks_s, iter)
+        times, gaps = clearances(recorded, recorded.ticks_s(*every), iter)
         assert len(times) == scene.last_tick + 1
-        assert gaps == pytest.approx(clearances(model, model.ticks_s, iter)[1], abs=1e-9)
+        assert gaps == pytest.approx(clearances(model, model.ticks_s(*every), iter)[1], abs=1e-9)
 
 
 def test_a_curve_is_thinned_and_keeps_both_ends(scene):
     source = SceneSource('winding', scene)
-    times = spread(source, 412.0, 413.0, 5)
+    times = source.ticks_s(412.2, 412.8, 5)
     assert len(times) == 5
-    assert (times[0], times[-1]) == (412.0, 413.0)
-    assert np.all(np.isin(times, source.ticks_s))
+    assert (times[0], times[-1]) == (412.2, 412.8)
+    assert np.all(np.isin(times, source.ticks_s(412.0, 413.0, 1000)))
+    assert source.ticks_s(412.21, 412.34, 9) == pytest.approx([412.25, 412.3])
 
 
 def test_a_bag_without_velocities_has_no_speeds_but_a_picture(capsys, tmp_path, write_bag):
