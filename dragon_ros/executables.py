@@ -17,6 +17,7 @@ EXECUTABLES = {
     'table': Executable('dragon_ros.tools.table', 'print positions and velocities, without ROS'),
     'contact': Executable('dragon_ros.tools.contact', 'find the first contact of a scene, without ROS'),
     'plot': Executable('dragon_ros.tools.plot', 'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
+    'view': Executable('dragon_ros.tools.view', 'play a scene or a bag in the browser, without ROS'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
     'demo': Executable('dragon_ros.tools.demo', 'run everything once: sim, monitor, bag, replay, picture'),
 }

@@ -79,7 +79,7 @@ def test_package_xml_setup_py_and_code_agree():
     used = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
     ros = {name for name in used if name == 'rclpy' or name.endswith(('_msgs', '_srvs', '_interfaces'))}
     assert ros <= declared
-    assert {f'python3-{name}' for name in used & {'numpy', 'shapely', 'matplotlib', 'tqdm'}} <= declared
+    assert {f'python3-{name}' for name in used & {'numpy', 'shapely', 'matplotlib', 'tqdm', 'argcomplete'}} <= declared
 
 
 def copy_source(target):
@@ -109,8 +109,11 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
                if path.is_file() and path.suffix not in ('.py', '.pyc')}
     assert {name.removeprefix('share/dragon_ros/') for name in data if '/msg_configs/' in name} == configs
     assert 'share/ament_index/resource_index/packages/dragon_ros' in data
+    web = {path.relative_to(ROOT).as_posix() for path in (PACKAGE / 'tools' / 'web').iterdir()}
+    assert web <= set(names)
     packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
-    assert packages == {name.rpartition('/')[0] for name in names if name.startswith('dragon_ros/')}
+    modules = [name for name in names if name.startswith('dragon_ros/') and name.endswith('.py')]
+    assert packages == {name.rpartition('/')[0] for name in modules}
 
 
 @pytest.mark.skipif(not find_spec('colcon_core'), reason='colcon is not installed here')

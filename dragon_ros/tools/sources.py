@@ -17,7 +17,8 @@ from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.types import Floats, Ints
 
 _AT_ONCE = 64               # states that are computed together
-_TRACK_POINTS = 6000
+_EACH_RAD = 12              # points of the drawn track
+_MOST_TRACK_RAD = 2000
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 
 
@@ -88,7 +89,7 @@ class SceneSource:
     def track(self) -> Floats:
         """The spiral from the centre to beyond the tail at the start and at the end of the run."""
         outer = max(float(state(self.scene, t_s).theta[-1]) for t_s in self.span_s)
-        theta: Floats = np.linspace(0.0, outer + np.pi, _TRACK_POINTS)
+        theta: Floats = np.linspace(0.0, outer + np.pi, 2000 + int(min(outer, _MOST_TRACK_RAD) * _EACH_RAD))
         return points(self.scene.track.b_m, theta, np.zeros_like(theta))
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
