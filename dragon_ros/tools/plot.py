@@ -6,7 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dragon_ros.core.errors import InputError
+from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.wire import cli, figures
 
 if TYPE_CHECKING:
@@ -14,12 +14,14 @@ if TYPE_CHECKING:
 
     from dragon_ros.tools.sources import Progress, Source
 
-_KINDS = {
-    'dragon': 'the dragon at one time, or up to six side by side',
-    'contact': 'the first contact, with a closer look',
-    'clearance': 'the smallest gap of all benches over time',
-    'speeds': 'the speed along the chain at some times',
-    'animation': 'the run as moving pictures: .gif, .html (one page with controls), .mp4 where ffmpeg is installed',
+_COMMAND = 'python -m dragon_ros plot'
+_KINDS = {      # what each draws, and an example
+    'dragon': ('the dragon at one time, or up to six side by side', '--time 60,240 --output dragon.png'),
+    'contact': ('the first contact, with a closer look', '--bag run.mcap --output contact.svg'),
+    'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
+    'speeds': ('the speed along the chain at some times', '--time 0,60,120,180,240,300'),
+    'animation': ('the run as moving pictures: .gif, .html (one page with controls), .mp4 where ffmpeg is installed',
+                  '--start 400 --stop 412 --pace 2 --output run.html'),
 }
 
 
@@ -30,20 +32,22 @@ def main(argv: list[str]) -> int:
 
 def options() -> argparse.ArgumentParser:
     """Return the parser."""
-    parser = cli.parser('plot', 'Draw a scene or a bag: ' + '; '.join(f'{k}: {v}' for k, v in _KINDS.items()) + '.',
-                        'python -m dragon_ros plot dragon --time 60,240 --output dragon.png')
+    parser = cli.parser('plot', 'Draw a scene or a bag. `plot KIND --help` tells more.',
+                        f'{_COMMAND} dragon {_KINDS["dragon"][1]}')
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
-    for kind, text in _KINDS.items():
-        one = kinds.add_parser(kind, help=text, description=text, allow_abbrev=False)
+    for kind, (text, example) in _KINDS.items():
+        one = kinds.add_parser(kind, help=text, description=f'Draw {text}.', allow_abbrev=False,
+                               epilog=f'example: {_COMMAND} {kind} {example}')
         cli.add_source_options(one)
         default = Path('run.gif' if kind == 'animation' else f'{kind}.png')
         formats = '.gif, .html, .mp4' if kind == 'animation' else ', '.join(figures.FORMATS)
         one.add_argument('--output', type=Path, action='append', metavar='FILE',
                                   help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
+        one.add_argument('--dpi', type=int, default=130, help='dots an inch (130)')
         if kind in ('dragon', 'speeds'):
             one.add_argument('--time', metavar='T,...', help='seconds (the start of the run)')
-    _add_animation_options(one)
+    _add_animation_options(kinds.choices['animation'])
     return parser
 
 
@@ -52,11 +56,12 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
     parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run for each second (20)')
     parser.add_argument('--fps', type=int, default=20, help='frames a second (20)')
-    parser.add_argument('--dpi', type=float, default=110.0, help='dots an inch; the picture is 5.2 inches wide (110)')
 
 
 def _run(arguments: Namespace) -> int:
     paths: list[Path] = arguments.output or [arguments.default]
+    if not 10 <= arguments.dpi <= 1200:
+        raise FieldError('--dpi', arguments.dpi, 'it must lie between 10 and 1200', 'leave it out for 130')
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
@@ -76,7 +81,7 @@ def _draw(arguments: Namespace, source: 'Source', paths: list[Path]) -> list[Pat
         return [moving.animate(source, times_s, arguments.fps, path, arguments.dpi, _shown('frames', len(times_s)))
                 for path in paths]
     figure = _FIGURES[arguments.kind](arguments, source)
-    return [figures.write(figure, path) for path in paths]
+    return [figures.write(figure, path, arguments.dpi) for path in paths]
 
 
 def _dragon(arguments: Namespace, source: 'Source') -> 'Figure':

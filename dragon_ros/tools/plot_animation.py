@@ -34,7 +34,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     return np.minimum(first + np.arange(frames, dtype=np.float64) * pace / fps, last)
 
 
-def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: float, progress: Progress) -> Path:
+def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, progress: Progress) -> Path:
     """Draw a frame for each time into a file and return its path; what was written is removed if that is broken off."""
     writer = _writer(path, fps)
     touch = source.first_touch(lambda rows: rows)

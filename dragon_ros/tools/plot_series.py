@@ -5,7 +5,7 @@ from matplotlib.figure import Figure
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.types import Floats
-from dragon_ros.tools.sources import Moment, Progress, Source, Touch, check_times
+from dragon_ros.tools.sources import Moment, Progress, Source, Touch, check_times, clearances
 from dragon_ros.wire.figures import HEAD, LINES, POINT, QUIET
 
 MOST_POINTS = 1500          # of one curve: more than a screen has
@@ -31,12 +31,6 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
         if touch is not None:
             _mark(axes, touch, len(spans) == 1 or span != spans[0])
     return figure
-
-
-def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
-    """Return times (T,) and the smallest signed gap in m at each (T,), nan where no bench is near another."""
-    rows = np.array([(one.t_s, one.clearance_m) for one in progress(source.moments(times_s))]).reshape(-1, 2)
-    return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
 
 def _shade_overlap(axes: Axes) -> None:

@@ -130,6 +130,12 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
             raise InputError(f'--time {t_s:g}: {source.name} goes from {first:g} to {last:g} s; ask for a time between')
 
 
+def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
+    """Return times (T,) and the smallest signed gap in m at each (T,), nan where no bench is near another."""
+    rows = np.array([(one.t_s, one.clearance_m) for one in progress(source.moments(times_s))]).reshape(-1, 2)
+    return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
+
+
 def thinned(first: int, last: int, most: int) -> Ints:
     """Return the whole numbers from first to last, or ``most`` of them, evenly spread, with both ends."""
     count = last - first + 1

@@ -6,8 +6,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core.types import Floats, Ints
-from dragon_ros.tools.plot_series import clearances
-from dragon_ros.tools.sources import Moment, Progress, Source, Touch, moment, thinned
+from dragon_ros.tools.sources import Moment, Progress, Source, Touch, clearances, moment, thinned
 
 MOST_TICKS = 100_000
 MOST_BENCHES = 2000         # drawn as rectangles, from the head on; the rest is a line

@@ -31,12 +31,12 @@ def style() -> Iterator[None]:
         yield
 
 
-def write(figure: Any, path: Path) -> Path:
+def write(figure: Any, path: Path, dpi: int = 130) -> Path:
     """Write a matplotlib figure in the format of the path's suffix, the same bytes each time, and return the path."""
     import matplotlib
     try:
         with matplotlib.rc_context({'svg.hashsalt': _STYLE['svg.hashsalt']}):
-            figure.savefig(path, dpi=130, metadata=_UNDATED[path.suffix.lower()])
+            figure.savefig(path, dpi=dpi, metadata=_UNDATED[path.suffix.lower()])
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
     return path

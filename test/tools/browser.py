@@ -1,11 +1,18 @@
-"""Headless Chromium, driven over the WebDriver protocol that chromedriver speaks."""
+"""Headless Chromium, driven over the WebDriver protocol that chromedriver speaks.
+
+``python3 test/tools/browser.py URL FILE`` takes a picture of the page of ``view``.
+"""
 import base64
 import json
+import re
 import shutil
 import subprocess
+import sys
+import tempfile
 import time
 import urllib.request
 from contextlib import contextmanager
+from pathlib import Path
 
 CHROMIUM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))),
                 None)
@@ -46,6 +53,11 @@ class Browser:
             time.sleep(0.05)
         return value
 
+    def open_view(self, url):
+        """Open the page of ``view`` and wait until it can be used."""
+        self.open(url)
+        self.wait('return document.body.dataset.ready === "yes"')
+
     def click(self, name):
         self.run(f'document.getElementById("{name}").click()')
 
@@ -67,12 +79,10 @@ def browser(folder):
         driver = subprocess.Popen([DRIVER, '--port=0'], stdout=log, stderr=subprocess.STDOUT)
         try:
             end = time.monotonic() + _LONGEST_S
-            while 'on port ' not in (text := (folder / 'chromedriver.log').read_text()) or '\n' not in text.split(
-                    'successfully on port ')[-1]:
-                assert time.monotonic() < end, text
+            while not (port := re.search(r'successfully on port (\d+)', (folder / 'chromedriver.log').read_text())):
+                assert time.monotonic() < end, 'chromedriver says no port'
                 time.sleep(0.05)
-            port = text.split('successfully on port ')[1].split('.')[0].strip()
-            page = Browser(f'http://127.0.0.1:{port}', folder / 'profile')
+            page = Browser(f'http://127.0.0.1:{port[1]}', folder / 'profile')
             try:
                 yield page
             finally:
@@ -80,3 +90,9 @@ def browser(folder):
         finally:
             driver.terminate()
             driver.wait(timeout=20)
+
+
+if __name__ == '__main__':
+    with tempfile.TemporaryDirectory() as scratch, browser(Path(scratch)) as shown:
+        shown.open_view(sys.argv[1])
+        shown.screenshot(Path(sys.argv[2]))

@@ -1,12 +1,14 @@
 """Pictures: every kind from a scene and from a bag, the same bytes each time, and clear words where it cannot be."""
+from pathlib import Path
+
 import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.tools.bag_source import dragon_in
-from dragon_ros.tools.plot_series import clearances
-from dragon_ros.tools.sources import SceneSource, moment
+from dragon_ros.tools.plot import options
+from dragon_ros.tools.sources import SceneSource, clearances, moment
 from dragon_ros.wire.log import LogReader
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<link'}
@@ -104,6 +106,7 @@ def test_a_bag_of_another_namespace_is_found_and_one_without_benches_is_refused(
     (['animation', '--pace', '0.001'], 'frames'),
     (['animation', '--start', '-5'], 'from 0 to 432.9 s'),
     (['animation', '--output', 'no/such/folder/x.gif', '--start', '1', '--stop', '2', '--pace', '1'], 'no/such/folder'),
+    (['dragon', '--dpi', '0'], '--dpi'),
     (['drgon'], "'drgon'"),
     ([], 'KIND'),
 ])
@@ -113,3 +116,13 @@ def test_what_cannot_be_drawn_is_said_in_one_line(capsys, tmp_path, monkeypatch,
     assert (code, out, len(err.splitlines())) == (2, '', 1)
     assert says in err
     assert list(tmp_path.iterdir()) == []
+
+
+def test_the_pictures_of_the_docs_are_those_that_their_commands_make():
+    folder = Path(__file__).parents[2] / 'docs' / 'pictures'
+    text = (folder / 'README.md').read_text()
+    commands = [line.split()[2:] for line in text.splitlines() if line.startswith('    ./dragon plot')]
+    made = {path for words in commands for path in options().parse_args(words).output}
+    assert {path.name for path in made} | {'README.md', 'view.png'} == {path.name for path in folder.iterdir()}
+    assert {path.parent.as_posix() for path in made} == {'docs/pictures'}
+    assert all(path.stat().st_size < 1_200_000 for path in folder.iterdir())

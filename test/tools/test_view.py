@@ -141,8 +141,7 @@ def test_a_signal_ends_it_cleanly(short, number):
                     'on Debian: apt install chromium chromium-driver')
 def test_the_page_plays_in_a_browser(tmp_path, server, scene):
     with browser.browser(tmp_path) as page:
-        page.open(server.url)
-        page.wait('return document.body.dataset.ready === "yes"')
+        page.open_view(server.url)
         shown = 'return parseFloat(document.getElementById("time").textContent)'
         drawn = 'return document.querySelectorAll("#scene .scatterlayer .trace").length'
         assert (page.run(shown), page.run(drawn)) == (412.0, 5)
@@ -158,6 +157,8 @@ def test_the_page_plays_in_a_browser(tmp_path, server, scene):
         page.wait('return document.getElementById("time").textContent === "412.473838 s"')
         low, high = page.run('return document.getElementById("scene").layout.xaxis.range')
         assert low < 1.4744 < high < low + 4
+        page.run('location.hash = "#t=412.3"')
+        page.wait(shown.replace('return', 'return 412.3 ==='))
         page.screenshot(tmp_path / 'contact.png')
         assert (tmp_path / 'contact.png').stat().st_size > 20_000
         assert page.run('return performance.getEntriesByType("resource").map((r) => new URL(r.name).host)'

@@ -242,6 +242,14 @@ async function zoomToContact() {
   await show(new Float32Array(bytes), run.contact.t_s);
 }
 
+/** Go where the address says: #contact, or a time as in #t=410. */
+async function goToHash() {
+  const t = parseFloat(location.hash.replace('#t=', ''));
+  if (location.hash === '#contact' && run.contact) await zoomToContact();
+  else if (Number.isFinite(t)) await seek(t);
+  else if (!document.body.dataset.ready) await goTo(0);
+}
+
 // ---- the page
 
 function complain(error) {
@@ -287,8 +295,9 @@ async function start() {
   await drawSpeeds(frame);
   curve = await (await get('clearance.json')).json();
   await drawClearance();
-  await goTo(0);
+  await goToHash();
   connect();
+  window.addEventListener('hashchange', () => { pause(); goToHash().catch(complain); });
   document.body.dataset.ready = 'yes';
 }
 
