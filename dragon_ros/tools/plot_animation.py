@@ -1,4 +1,6 @@
 """A run as moving pictures: GIF, a page that needs nothing else (HTML), or MP4 where ffmpeg is installed."""
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -35,8 +37,7 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
 
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, progress: Progress) -> Path:
-    """Draw a frame for each time into a file and return its path; what was written is removed if that is broken off."""
-    writer = _writer(path, fps)
+    """Draw a frame for each time into a file and return its path."""
     touch = source.first_touch(lambda rows: rows)
     figure = Figure(figsize=(_INCHES, _INCHES))
     axes = figure.add_subplot()
@@ -44,21 +45,34 @@ def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, pro
     dots = axes.lines[-1]
     frame(axes, max(extent(moment(source, float(t_s))) for t_s in times_s[[0, -1]]))
     title = axes.set_title(' ')
+    with _movie(figure, path, dpi, fps) as writer:
+        for one in progress(source.moments(times_s)):
+            benches.set_verts(list(one.benches.corners))
+            dots.set_data(*one.p.T)
+            title.set_text(f'{source.name} at {one.t_s:.2f} s')
+            if touch is not None and one.t_s >= touch.t_s:
+                _show_touch(benches, one, touch.benches[1])
+            writer.grab_frame()
+    return path
+
+
+@contextmanager
+def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractMovieWriter]:
+    """Write frames beside the path and put them there at the end; where that is broken off, leave nothing."""
+    writer, part = _writer(path, fps), path.with_name(f'.{path.stem}.part{path.suffix}')
     try:
-        with writer.saving(figure, str(path), dpi):
-            for one in progress(source.moments(times_s)):
-                benches.set_verts(list(one.benches.corners))
-                dots.set_data(*one.p.T)
-                title.set_text(f'{source.name} at {one.t_s:.2f} s')
-                if touch is not None and one.t_s >= touch.t_s:
-                    _show_touch(benches, one, touch.benches[1])
-                writer.grab_frame()
+        writer.setup(figure, str(part), dpi)
+        yield writer
+        writer.finish()
+        part.replace(path)
     except OSError as error:
         raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
     except KeyboardInterrupt:
-        path.unlink(missing_ok=True)
+        with suppress(Exception):       # whatever is left to close
+            writer.finish()
         raise
-    return path
+    finally:
+        part.unlink(missing_ok=True)
 
 
 def _show_touch(benches: Any, one: Moment, bench: int) -> None:

@@ -88,9 +88,10 @@ class SceneSource:
     @cached_property
     def track(self) -> Floats:
         """The spiral from the centre to beyond the tail at the start and at the end of the run."""
-        outer = max(float(state(self.scene, t_s).theta[-1]) for t_s in self.span_s)
+        b_m = self.scene.track.b_m
+        outer = max(float(np.hypot(*state(self.scene, t_s).p[-1])) for t_s in self.span_s) / b_m
         theta: Floats = np.linspace(0.0, outer + np.pi, 2000 + int(min(outer, _MOST_TRACK_RAD) * _EACH_RAD))
-        return points(self.scene.track.b_m, theta, np.zeros_like(theta))
+        return points(b_m, theta, np.zeros_like(theta))
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` of the run's ticks between two times, evenly spread."""
@@ -119,7 +120,9 @@ class SceneSource:
 def moment(source: Source, t_s: float) -> Moment:
     """Return the dragon at one time. Raises InputError outside the source's ticks."""
     check_times(source, [t_s])
-    return next(source.moments(np.array([t_s])))
+    for one in source.moments(np.array([t_s])):
+        return one
+    raise InputError(f'{source.name}: has handles but no benches at {t_s:g} s')
 
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:

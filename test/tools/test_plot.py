@@ -8,7 +8,9 @@ from dragon_ros.__main__ import main
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.tools.bag_source import dragon_in
 from dragon_ros.tools.plot import options
+from dragon_ros.tools.plot_animation import animate
 from dragon_ros.tools.sources import SceneSource, clearances, moment
+from dragon_ros.wire.figures import style
 from dragon_ros.wire.log import LogReader
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<link'}
@@ -116,6 +118,30 @@ def test_what_cannot_be_drawn_is_said_in_one_line(capsys, tmp_path, monkeypatch,
     assert (code, out, len(err.splitlines())) == (2, '', 1)
     assert says in err
     assert list(tmp_path.iterdir()) == []
+
+
+def interrupted(moments):
+    for one in moments:
+        yield one
+        raise KeyboardInterrupt
+
+
+@pytest.mark.parametrize('suffix', ['.gif', '.html'])
+def test_a_broken_off_animation_leaves_what_was_there(tmp_path, scene, suffix):
+    path = tmp_path / f'run{suffix}'
+    path.write_text('older')
+    source = SceneSource('short', scene)
+    with pytest.raises(KeyboardInterrupt), style():
+        animate(source, source.ticks_s(*source.span_s, 5), 10, path, 40, interrupted)
+    assert (list(tmp_path.iterdir()), path.read_text()) == ([path], 'older')
+
+
+@pytest.mark.parametrize('benches', [1, 2, 3])
+@pytest.mark.parametrize('kind', ['dragon', 'clearance', 'speeds'])
+def test_the_shortest_dragons_are_drawn(capsys, tmp_path, kind, benches):
+    path = tmp_path / 'a.png'
+    code, _, err = plot(capsys, kind, '--set', f'dragon.benches={benches}', '--set', 'run.stop_s=2', '--output', path)
+    assert (code, err) == (0, '')
 
 
 def test_the_pictures_of_the_docs_are_those_that_their_commands_make():

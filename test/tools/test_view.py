@@ -100,6 +100,15 @@ def test_a_big_dragon_is_thinned_and_says_so():
         assert np.all(np.isfinite(rows(server, run, 0)))
 
 
+def test_a_single_bench_is_served():
+    with serving(SceneSource('one', load_scene('winding', ['dragon.benches=1', 'run.stop_s=1']))) as server:
+        run = json.loads(get(server, 'run.json'))
+        assert (run['benches'], run['contact']) == (1, None)
+        assert set(json.loads(get(server, 'clearance.json'))['gap_mm']) == {None}
+        assert get(server, 'frames/contact') == b''
+        assert rows(server, run, 0).shape == (51, 10)
+
+
 @pytest.mark.parametrize('path', ['frames/1', 'frames/-1', 'frames/x', 'nothing', '../setup.py', 'frames/', '%2e%2e/'])
 def test_what_is_not_there_is_not_found(server, path):
     with pytest.raises(urllib.error.HTTPError, match='404') as error:
