@@ -128,11 +128,13 @@ def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, option
     assert installed_names(prefix) == set(EXECUTABLES)
     assert not (prefix / 'bin').exists()
     assert (prefix / 'share/ament_index/resource_index/packages/dragon_ros').exists()
-    script = '. "$1/install/setup.sh" && cd / && "$2/lib/dragon_ros/contact" --set dragon.benches=20'
+    script = '. "$1/install/setup.sh" && cd / && "$2/lib/dragon_ros/contact" --set dragon.benches=20 && ' \
+             'python3 -c "from dragon_ros.tools.view_server import WEB; print(*(each.name for each in WEB.iterdir()))"'
     done = subprocess.run(['sh', '-c', script, 'sh', workspace, prefix], env=environment, capture_output=True,
                           text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert '412.4738' in done.stdout
+    assert {path.name for path in (PACKAGE / 'tools' / 'web').iterdir()} <= set(done.stdout.split())
 
 
 def test_setup_lists_what_find_packages_must_not_forget():

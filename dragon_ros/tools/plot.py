@@ -12,6 +12,7 @@ from dragon_ros.wire import cli, figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dragon_ros.core.types import Floats
     from dragon_ros.tools.sources import Progress, Source
 
 _COMMAND = 'python -m dragon_ros plot'
@@ -20,7 +21,7 @@ _KINDS = {      # what each draws, and an example
     'contact': ('the first contact, with a closer look', '--bag run.mcap --output contact.svg'),
     'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
     'speeds': ('the speed along the chain at some times', '--time 0,60,120,180,240,300'),
-    'animation': ('the run as moving pictures: .gif, .html (one page with controls), .mp4 where ffmpeg is installed',
+    'animation': ('the run as moving pictures: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
                   '--start 400 --stop 412 --pace 2 --output run.html'),
 }
 
@@ -76,12 +77,19 @@ def _run(arguments: Namespace) -> int:
 def _draw(arguments: Namespace, source: 'Source', paths: list[Path]) -> list[Path]:
     """Draw and write one kind of picture."""
     if arguments.kind == 'animation':
-        from dragon_ros.tools import plot_animation as moving
-        times_s = moving.frame_times(source, arguments.start, arguments.stop, arguments.pace, arguments.fps)
-        return [moving.animate(source, times_s, arguments.fps, path, arguments.dpi, _shown('frames', len(times_s)))
-                for path in paths]
+        from dragon_ros.tools.plot_animation import frame_times
+        times_s = frame_times(source, arguments.start, arguments.stop, arguments.pace, arguments.fps)
+        return [_moving(arguments, source, times_s, path) for path in paths]
     figure = _FIGURES[arguments.kind](arguments, source)
     return [figures.write(figure, path, arguments.dpi) for path in paths]
+
+
+def _moving(arguments: Namespace, source: 'Source', times_s: 'Floats', path: Path) -> Path:
+    if path.suffix.lower() == '.html':
+        from dragon_ros.tools.view_page import write_page
+        return write_page(source, times_s, arguments.pace, path, _shown('states'))
+    from dragon_ros.tools.plot_animation import animate
+    return animate(source, times_s, arguments.fps, path, arguments.dpi, _shown('frames', len(times_s)))
 
 
 def _dragon(arguments: Namespace, source: 'Source') -> 'Figure':

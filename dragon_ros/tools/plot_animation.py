@@ -1,4 +1,4 @@
-"""A run as moving pictures: GIF, a page that needs nothing else (HTML), or MP4 where ffmpeg is installed."""
+"""A run as moving pictures: GIF, or MP4 where ffmpeg is installed."""
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -6,7 +6,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, HTMLWriter, PillowWriter
+from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 
@@ -16,10 +16,10 @@ from dragon_ros.tools.plot_dragon import draw, extent, frame
 from dragon_ros.tools.sources import Moment, Progress, Source, check_times, moment
 from dragon_ros.wire.figures import BODY, HEAD, TOUCHED
 
-FORMATS = ('.gif', '.html', '.mp4')
+FORMATS = '.gif, .html, .mp4'
 MOST_FRAMES = 3000
 _INCHES = 5.2
-_EMBEDDED_MB = 1000
+_HAIR_S = 1e-9
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -33,7 +33,8 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     if not 2 <= frames <= MOST_FRAMES:
         raise InputError(f'--pace {pace:g}: gives {frames} frames from {first:g} to {last:g} s; 2 to {MOST_FRAMES} can '
                          'be drawn: change --pace, --fps, --start or --stop')
-    return np.minimum(first + np.arange(frames, dtype=np.float64) * pace / fps, last)
+    times_s = first + np.arange(frames, dtype=np.float64) * pace / fps
+    return times_s if last - times_s[-1] < _HAIR_S else np.append(times_s, last)
 
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, progress: Progress) -> Path:
@@ -86,13 +87,11 @@ def _show_touch(benches: Any, one: Moment, bench: int) -> None:
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
     """Return what writes the format of the path's suffix. Raises InputError, MissingError."""
     kind = path.suffix.lower()
-    if kind not in FORMATS:
-        raise InputError(f'--output {path}: an animation is {", ".join(FORMATS)}')
+    if kind not in ('.gif', '.mp4'):
+        raise InputError(f'--output {path}: an animation is {FORMATS}')
     if kind == '.mp4' and not FFMpegWriter.isAvailable():
         raise MissingError(f'--output {path}: MP4 takes ffmpeg, which is not installed; install it, or write .gif or '
                            '.html')
-    if kind == '.html':
-        return HTMLWriter(fps=fps, embed_frames=True, default_mode='loop', embed_limit=_EMBEDDED_MB)
     return _GifWriter(fps=fps) if kind == '.gif' else FFMpegWriter(fps=fps)
 
 

@@ -18,11 +18,11 @@ _CHUNK_VALUES = 250_000     # so that a chunk is about a megabyte
 class ViewData:
     """A source as a browser sees it; one thread at a time computes."""
 
-    def __init__(self, source: Source, progress: Progress) -> None:
-        """Look at the source once."""
+    def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
+        """Look at the source once; it is shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
-        self._first = moment(source, source.span_s[0])
-        self.times_s = source.ticks_s(*source.span_s, MOST_TICKS)
+        self.times_s = source.ticks_s(*source.span_s, MOST_TICKS) if times_s is None else times_s
+        self._first = moment(source, float(self.times_s[0]))
         self._touch: Touch | None = source.first_touch(progress)
         benches, handles = len(self._first.benches.centre), len(self._first.p)
         self._drawn = min(benches, MOST_BENCHES)
@@ -51,7 +51,7 @@ class ViewData:
 
     @cached_property
     def _curve(self) -> dict[str, Any]:
-        first, last = self._source.span_s
+        first, last = float(self.times_s[0]), float(self.times_s[-1])
         points = max(100, min(MOST_POINTS, _CURVE_BENCHES // len(self._first.benches.centre)))
         times_s, gaps_m = clearances(self._source, self._source.ticks_s(first, last, points), self._progress)
         return {'t_s': times_s.tolist(), 'gap_mm': [None if np.isnan(gap) else 1e3 * gap for gap in gaps_m.tolist()]}

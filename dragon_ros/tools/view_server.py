@@ -3,14 +3,13 @@ import json
 import sys
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from pathlib import Path
 from urllib.parse import urlsplit
 
 from dragon_ros.core.errors import DragonError, MissingError
 from dragon_ros.tools.view_data import ViewData
+from dragon_ros.tools.view_page import WEB
 
 HOST = '127.0.0.1'
-WEB = Path(__file__).with_name('web')
 _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js', 'text/javascript; charset=utf-8'),
           '/view.css': ('view.css', 'text/css; charset=utf-8'),
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),

@@ -13,7 +13,7 @@ from dragon_ros.tools.sources import SceneSource, clearances, moment
 from dragon_ros.wire.figures import style
 from dragon_ros.wire.log import LogReader
 
-STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<link'}
+STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 
 
 def plot(capsys, *arguments):
@@ -126,9 +126,8 @@ def interrupted(moments):
         raise KeyboardInterrupt
 
 
-@pytest.mark.parametrize('suffix', ['.gif', '.html'])
-def test_a_broken_off_animation_leaves_what_was_there(tmp_path, scene, suffix):
-    path = tmp_path / f'run{suffix}'
+def test_a_broken_off_animation_leaves_what_was_there(tmp_path, scene):
+    path = tmp_path / 'run.gif'
     path.write_text('older')
     source = SceneSource('short', scene)
     with pytest.raises(KeyboardInterrupt), style():

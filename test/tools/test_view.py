@@ -19,9 +19,14 @@ from dragon_ros.__main__ import main
 from dragon_ros.tools.bag_source import dragon_in
 from dragon_ros.tools.sources import SceneSource, moment
 from dragon_ros.tools.view_data import ViewData
-from dragon_ros.tools.view_server import WEB, ViewServer
+from dragon_ros.tools.view_page import WEB, write_page
+from dragon_ros.tools.view_server import ViewServer
 from dragon_ros.wire.log import LogReader
 from dragon_ros.wire.scenes import load_scene
+
+needs_browser = pytest.mark.skipif(
+    not (browser.CHROMIUM and browser.DRIVER),
+    reason='no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver')
 
 
 @contextlib.contextmanager
@@ -146,8 +151,7 @@ def test_a_signal_ends_it_cleanly(short, number):
         assert (view.returncode, errors) == (0, '')
 
 
-@pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason='no chromium with chromedriver on this machine; '
-                    'on Debian: apt install chromium chromium-driver')
+@needs_browser
 def test_the_page_plays_in_a_browser(tmp_path, server, scene):
     with browser.browser(tmp_path) as page:
         page.open_view(server.url)
@@ -172,4 +176,19 @@ def test_the_page_plays_in_a_browser(tmp_path, server, scene):
         assert (tmp_path / 'contact.png').stat().st_size > 20_000
         assert page.run('return performance.getEntriesByType("resource").map((r) => new URL(r.name).host)'
                         '.filter((host) => host !== location.host)') == []
+        assert page.log() == []
+
+
+@needs_browser
+def test_an_animation_as_a_page_plays_without_a_server(tmp_path, scene):
+    source, path = SceneSource('short', scene), tmp_path / 'run.html'
+    write_page(source, source.ticks_s(412.0, 412.6, 7), 2.0, path, iter)
+    with browser.browser(tmp_path) as page:
+        page.open_view(path.as_uri())
+        assert page.run('return document.getElementById("pace").value') == '2'
+        page.click('play')
+        page.wait('return document.getElementById("time").textContent === "412.60 s"')
+        page.click('contact')
+        page.wait('return document.getElementById("time").textContent === "412.473838 s"')
+        assert page.run('return performance.getEntriesByType("resource").length') == 0
         assert page.log() == []

@@ -13,7 +13,9 @@ let run, curve;
 const chunks = new Map();
 const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null};
 
+/** What the server answers, or what stands in the page itself. */
 async function get(path) {
+  if (window.EMBEDDED) return new Response(Uint8Array.from(atob(window.EMBEDDED[path]), (letter) => letter.charCodeAt(0)));
   const answer = await fetch(path);
   if (!answer.ok) throw new Error(`${path}: ${answer.status} ${answer.statusText}`);
   return answer;
@@ -282,7 +284,9 @@ function describe() {
   element('note').textContent = run.note;
   element('contact').hidden = !run.contact;
   element('scrub').max = run.times_s.length - 1;
-  for (const pace of PACES) element('pace').add(new Option(`${pace}×`, pace, pace === 1, pace === 1));
+  player.pace = run.pace || 1;
+  const paces = [...new Set([...PACES, player.pace])].sort((a, b) => a - b);
+  for (const pace of paces) element('pace').add(new Option(`${pace}×`, pace, pace === player.pace, pace === player.pace));
 }
 
 async function start() {
