@@ -25,6 +25,7 @@ setup(
     maintainer='dragon_ros maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-4158cdd4.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
+    package_data={f'{NAME}.tools': ['web/*']},
     # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -35,8 +36,8 @@ setup(
     ],
     python_requires='>=3.10',
     # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
-    install_requires=['lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0', 'shapely>=2.0',
-                      'tqdm>=4.64', 'zstandard>=0.22'],
+    install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
+                      'shapely>=2.0', 'tqdm>=4.64', 'zstandard>=0.22'],
     extras_require={'parquet': ['pyarrow>=15'], 'test': ['hypothesis', 'pytest>=7.4']},
     zip_safe=False,
 )

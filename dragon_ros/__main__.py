@@ -1,6 +1,7 @@
 """``python -m dragon_ros NAME ...``: run an executable by the name that ``ros2 run dragon_ros`` knows."""
 import difflib
 import importlib
+import os
 import sys
 
 from dragon_ros.executables import EXECUTABLES
@@ -8,6 +9,9 @@ from dragon_ros.executables import EXECUTABLES
 
 def main(argv: list[str]) -> int:
     """Run ``NAME ARGUMENTS...`` and return the exit code."""
+    if '_ARGCOMPLETE' in os.environ and not argv:
+        from dragon_ros.wire import completion
+        argv = [completion.chosen(EXECUTABLES)]
     if not argv or argv[0] in ('-h', '--help'):
         print(usage())
         return 0 if argv else 2

@@ -19,6 +19,8 @@ EXECUTABLES = {
     'inspect': Executable('dragon_ros.tools.inspect', 'tell what is in a bag, check or repair it'),
     'export': Executable('dragon_ros.tools.export', 'write what is in a bag as CSV, Parquet or NumPy'),
     'simulate': Executable('dragon_ros.tools.simulate', 'write the bag of a scene, without ROS or waiting'),
+    'plot': Executable('dragon_ros.tools.plot', 'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
+    'view': Executable('dragon_ros.tools.view', 'play a scene or a bag in the browser, without ROS'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
     'demo': Executable('dragon_ros.tools.demo', 'run everything once: sim, monitor, bag, replay, picture'),
 }

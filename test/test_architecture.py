@@ -19,8 +19,9 @@ ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
 LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
-LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'},
-             'tools': {'numpy', 'matplotlib', 'tqdm', 'pyarrow'},
+LIBRARIES = {'core': {'numpy', 'shapely'},
+             'wire': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4', 'argcomplete', 'matplotlib'},
+             'tools': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap'}}
 
 
@@ -44,6 +45,13 @@ def test_imports_point_down(layer, path):
             assert rest[0] in LAYERS[layer], f'{path.name} imports {name}'
         elif top != 'dragon_ros' and layer in LIBRARIES:
             assert top in LIBRARIES[layer] or top in sys.stdlib_module_names, f'{path.name} imports {name}'
+
+
+@pytest.mark.parametrize(('library', 'module'), [('argcomplete', 'completion.py'), ('matplotlib', 'figures.py')])
+def test_only_one_module_of_wire_imports_a_library_of_the_screen(library, module):
+    users = {path.name for layer, path in MODULES if layer == 'wire'
+             if any(name.split('.')[0] == library for name in imports(path))}
+    assert users == {module}
 
 
 def test_the_core_runs_where_there_is_no_ros():
@@ -72,7 +80,7 @@ def test_package_xml_setup_py_and_code_agree():
     used = {name.split('.')[0] for path in PACKAGE.rglob('*.py') for name in imports(path)}
     ros = {name for name in used if name == 'rclpy' or name.endswith(('_msgs', '_srvs', '_interfaces'))}
     assert ros <= declared
-    assert {f'python3-{name}' for name in used & {'numpy', 'shapely', 'matplotlib', 'tqdm'}} <= declared
+    assert {f'python3-{name}' for name in used & {'numpy', 'shapely', 'matplotlib', 'tqdm', 'argcomplete'}} <= declared
 
 
 def copy_source(target):
@@ -103,8 +111,11 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
     assert {name.removeprefix('share/dragon_ros/') for name in data if '/msg_configs/' in name} == configs
     assert 'share/ament_index/resource_index/packages/dragon_ros' in data
     assert 'share/dragon_ros/launch/dragon.launch.py' in data
+    web = {path.relative_to(ROOT).as_posix() for path in (PACKAGE / 'tools' / 'web').iterdir()}
+    assert web <= set(names)
     packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
-    assert packages == {name.rpartition('/')[0] for name in names if name.startswith('dragon_ros/')}
+    modules = [name for name in names if name.startswith('dragon_ros/') and name.endswith('.py')]
+    assert packages == {name.rpartition('/')[0] for name in modules}
 
 
 @pytest.mark.skipif(not find_spec('colcon_core'), reason='colcon is not installed here')
@@ -119,11 +130,13 @@ def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, option
     assert installed_names(prefix) == set(EXECUTABLES)
     assert not (prefix / 'bin').exists()
     assert (prefix / 'share/ament_index/resource_index/packages/dragon_ros').exists()
-    script = '. "$1/install/setup.sh" && cd / && "$2/lib/dragon_ros/contact" --set dragon.benches=20'
+    script = '. "$1/install/setup.sh" && cd / && "$2/lib/dragon_ros/contact" --set dragon.benches=20 && ' \
+             'python3 -c "from dragon_ros.tools.view_server import WEB; print(*(each.name for each in WEB.iterdir()))"'
     done = subprocess.run(['sh', '-c', script, 'sh', workspace, prefix], env=environment, capture_output=True,
                           text=True, check=False)
     assert done.returncode == 0, done.stderr
     assert '412.4738' in done.stdout
+    assert {path.name for path in (PACKAGE / 'tools' / 'web').iterdir()} <= set(done.stdout.split())
 
 
 def test_setup_lists_what_find_packages_must_not_forget():

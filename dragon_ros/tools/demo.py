@@ -16,10 +16,12 @@ from typing import IO, NoReturn
 from tqdm import tqdm
 
 from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.core.scene import Scene
 from dragon_ros.wire import cli
 from dragon_ros.wire.cdr_read import Status, read_diagnostics
 from dragon_ros.wire.compare import compare_with_model
 from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.wire.figures import save, style
 from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.scenes import load_scene
 
@@ -92,8 +94,6 @@ def _demonstrate(folder: Path, pace: float) -> int:
 
 def _check(folder: Path, live: Path, again: Path) -> int:
     """Compare live, replayed and model; draw the picture; say what there is to see."""
-    from dragon_ros.tools.picture import contact_picture  # matplotlib is slow to import
-    from dragon_ros.wire.figures import save
     scene = load_scene(SCENE)
     with LogReader(live) as bag, LogReader(again) as replayed:
         comparison = compare_with_model(bag, scene)
@@ -101,7 +101,7 @@ def _check(folder: Path, live: Path, again: Path) -> int:
         same = _by_topic(bag) == _by_topic(replayed)
     value = event.values
     pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
-    pictures = save(contact_picture(scene, float(value['t_contact_s']), pair, point), folder / 'contact')
+    pictures = _drawn(scene, float(value['t_contact_s']), pair, point, folder)
     say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
     say(f'   {comparison.equal} messages are bit for bit what the model says, {len(comparison.faults)} are not')
     say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
@@ -109,6 +109,17 @@ def _check(folder: Path, live: Path, again: Path) -> int:
     for path in (live, again, *pictures):
         say(f'   {path}')
     return cli.OK if same and second == event and not comparison.faults else cli.FAILED
+
+
+def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
+           folder: Path) -> list[Path]:
+    """Draw the contact that the monitor reported."""
+    from dragon_ros.tools.plot_dragon import contact_picture
+    from dragon_ros.tools.sources import SceneSource, Touch, moment, witness_at
+    source = SceneSource(SCENE, scene)
+    with style():
+        picture = contact_picture(source, Touch(t_s, pair, point_m, witness_at(moment(source, t_s), pair)))
+        return save(picture, folder / 'contact')
 
 
 def say(line: str) -> None:

@@ -1,9 +1,10 @@
 """What the command lines of all executables share: options, exit codes, and errors in one line."""
 import argparse
+import os
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, NoReturn
+from typing import TYPE_CHECKING, Any, NoReturn
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
 
@@ -11,10 +12,18 @@ if TYPE_CHECKING:       # help comes without numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
+DEFAULT_SCENE = 'winding'
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line."""
+    """A parser whose errors are one line, and that completes for shells."""
+
+    def parse_args(self, *args: Any, **options: Any) -> Any:
+        """Parse; where a shell asks for completions, answer and exit."""
+        if '_ARGCOMPLETE' in os.environ:
+            from dragon_ros.wire import completion
+            completion.answer(self)
+        return super().parse_args(*args, **options)
 
     def error(self, message: str) -> NoReturn:
         """Say what is wrong and how to learn more, and exit with 2."""
@@ -29,10 +38,18 @@ def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 
 def add_scene_options(options: argparse.ArgumentParser) -> None:
     """Add --scene, --set and --accuracy."""
-    options.add_argument('--scene', default='winding', metavar='NAME|FILE', help='scene by name or file (winding)')
+    options.add_argument('--scene', default=DEFAULT_SCENE, metavar='NAME|FILE',
+                         help=f'scene by name or file ({DEFAULT_SCENE})')
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
                          help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
     options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or by tier')
+
+
+def add_source_options(options: argparse.ArgumentParser) -> None:
+    """Add the options of a scene, and --bag and --namespace, which take its place."""
+    add_scene_options(options)
+    options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording, in place of a scene')
+    options.add_argument('--namespace', metavar='NAME', help='of the dragon in the bag, where it has several')
 
 
 def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...] = ('text', 'csv', 'json')) -> None:

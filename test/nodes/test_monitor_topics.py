@@ -67,7 +67,7 @@ def test_an_episode_is_told_from_its_begin_to_its_end_on_every_topic(start, node
     clear, *touched, dot, label = heard.got['collision/markers'][0].markers
     assert clear.action == Marker.DELETEALL
     assert [marker.id for marker in touched] == [0, 8]
-    assert {(round(m.color.r, 2), round(m.color.g, 2), m.color.b) for m in touched} == {(0.9, 0.62, 0.0)}
+    assert {(round(m.color.r, 2), round(m.color.g, 2), m.color.b) for m in touched} == {(0.84, 0.37, 0.0)}
     assert (dot.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert label.text == '0 x 8: -0.16 mm'
     source.show(413.76, 415.0, 415.02)

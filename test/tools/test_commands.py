@@ -2,6 +2,8 @@
 import csv
 import io
 import json
+import shlex
+import signal
 import subprocess
 import sys
 
@@ -9,6 +11,8 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.executables import EXECUTABLES
+from dragon_ros.tools import plot
+from dragon_ros.wire import cli
 
 
 def run(capsys, *arguments):
@@ -103,13 +107,30 @@ def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
     assert 'Traceback' not in err
 
 
-@pytest.mark.parametrize('name', EXECUTABLES)
-def test_every_executable_has_help_with_an_example(capsys, name):
-    if EXECUTABLES[name].module.startswith('dragon_ros.nodes'):
+@pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in plot._KINDS)])
+def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
+    """All but the work itself is done: what is parsed would be run."""
+    monkeypatch.setattr(cli, 'guarded', lambda name, body: 0)
+    if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
         pytest.importorskip('rclpy')
-    code, out, _ = run(capsys, name, '--help')
+        from dragon_ros.nodes import shell
+        monkeypatch.setattr(shell, 'run', lambda name, argv, body, json: 0)
+    code, out, _ = run(capsys, *name.split(), '--help')
     assert code == 0
-    assert 'example:' in out
+    example = shlex.split(out.split('example: ')[1])
+    assert example[:3] in (['python', '-m', 'dragon_ros'], ['ros2', 'run', 'dragon_ros'])
+    assert ' '.join(example[3:]).startswith(name)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    assert run(capsys, *example[3:]) == (0, '', '')
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize('name', [name for name in EXECUTABLES if '.tools.' in EXECUTABLES[name].module])
+def test_help_loads_nothing_that_draws(name):
+    code = ('import sys\nfor name in ("matplotlib", "PIL", "rclpy", "argcomplete"): sys.modules[name] = None\n'
+            f'from dragon_ros.__main__ import main\nmain(["{name}", "--help"])')
+    subprocess.run([sys.executable, '-c', code], capture_output=True, check=True)
 
 
 def test_a_closed_pipe_is_no_traceback():

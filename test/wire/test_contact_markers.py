@@ -30,7 +30,7 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
         assert (marker.pose.position.x, marker.pose.position.y) == tuple(centre)
         assert marker.pose.orientation.z**2 + marker.pose.orientation.w**2 == pytest.approx(1)
         assert (marker.type, marker.ns, marker.action) == (Marker.CUBE, 'bench in contact', Marker.ADD)
-        assert marker.color.r > 0.8 > 0.1 > marker.color.g
+        assert marker.color.r > 0.8 > 0.4 > marker.color.g
     assert [marker.scale.x for marker in red] == pytest.approx([3.41, 2.2])
     assert (point.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert (point.pose.position.x, point.pose.position.y) == pytest.approx((1.479876, 2.106451), abs=1e-5)
