@@ -49,7 +49,7 @@ class Way:
 
     def time(self, theta: float) -> float:
         """Return when the head is at a place, in s."""
-        return self.scene.run.start_s if theta == self.start else float(
+        return float(self.scene.run.start_s) if theta == self.start else float(
             self.spiral.distance_to(theta) / self.scene.head.speed_m_s)
 
     def metre(self, theta: float) -> float:

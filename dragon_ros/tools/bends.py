@@ -10,9 +10,14 @@ def bends_of(angle: Interval, span: Interval, chord: Floats, arm: Floats) -> lis
 
     ``angle`` (K+1,) has the handles' polar angles, ``span`` (K,) what links span, ``chord`` and ``arm`` (K,) are links
     and half diagonals in units of b, as are the bounds, per square radian of the leading handle's angle.
+    Infinite where nothing is known.
     """
-    step, step_2, turn, turn_2 = _links(angle, span, chord)
-    p, a = _handles(step, step_2)
+    with np.errstate(all='ignore'):
+        bends = _corners(*_handles(angle, span, chord), arm)
+    return [np.where(np.isfinite(bend), bend, np.inf) for bend in bends]
+
+
+def _corners(angle: Interval, p: Interval, a: Interval, turn: Interval, turn_2: Interval, arm: Floats) -> list[Floats]:
     w = p[:-1] * (turn + 1)
     w_2 = a[:-1] * (turn + 1) + p[:-1].square() * turn_2
     in_lead = _bends(angle, p, a, w[:1], w_2[:1])
@@ -49,15 +54,15 @@ def _links(angle: Interval, span: Interval, chord: Floats) -> tuple[Interval, In
     return rows[0], rows[1], rows[2], rows[3]
 
 
-def _handles(step: Interval, step_2: Interval) -> tuple[Interval, Interval]:
-    """Return first and second derivatives of the handles' angles, handle after handle."""
-    one, none = np.array(1.0), np.array(0.0)
-    p, a = [Interval(one, one)], [Interval(none, none)]
-    for n in range(step.low.size):
+def _handles(angle: Interval, span: Interval, chord: Floats) -> tuple[Interval, Interval, Interval, Interval, Interval]:
+    """Return the angles with their first and second derivatives, handle after handle, and those of the directions."""
+    step, step_2, turn, turn_2 = _links(angle, span, chord)
+    p, a = [Interval(np.array(1.0), np.array(1.0))], [Interval(np.array(0.0), np.array(0.0))]
+    for n in range(chord.size):
         grow = step.at(n) + 1
         a.append(a[-1] * grow + p[-1].square() * step_2.at(n))
         p.append(p[-1] * grow)
-    return _row(p), _row(a)
+    return angle, _row(p), _row(a), turn, turn_2
 
 
 def _row(values: list[Interval]) -> Interval:
