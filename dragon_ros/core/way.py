@@ -37,7 +37,8 @@ class Way:
         self._tell = progress
         self._effort = EXACT.effort(scene.size_m, scene.length_m)
         self.tolerance_m = 2 * EXACT.promise_for_m(scene.size_m)     # both benches may be off
-        self.start, stop = (self._theta(t_s) for t_s in (scene.run.start_s, scene.end.t_s))
+        self.start = self._theta(scene.run.start_s)
+        stop = 0.0 if scene.end.reason == 'track' else self._theta(scene.end.t_s)
         # The model's own end is left out by a hair: speeds are infinite at a lock.
         self.stop = stop if scene.end.reason == 'stop' else min(self.start, stop + 1e-9 * (1 + stop))
         self.sign = -1.0 if self.stop <= self.start else 1.0
