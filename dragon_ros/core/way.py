@@ -7,10 +7,11 @@ import numpy as np
 from dragon_ros.core import stretches
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import turning_places
 from dragon_ros.core.lookout import Lookout
-from dragon_ros.core.march import Chain, place
+from dragon_ros.core.march import place
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Cleared, Stretch, Window
@@ -57,7 +58,7 @@ class Way:
         """Return how far the polar angle goes for a metre of the track."""
         return float(1 / (self.spiral.b_m * np.hypot(1.0, theta)))
 
-    def chain(self, theta: float, benches: int | None = None) -> Chain:
+    def chain(self, theta: float, benches: int | None = None) -> SpiralChain:
         """Return the chain, or its first benches, with the head's front handle at ``theta``."""
         return place(self.spiral, self.dragon.link_lengths_m[:benches], Angle(theta, 0.0), self._effort)
 

@@ -112,7 +112,7 @@ def test_a_run_without_contact_says_how_it_ended_and_is_proved(scene, reason):
 def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     """The head goes on in, the rest comes out again: the last half second of a run of narrow benches."""
     scene = Scene(dragon=Dragon(30, width_m=0.01), run=Run(432.0))
-    places = [float(state(scene, t_s).theta[1]) for t_s in np.linspace(432.0, scene.end.t_s, 50)]
+    places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in np.linspace(432, scene.end.t_s, 50)]
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)
