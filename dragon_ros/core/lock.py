@@ -4,9 +4,11 @@ Moving in, the first peak of the chord equation (``march.first_peak``) sinks; wh
 smallest root vanishes and the follower's speed goes to infinity.
 """
 from functools import lru_cache
-from math import cos, inf, pi, sin
+from itertools import pairwise
+from math import cos, inf, pi, sin, sqrt
 
 from dragon_ros.core.march import chord_of, first_guess, first_peak, step
+from dragon_ros.core.root import illinois
 
 
 @lru_cache(maxsize=256)
@@ -54,11 +56,7 @@ def follower_range(low: float, high: float, chord: float) -> tuple[float, float]
 def follower_turns(low: float, high: float, chord: float) -> float:
     """Return the head angle where the follower stops coming in (link across the tangent's foot); ``low`` if nowhere."""
     def comes_in(theta: float) -> bool:
-        delta = step(theta, chord, first_guess(theta, chord), 1e-8)[0]
-        if delta == inf:
-            return False
-        s = sin(0.5 * delta)
-        return delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) > 0
+        return _comes_in(theta, chord)
     return low if comes_in(low) else _bisect(comes_in, low, high)
 
 
@@ -73,3 +71,42 @@ def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped
     while low < (middle := low + 0.5 * (high - low)) < high:
         low, high = (low, middle) if holds(middle) else (middle, high)
     return high
+
+
+def turning_places(head_chord: float, body_chord: float, low: float, high: float) -> list[float]:
+    """Return the head angles in (low, high), growing, where the second or the third handle turns back.
+
+    Those behind follow the third (docs/contact.md).
+    """
+    places = [place for place in _turns(head_chord) if low < place < high]
+    ends = [low, *places, high]
+    for third in _turns(body_chord):
+        over = [follower(end, head_chord) - third for end in ends]
+        for n in range(len(ends) - 1):
+            if over[n] * over[n + 1] < 0:
+                places.append(illinois(lambda x, third=third: follower(x, head_chord) - third,  # type: ignore[misc]
+                                       ends[n], ends[n + 1], over[n], over[n + 1]))
+    return sorted(places)
+
+
+@lru_cache(maxsize=256)
+def _turns(chord: float) -> list[float]:
+    """Return where a link's rear handle turns back: once at most while it spans less than 3/4 turn, and once beyond."""
+    far = 1.5 * pi
+    apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
+    ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + 4})
+    out = []
+    for low, high in pairwise(ends):
+        inside = _comes_in(low, chord)
+        if inside != _comes_in(high, chord):
+            out.append(_bisect(lambda theta, inside=inside: _comes_in(theta, chord) != inside, low, high))
+    return out
+
+
+def _comes_in(theta: float, chord: float) -> bool:
+    """Return whether a link's rear handle follows its front handle inwards."""
+    delta = step(theta, chord, first_guess(theta, chord), 1e-8)[0]
+    if delta == inf:
+        return False
+    s = sin(0.5 * delta)
+    return chord == 0 or delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) > 0

@@ -1,63 +1,72 @@
-"""A bench and those behind it, seen at many places at once: how far apart, and how fast that can change.
+"""A bench and those behind it, seen at many places at once: how far apart.
 
 Benches walk one track at equal spacing, so what follows a bench at polar angle theta is the same whenever it is there.
-Places are polar angles of the leading bench's front handle; all rates are per metre of its way.
+Places are polar angles of the leading bench's front handle.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from math import ceil
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.benches import Benches, axes_of
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import place_many
-from dragon_ros.core.motion import Motion, dot, left, motion
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.types import Floats
+from dragon_ros.core.types import Floats, Ints
 
 _CHUNK = 512
+_FEW = 64       # followers, more than two layers of the classic dragon near the centre
 
 
 @dataclass(frozen=True)
 class View:
-    """What is seen from M places of the leading bench, of the K benches from the second behind it on.
+    """What is seen from M places of the leading bench, of the K - 2 benches from the second behind it on.
 
-    ``offset`` and ``extent`` (M, K, 4): distance of the centres and half sum of the widths along the two axes of the
-    leading bench and the two of the other; the pair is apart where |offset| > extent along any. ``bend`` (M, K, 2):
-    largest second derivative of a corner, in the frame of the leading bench and of the other. ``reach`` (M,) is the
-    largest distance of the leading bench from the centre, ``clearance`` (M, K) the smallest of the others, in metres.
-    ``moved`` (M, K+1, 2) is how far front and rear handle of the leading bench (first) and of the others have come
-    along the track, times how much further a corner can go than the handles, in metres.
+    ``theta`` (M, K+1) are polar angles of all handles from the leading one on, ``delta`` (M, K) what the links span.
+    ``offset`` and ``extent`` (M, K-2, 4): distance of the centres and half sum of the widths along the two axes of the
+    leading bench and the two of the other; the pair is apart where |offset| > extent along any.
     """
 
     theta: Floats
+    delta: Floats
     offset: Floats
     extent: Floats
-    bend: Floats
-    reach: Floats
-    clearance: Floats
-    moved: Floats
 
     @property
     def apart(self) -> Floats:
-        """Largest separation along the four axes, shape (M, K): positive where the pair is apart."""
+        """Largest separation along the four axes, shape (M, K-2): positive where the pair is apart."""
         out: Floats = np.max(np.abs(self.offset) - self.extent, axis=-1)
         return out
 
-    def rows(self, index: Floats) -> 'View':
+    @property
+    def lead(self) -> Floats:
+        """Polar angles (M,) of the leading handle."""
+        return self.theta[:, 0]
+
+    def rows(self, index: Ints) -> 'View':
         """Return some of the places."""
         return View(*(getattr(self, name)[index] for name in _FIELDS))
 
 
-_FIELDS = ('theta', 'offset', 'extent', 'bend', 'reach', 'clearance', 'moved')
+_FIELDS = ('theta', 'delta', 'offset', 'extent')
 
 
 def joined(views: list[View]) -> View:
     """Return the places of several views as one."""
     return View(*(np.concatenate([getattr(view, name) for view in views]) for name in _FIELDS))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The benches in sight: links, half lengths (K,) and half width in metres."""
+
+    b_m: float
+    links_m: Floats
+    half_length_m: Floats
+    half_width_m: float
 
 
 @dataclass(frozen=True)
@@ -77,68 +86,68 @@ class Lookout:
 
     def _look(self, theta: Floats) -> View:
         self.progress(theta.size)
-        links = self.dragon.link_lengths_m[self.first:self.first + self.follow]
-        chain = place_many(self.spiral, links, theta, np.zeros_like(theta), self.effort)
-        axis = axes_of(chain)
-        benches = benches_of(chain, self.dragon if self.first == 0 else self._body, axis)
-        return _view(theta, benches, motion(self.spiral.b_m, chain, axis), _moved(self.spiral.b_m, chain, benches))
+        chain = place_many(self.spiral, self.sizes.links_m, theta, np.zeros_like(theta), self.effort)
+        size = self.sizes
+        centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
+        benches = Benches(centre, axes_of(chain), size.half_length_m, np.full(size.links_m.size, size.half_width_m))
+        return View(chain.theta, chain.delta, *_seen(benches))
 
-    @property
-    def _body(self) -> Dragon:
-        d = self.dragon
-        return Dragon(d.benches, d.body_length_m, d.body_length_m, d.width_m, d.hole_inset_m)
+    @cached_property
+    def sizes(self) -> Sizes:
+        """The benches in sight."""
+        d, seen = self.dragon, slice(self.first, self.first + self.follow)
+        links, lengths = d.link_lengths_m[seen], d.bench_lengths_m[seen]
+        return Sizes(self.spiral.b_m, links, 0.5 * lengths, 0.5 * d.width_m)
 
     def reaching(self, theta: Floats) -> 'Lookout':
-        """Return a lookout with no more followers than can come within reach at any of some places."""
-        for follow in (16, 32, 64, 128, 256, 512, 1024):
+        """Return a lookout with no more followers than can come within reach at any of some places, if it is so few."""
+        follow = _FEW
+        while follow < self.follow:
             fewer = replace(self, follow=follow)
-            if follow >= self.follow:
-                break
             view = fewer.look(theta)
-            if np.all(view.clearance[:, -1] > view.reach):
-                return fewer
+            clear = np.all(beyond(view, view, fewer.sizes) > 0, axis=0)
+            if clear[-1]:
+                return replace(self, follow=5 + int(1.1 * np.argmax(clear)))
+            follow *= 2
         return self
 
 
-def _moved(b_m: float, chain: SpiralChain, benches: Benches) -> Floats:
-    """Return how far the handles have come, times each bench's lever: its corners move at most so much further."""
-    q, length = chain.theta, np.maximum(chain.links_m, 1e-12)
-    arc = 0.5 * b_m * (q * np.sqrt(1 + q * q) + np.arcsinh(q))
-    overhang = benches.half_length - 0.5 * chain.links_m
-    lever = 1 + 2 * (overhang + benches.half_width) / length
-    both = np.stack((arc[:, :-1], arc[:, 1:]), axis=-1) * lever[:, None]
-    return np.concatenate((both[:, :1], both[:, 2:]), axis=1)
+def beyond(a: View, b: View, sizes: Sizes) -> Floats:
+    """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two places.
+
+    The leading bench goes no further out than its rear handle and a corner's distance from that. A link's line is
+    H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
+    """
+    span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
+    inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[2:] / sizes.b_m
+    linked = chord > 0
+    across = (chord * chord - span * span) / (2 * np.where(linked, chord, 1) * np.tan(np.where(linked, 0.5 * span, 1)))
+    along = inner * inner / np.sqrt(1 + inner * inner)      # of a link of no length: a tangent
+    overhang = sizes.half_length_m[0] - 0.5 * sizes.links_m[0]
+    reach = sizes.b_m * outer + np.hypot(overhang, sizes.half_width_m)
+    out: Floats = sizes.b_m * np.where(linked, across, along) - sizes.half_width_m - reach[:, None]
+    return out
 
 
-def _view(theta: Floats, benches: Benches, moving: Motion, moved: Floats) -> View:
+def _seen(benches: Benches) -> tuple[Floats, Floats]:
+    """Return offset and extent of the pairs."""
     a, b = benches.half_length, benches.half_width
     u = benches.axis
     lead, other = u[:, :1], u[:, 2:]
     d = benches.centre[:, 2:] - benches.centre[:, :1]
-    offset = np.stack((dot(d, lead), dot(d, left(lead)), dot(d, other), dot(d, left(other))), axis=-1)
-    c, s = np.abs(dot(lead, other)), np.abs(dot(left(lead), other))
+    offset = np.stack((_dot(d, lead), _dot(d, _left(lead)), _dot(d, other), _dot(d, _left(other))), axis=-1)
+    c, s = np.abs(_dot(lead, other)), np.abs(_dot(_left(lead), other))
     extent = np.stack((a[0] + a[2:] * c + b[2:] * s, b[0] + a[2:] * s + b[2:] * c,
                        a[2:] + a[0] * c + b[0] * s, b[2:] + a[0] * s + b[0] * c), axis=-1)
-    corners = benches.corners
-    reach = np.max(np.hypot(corners[:, 0, :, 0], corners[:, 0, :, 1]), axis=-1)
-    middle = np.abs(dot(benches.centre[:, 2:], left(other)))
-    return View(theta, offset, extent, _bend(d, benches, moving), reach, middle - b[2:], moved)
+    return offset, extent
 
 
-def _bend(d: Floats, benches: Benches, moving: Motion) -> Floats:
-    """Return bounds (M, K, 2) on the second derivative of the corners of one bench in the frame of the other.
+def _left(vectors: Floats) -> Floats:
+    """Return vectors turned left by a quarter."""
+    return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
 
-    In a frame that turns at w, a point at r with the velocity v and acceleration a of the other body relative to its
-    origin has the acceleration a - w' x r - w^2 r - 2 w x v, and a corner's arm adds its length times
-    |(change of w', square of the change of w)|.
-    """
-    dv = moving.velocity[:, 2:] - moving.velocity[:, :1]
-    da = moving.acceleration[:, 2:] - moving.acceleration[:, :1]
-    w, w_rate = moving.turning, moving.turning_rate
-    arm = np.hypot(benches.half_length, benches.half_width)
-    spin = np.hypot(w_rate[:, 2:] - w_rate[:, :1], (w[:, 2:] - w[:, :1]) ** 2)
-    out = []
-    for frame, rate, length in ((w[:, :1], w_rate[:, :1], arm[2:]), (w[:, 2:], w_rate[:, 2:], arm[:1])):
-        base = da - rate[..., None] * left(d) - (frame**2)[..., None] * d - 2 * frame[..., None] * left(dv)
-        out.append(np.hypot(base[..., 0], base[..., 1]) + length * spin)
-    return np.stack(out, axis=-1)
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Return scalar products of vectors (..., 2)."""
+    out: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+    return out

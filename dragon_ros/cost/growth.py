@@ -1,6 +1,7 @@
-"""How one check of all benches for contact grows with their number: all pairs, STRtree, adjacent layer."""
+"""How one check of all benches for contact grows with their number: three ways, and all that the monitor does."""
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import count
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -12,14 +13,16 @@ from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.watch import NEAR_M, Sight, Watch
 from dragon_ros.cost.measure import Timing, timed
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 20_000, 30_000, 100_000)
 _MOST_OF_ALL_PAIRS = 3000
-_ALL, _BOXES, _LAYER = 'all pairs', 'STRtree', 'adjacent layer'
-_COLOURS = {_ALL: '#D55E00', _BOXES: '#E69F00', _LAYER: '#0072B2'}
-_MARKERS = {_ALL: 's', _BOXES: '^', _LAYER: 'o'}
+_ALL, _BOXES, _LAYER, _WATCH = 'all pairs', 'STRtree', 'adjacent layer', "the monitor's look"
+_COLOURS = {_ALL: '#D55E00', _BOXES: '#E69F00', _LAYER: '#0072B2', _WATCH: '#009E73'}
+_MARKERS = {_ALL: 's', _BOXES: '^', _LAYER: 'o', _WATCH: 'v'}
 _SAME_M = 1e-12
+METHODS = tuple(_COLOURS)
 
 
 @dataclass(frozen=True)
@@ -46,9 +49,24 @@ def checks_of(size: int, budget_s: float) -> list[Check]:
         del ways[_ALL]
     looks = {way: _look(benches, *pairs()) for way, pairs in ways.items()}
     least = min(gap for _, gap in looks.values())
-    return [Check(way, size, looks[way][0], looks[way][1] <= least + _SAME_M or least > reach,
-                  timed(lambda pairs=pairs: _look(benches, *pairs()), budget_s, 3))
-            for way, pairs in ways.items()]
+    out = [Check(way, size, looks[way][0], _agree(looks[way][1], least, reach),
+                 timed(lambda pairs=pairs: _look(benches, *pairs()), budget_s, 3))
+           for way, pairs in ways.items()]
+    return [*out, _watched(chain.p, benches, least, budget_s)]
+
+
+def _agree(gap: float, least: float, reach: float) -> bool:
+    return gap <= least + _SAME_M or least > reach
+
+
+def _watched(p: Floats, benches: Benches, least: float, budget_s: float) -> Check:
+    """Look as the monitor does, tick after tick: order, candidates, gaps and episodes, without the messages."""
+    watch, ticks = Watch(), count(1)
+
+    def look() -> float:
+        return watch.look(Sight(next(ticks) * 20_000_000, p, benches))[0].clearance_m
+    return Check(_WATCH, len(benches.centre), candidates(p, benches, NEAR_M)[0].size, _agree(look(), least, NEAR_M),
+                 timed(look, budget_s, 3))
 
 
 def _every(size: int) -> tuple[Ints, Ints]:
@@ -70,7 +88,7 @@ def exponent(checks: list[Check], method: str) -> float:
 
 def check_table(checks: list[Check]) -> str:
     """Return the checks as a Markdown table, a line for each size."""
-    methods = list(_COLOURS)
+    methods = list(METHODS)
     lines = ['| ms for one check of N benches | ' + ' | '.join(methods) + ' | pairs: ' + ', '.join(methods) + ' |',
              '|---:|' + '---:|' * len(methods) + '---:|']
     for size in dict.fromkeys(check.benches for check in checks):

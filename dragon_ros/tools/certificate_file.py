@@ -3,9 +3,10 @@ import json
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dragon_ros.core.checks import number
-from dragon_ros.core.errors import FieldError, InputError, MissingError
+from dragon_ros.core.checks import number, whole
+from dragon_ros.core.errors import FieldError, InputError, MissingError, ModelEnd
 from dragon_ros.core.scene import LATEST_S, Scene
+from dragon_ros.tools.checker import Row
 from dragon_ros.wire.documents import Document
 from dragon_ros.wire.scenes import scene_of
 
@@ -16,11 +17,12 @@ _LIMITS = {'start_rad': (0.0, _FURTHEST_RAD), 'stop_rad': (0.0, _FURTHEST_RAD), 
 
 
 class Claims(NamedTuple):
-    """What a certificate claims: a scene, intervals by lead, and the time of contact (None: there is none)."""
+    """What a certificate claims: a scene, intervals, the time of contact (None: there is none), and its benches."""
 
     scene: Scene
-    rows: dict[str, list[dict[str, Any]]]
+    rows: list[Row]
     t_s: float | None
+    pair: tuple[int, int]
 
 
 def read_claims(path: Path) -> Claims:
@@ -31,23 +33,29 @@ def read_claims(path: Path) -> Claims:
             raise InputError(f'--verify {path}: has {size} bytes; the largest that is read has {_LARGEST}')
         values = json.loads(path.read_text(encoding='utf-8'))
         scene = scene_of(Document(str(path), values['scene']))
-        rows = [_row(row) for row in values['intervals']]
+        benches = scene.dragon.benches
+        rows = [_row(row, benches) for row in values['intervals']]
         t_s = values['contact']['t_s']
         if t_s is not None:
             t_s = number('contact.t_s', t_s, low=scene.run.start_s, high=LATEST_S)
             scene.check_time(t_s)
+        first, second = (whole('contact.benches', bench, low=0, high=max(benches - 1, 2))
+                         for bench in values['contact'].get('benches', (0, 2)))
     except OSError as error:
         raise MissingError(f'--verify {path}: cannot be read: {error.strerror}') from None
+    except ModelEnd as error:
+        raise InputError(f'--verify {path}: contact.{error}', **error.fields) from None
     except FieldError as error:
         raise InputError(f'--verify {path}: {error}', **error.fields) from None
     except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
         raise InputError(f'--verify {path}: is no certificate: {str(error)[:200]!r}') from None
-    return Claims(scene, {lead: [row for row in rows if row['lead'] == lead] for lead in LEADS}, t_s)
+    return Claims(scene, rows, t_s, (first, second))
 
 
-def _row(row: dict[str, Any]) -> dict[str, Any]:
+def _row(row: dict[str, Any], benches: int) -> Row:
     """Return an interval whose numbers can be what they claim. Raises FieldError, KeyError or TypeError."""
     if row['lead'] not in LEADS:
         raise FieldError('lead', row['lead'], f'it is one of {", ".join(LEADS)}', 'name one')
-    return {'lead': row['lead'], **{key: number(key, row[key], low=low, high=high)
-                                    for key, (low, high) in _LIMITS.items()}}
+    start_rad, stop_rad, bound_m = (number(key, row[key], low=low, high=high) for key, (low, high) in _LIMITS.items())
+    return Row(LEADS.index(row['lead']), start_rad, stop_rad, bound_m,
+               whole('behind', row['behind'], low=0, high=benches))

@@ -31,12 +31,12 @@ class Listener:
 
 
 class Publisher:
-    """Publishes single frames of the classic dragon, as any other publisher would."""
+    """Publishes single frames of the classic dragon or another, as any other publisher would."""
 
-    def __init__(self, node, start_s=412.0):
+    def __init__(self, node, start_s=412.0, *overrides):
         from dragon_ros.nodes import qos
         from dragon_ros.nodes.shell import message_type
-        self.scene = load_scene('winding', [f'run.start_s={start_s}'])
+        self.scene = load_scene('winding', [f'run.start_s={start_s}', *overrides])
         self.encode = {name: encode for name, encode in encoders(self.scene).items() if name != 'velocities'}
         self.out = {name: node.create_publisher(message_type(channels()[name].type), name,
                                                 qos.of_channel(channels()[name])) for name in self.encode}
@@ -142,6 +142,25 @@ def test_lost_doubled_reordered_and_broken_messages_and_a_restart_cost_no_contac
     node.until(lambda: len(heard.statuses()) == 3)
     assert [values(row)['phase'] for row in heard.statuses()] == ['begin', 'end', 'begin']
     assert values(heard.statuses()[1])['cause'] == 'restart'
+    assert monitor.stop() == 0
+    assert 'Traceback' not in monitor.text
+
+
+def test_a_dragon_with_another_number_of_benches_ends_what_was_open_and_is_watched_afresh(start, node):
+    monitor = start('monitor')
+    heard = Listener(node, 'collision', 'collision/active', 'clearance')
+    source = Publisher(node)
+    source.show(412.46, 412.48)
+    node.until(lambda: len(heard.statuses()) == 1)
+    for out in source.out.values():
+        node.destroy_publisher(out)
+    source = Publisher(node, 412.0, 'dragon.benches=50')
+    source.show(412.50, 415.02)
+    node.until(lambda: len(heard.statuses()) == 4 and len(heard.got['clearance']) == 4)
+    begin, ended, again, parted = (values(row) for row in heard.statuses())
+    assert [row['phase'] for row in (begin, ended, again, parted)] == ['begin', 'end', 'begin', 'end']
+    assert (ended['cause'], ended['t_end_s'][:10], parted['cause']) == ('restart', '412.480000', 'parted')
+    assert (again['bracket'], again['t_contact_s'][:10]) == ('open', '412.500000')
     assert monitor.stop() == 0
     assert 'Traceback' not in monitor.text
 

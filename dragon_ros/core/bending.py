@@ -1,0 +1,125 @@
+"""How far the corners of one bench, seen from another, can leave straight lines while the chain moves along a stretch.
+
+Everything follows from the polar angles of the handles at the two ends of the stretch; docs/contact.md has the proof.
+A prime is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at
+theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
+
+    d1 = d delta / d theta = -F_theta / F_delta <= 0,    d2 = -(F_tt + 2 F_td d1 + F_dd d1^2) / F_delta,
+
+and handles follow each other by p_next = p (1 + d1), a_next = a (1 + d1) + p^2 d2 (p and a: first and second
+derivative of theta). The link's direction is theta + psi with
+
+    psi1 = d1 / 2 + (sin delta (delta - theta d1) + (theta + delta / 2) delta d1) / c^2.
+
+In the frame of a bench that turns by w, the handle b theta exp(i theta) has the acceleration, with v = p - w,
+
+    b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
+
+Benches of adjacent layers turn almost alike, so v is small and nothing large cancels. delta and, on either side of the
+place where the follower turns back, theta lie between their values at the ends: every formula is evaluated once, for
+all that they may be.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.ball import Ball, side_by_side
+from dragon_ros.core.types import Array, Floats
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """First and second derivatives of delta and psi by theta, each (M, K)."""
+
+    delta_1: Ball
+    delta_2: Ball
+    psi_1: Ball
+    psi_2: Ball
+
+
+@dataclass(frozen=True)
+class _Motion:
+    """Handles (M, K+1): angle, p, a; links (M, K): turning and its rate."""
+
+    theta: Ball
+    p: Ball
+    a: Ball
+    w: Ball
+    w_rate: Ball
+
+
+def bend(theta: Ball, delta: Ball, chord: Floats, arm: Floats) -> Floats:
+    """Return bounds (M, K-2, 2) of second derivatives on M stretches, in units of b per square radian.
+
+    ``theta`` (M, K+1) are all angles that handles have on a stretch, ``delta`` (M, K) all that links span, ``chord``
+    (K,) their lengths and ``arm`` (K,) the half diagonals of the benches in units of b. The bounds are those of the
+    corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs. Infinite where nothing
+    is known: close to a lock.
+    """
+    with np.errstate(all='ignore'):
+        moving = _motion(theta, _slopes(theta, delta, chord))
+        lead = _acceleration(moving.theta, moving.p, moving.a, moving.w[:, :1], moving.w_rate[:, :1])
+        in_lead = 0.5 * (lead[:, :1] + lead[:, 1:2] + lead[:, 2:-1] + lead[:, 3:])
+        others = [_acceleration(moving.theta[:, handle], moving.p[:, handle], moving.a[:, handle], moving.w[:, 2:],
+                                moving.w_rate[:, 2:])
+                  for handle in (slice(0, 1), slice(1, 2), slice(2, -1), slice(3, None))]
+        in_other = 0.5 * (others[0] + others[1] + others[2] + others[3])
+        spin = np.hypot((moving.w_rate[:, 2:] - moving.w_rate[:, :1]).most, (moving.w[:, 2:] - moving.w[:, :1]).most**2)
+        out: Floats = np.stack((in_lead + arm[2:] * spin, in_other + arm[0] * spin), axis=-1)
+    return np.where(np.isfinite(out), out, np.inf)
+
+
+def _acceleration(theta: Ball, p: Ball, a: Ball, w: Ball, w_rate: Ball) -> Floats:
+    v = p - w
+    outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - w_rate)
+    return np.hypot(outwards.most, across.most)
+
+
+def _motion(theta: Ball, slopes: _Slopes) -> _Motion:
+    p, a = _handles(slopes)
+    turned = slopes.psi_1 + 1
+    return _Motion(theta, p, a, p[:, :-1] * turned, a[:, :-1] * turned + p[:, :-1].squared() * slopes.psi_2)
+
+
+def _slopes(theta: Ball, delta: Ball, chord: Floats) -> _Slopes:
+    """Differentiate F = c^2 / 2 and the link's direction."""
+    sin, cos, less = delta.trig()
+    outer, theta = theta[:, 1:], theta[:, :-1]
+    both, area = theta + outer, theta * outer
+    inverse = (delta + theta * less + area * sin).inverse()
+    one = -(both * less * inverse)
+    two = -((2 * less + 2 * (less + both * sin) * one + (1 + 2 * theta * sin + area * cos) * one.squared()) * inverse)
+    rest = delta - theta * one
+    psi_1 = sin * rest + 0.5 * both * delta * one
+    psi_2 = (cos * one * rest - theta * sin * two + 0.5 * (2 + one) * delta * one
+             + 0.5 * both * (one.squared() + delta * two))
+    share, joined = 1 / (chord * chord), chord == 0
+    slopes = _Slopes(one, two, 0.5 * one + share * psi_1, 0.5 * two + share * psi_2)
+    return _with_joined(slopes, theta, joined) if np.any(joined) else slopes
+
+
+def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
+    """Return the slopes with those of links of no length, which lie along the track."""
+    none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
+    flat = (1 + theta.squared()).inverse()
+    along = none, none, flat, -2 * theta * flat.squared()
+    kept = slopes.delta_1, slopes.delta_2, slopes.psi_1, slopes.psi_2
+    return _Slopes(*(Ball(np.where(joined, a.mid, b.mid), np.where(joined, a.rad, b.rad))
+                     for a, b in zip(along, kept, strict=True)))
+
+
+def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
+    """Return p and a of all handles: those behind the third first by its angle, a / p being a sum along the chain.
+
+    The second and third handle may turn back, where such a quotient says nothing.
+    """
+    ratio, rate = 1 + slopes.delta_1, slopes.delta_2
+    none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
+    p, a = [none + 1.0], [none]
+    for link in (slice(0, 1), slice(1, 2)):
+        a.append(a[-1] * ratio[:, link] + p[-1].squared() * rate[:, link])
+        p.append(p[-1] * ratio[:, link])
+    after = ratio[:, 2:].running_product()
+    bent = after * (side_by_side([p[0], after[:, :-1]]) * rate[:, 2:] * ratio[:, 2:].inverse()).running_sum()
+    return (side_by_side([*p, after * p[-1]]),
+            side_by_side([*a, bent * p[-1].squared() + after * a[-1]]))

@@ -1,0 +1,185 @@
+"""The head's way through a run, in polar angles of its front handle, and what can be cleared of contact along it."""
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+
+from dragon_ros.core import stretches
+from dragon_ros.core.angle import Angle
+from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.lock import turning_places
+from dragon_ros.core.lookout import Lookout
+from dragon_ros.core.march import place
+from dragon_ros.core.root import illinois
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.stretches import Cleared, Stretch, Window
+from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.types import Floats
+
+_FIRST_M = 4.0          # distance of the places looked at first
+_FINEST_M = 1e-3, 1e-8  # stretches are not halved below this: next to a contact, and next to a grazing
+_LONGEST_M = 1e6
+_MOST_PLACES = 200_000
+Bracket = tuple[float, float]
+
+
+class Way:
+    """The head's way from ``start`` to ``stop``; ``sign`` is -1 inwards. ``states`` counts the looks."""
+
+    def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
+        """Take the way of a scene's run. Raises FieldError where it is too long to search."""
+        self.scene, self.dragon, self.spiral, self.states = scene, scene.dragon, scene.track, 0
+        length_m = abs(scene.head.speed_m_s) * (scene.end.t_s - scene.run.start_s)
+        if length_m > _LONGEST_M:
+            raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {length_m:.3g} m and no more than '
+                             f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
+        self._tell = progress
+        self._effort = EXACT.effort(scene.size_m, scene.length_m)
+        self.tolerance_m = 2 * EXACT.promise_for_m(scene.size_m)     # both benches may be off
+        self.start = self._theta(scene.run.start_s)
+        stop = 0.0 if scene.end.reason == 'track' else self._theta(scene.end.t_s)
+        # The model's own end is left out by a hair: speeds are infinite at a lock.
+        self.stop = stop if scene.end.reason == 'stop' else min(self.start, stop + 1e-9 * (1 + stop))
+        self.sign = -1.0 if self.stop <= self.start else 1.0
+        self._chords = tuple(float(link) / self.spiral.b_m for link in (scene.dragon.head_link_m,
+                                                                        scene.dragon.body_link_m))
+
+    def _theta(self, t_s: float) -> float:
+        return self.spiral.inward(*self.scene.head.travelled_m(t_s)).hi
+
+    def time(self, theta: float) -> float:
+        """Return when the head is at a place, in s."""
+        return float(self.scene.run.start_s) if theta == self.start else float(
+            self.spiral.distance_to(theta) / self.scene.head.speed_m_s)
+
+    def metre(self, theta: float) -> float:
+        """Return how far the polar angle goes for a metre of the track."""
+        return float(1 / (self.spiral.b_m * np.hypot(1.0, theta)))
+
+    def chain(self, theta: float, benches: int | None = None) -> SpiralChain:
+        """Return the chain, or its first benches, with the head's front handle at ``theta``."""
+        return place(self.spiral, self.dragon.link_lengths_m[:benches], Angle(theta, 0.0), self._effort)
+
+    def benches(self, theta: float) -> Benches:
+        """Return all benches with the head's front handle at ``theta``."""
+        chain = self.chain(theta)
+        return benches_of(chain, self.dragon, axes_of(chain))
+
+    def clear_head(self, stop: float, start: float | None = None) -> Cleared:
+        """Clear the head's pairs on its way up to ``stop``."""
+        behind = self.dragon.benches - 1
+        if behind < 2:
+            return Cleared([], None, False)
+        return self._clear(0, [self._window(0, self.start if start is None else start, stop, behind)])[0]
+
+    def clear_body(self, stop: float) -> tuple[list[Stretch], Bracket | None]:
+        """Clear the body's pairs while the head goes up to ``stop``.
+
+        Returns the stretches of track, and the first bracket of the head's places at which a pair is not clear.
+        """
+        behind = self.dragon.benches - 2
+        if behind < 2:
+            return [], None
+        phases, ends = self._phases(stop)
+        whole = self._clear(1, [self._window(1, *_track(ends), behind)])[0]
+        if whole.hit is None:
+            return whole.stretches, None
+        done: list[Stretch] = []
+        for n in range(len(phases) - 1):
+            cleared, hit = self._clear_phase(phases[n], phases[n + 1], ends[n], ends[n + 1])
+            done += cleared
+            if hit:
+                return done, hit
+        return done, None
+
+    def trimmed(self, body: list[Stretch], stop: float) -> list[Stretch]:
+        """Return the stretches of the whole body's track without what it has not reached with the head at ``stop``."""
+        if not body:
+            return []
+        outer, inner = _track(self._phases(stop)[1])
+        return [replace(one, start_rad=min(one.start_rad, outer), stop_rad=max(one.stop_rad, inner)) for one in body
+                if one.start_rad > inner and one.stop_rad < outer]
+
+    def _phases(self, stop: float) -> tuple[list[float], list[Floats]]:
+        """Return the places between which every handle moves one way, and all handles there."""
+        turns = turning_places(*self._chords, *sorted((self.start, stop)))
+        places = [self.start, *turns[::int(self.sign)], stop]
+        return places, [self.chain(place).theta for place in places]
+
+    def _clear_phase(self, start: float, stop: float, here: Floats, there: Floats
+                     ) -> tuple[list[Stretch], Bracket | None]:
+        """Clear the part of the track of each body bench while the head goes from ``start`` to ``stop``."""
+        windows = self._parts(here, there)
+        done: list[Stretch] = []
+        hits = []
+        for bench, cleared in enumerate(self._clear(1, windows), 1):
+            done += cleared.stretches
+            if cleared.hit:
+                hits.append([self._head_at(bench, place, (start, stop), (here, there)) for place in cleared.hit])
+        first = min(hits, key=lambda row: self.sign * row[1], default=None)
+        return done, (first[0], first[1]) if first else None
+
+    def _parts(self, here: Floats, there: Floats) -> list[Window]:
+        """Return each bench's part of the track, without what another one goes through before it."""
+        last = self.dragon.benches - 1
+        reach = self._lookout(1, np.array([min(here[1], there[1]), max(here[-4], there[-4])])).follow
+        out = []
+        for bench in range(1, last - 1):
+            start, stop = float(here[bench]), float(there[bench])
+            if stop < start and bench > 1 and there[bench - 1] <= here[bench - 1]:
+                stop = max(stop, float(here[bench - 1]))
+            elif stop > start and last - bench - 1 >= reach:
+                stop = min(stop, float(here[bench + 1]))
+            behind = last - bench if last - bench < reach else last - 1
+            out.append(self._window(1, start, stop, behind))
+        return out
+
+    def _head_at(self, bench: int, theta: float, way: Bracket, ends: tuple[Floats, Floats]) -> float:
+        """Return where the head is when a bench's front handle is at ``theta``."""
+        low, high = (float(end[bench]) - theta for end in ends)
+        if low == 0 or high == 0:
+            return way[0] if low == 0 else way[1]
+        return illinois(lambda x: float(self.chain(x, bench).theta[bench]) - theta, *way, low, high)
+
+    def _window(self, first: int, start: float, stop: float, behind: int) -> Window:
+        count = 2 + int(self.spiral.b_m * abs(start - stop) * (1 + max(start, stop)) / _FIRST_M)
+        places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
+        turns = turning_places(self._chords[first], self._chords[1], *sorted((start, stop)))
+        ordered = np.unique(np.concatenate((places, turns)))
+        return Window(ordered if stop > start else ordered[::-1], behind)
+
+    def _lookout(self, first: int, ends: Floats) -> Lookout:
+        follow = self.dragon.benches - first
+        return Lookout(self.spiral, self.dragon, first, follow, self._effort, self._count).reaching(ends)
+
+    def _count(self, states: int) -> None:
+        self.states += states
+        self._tell(states)
+
+    def _clear(self, first: int, windows: list[Window]) -> list[Cleared]:
+        """Clear windows; where a stretch next to the finest is neither clear nor touching, on and finer from there."""
+        ends = np.concatenate([window.places[[0, -1]] for window in windows])
+        lookout = self._lookout(first, np.array([np.min(ends), np.max(ends)]))
+        out = stretches.clear(lookout.look, lookout.sizes, windows, _FINEST_M[0], self.tolerance_m)
+        again = [n for n, cleared in enumerate(out) if cleared.hit and not cleared.touching]
+        if again:
+            rest = [self._after(windows[n], out[n]) for n in again]
+            finer = stretches.clear(lookout.look, lookout.sizes, rest, _FINEST_M[1], self.tolerance_m)
+            for n, more in zip(again, finer, strict=True):
+                out[n] = Cleared([*out[n].stretches, *more.stretches], more.hit, more.touching)
+        return out
+
+    @staticmethod
+    def _after(window: Window, cleared: Cleared) -> Window:
+        """Return what is left of a window."""
+        assert cleared.hit is not None
+        sign = 1.0 if window.places[-1] > window.places[0] else -1.0
+        later = window.places[sign * window.places > sign * cleared.hit[0]]
+        return Window(np.concatenate(([cleared.hit[0]], later)), window.behind)
+
+
+def _track(ends: list[Floats]) -> Bracket:
+    """Return the outermost and innermost place of a body bench that has others to meet."""
+    return max(float(theta[-4]) for theta in ends), min(float(theta[1]) for theta in ends)

@@ -1,0 +1,182 @@
+"""Recomputes what a certificate of first contact claims, with none of the solver's code.
+
+It has its own chain (secant steps on the law of cosines), its own rectangles (corners and edge normals), its own
+intervals, and halves a stretch where its bound is smaller than the one claimed. docs/contact.md proves the formulas. It
+shares only the scene's plain numbers with the solver.
+"""
+from dataclasses import dataclass
+from math import cos, hypot, inf, sin
+
+import numpy as np
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.types import Floats
+from dragon_ros.tools.bends import bends_of
+from dragon_ros.tools.geometry import Geometry, least
+from dragon_ros.tools.intervals import hull
+
+_AGREE_M = 1e-9         # between a recorded bound and the checker's, whose chain is no better beside a lock
+_HALVINGS = 6
+_HAIR_RAD = 1e-8        # between the checker's places and the recorded ones
+_LOOSE_RAD = 1e-6       # between an end of a way and that of an interval
+_STILL = 1e-9           # of a turn of the follower: nearer to it nothing moves
+
+
+@dataclass(frozen=True)
+class Row:
+    """One interval of a certificate: lead (0 head, 1 body), ends, the claimed bound, and how many benches behind."""
+
+    lead: int
+    start_rad: float
+    stop_rad: float
+    bound_m: float
+    behind: int
+
+
+@dataclass(frozen=True)
+class _End:
+    """One end of a stretch: handle angles (K+1,), corners in both frames, their separations (K-2,)."""
+
+    angles: Floats
+    frames: list[Floats]
+    apart: Floats
+
+
+class Checker(Geometry):
+    """Recomputes what a certificate claims for a scene."""
+
+    def check_cover(self, rows: list[Row], start_s: float, end_s: float, slack_s: float) -> None:
+        """Refuse intervals that leave out a part of what has to be cleared, but the last ``slack_s``, or that overhang.
+
+        Each end of an interval has to meet another one, or an end of some bench's way.
+        """
+        first, before, last = self.angle(start_s), self.angle(end_s - slack_s), self.angle(end_s)
+        last += 5e-10 * (1 + last) if last < first else 0.0      # a run ends a hair before a lock
+        count = len(self.links)
+        ways = np.array([self.chain(0, angle, count) for angle in (*self._extremes(first, before), last)])
+        for lead, row_kind in enumerate(('head', 'body')):
+            part = [row for row in rows if row.lead == lead]
+            for bench in range(1, count - 2) if lead else range(min(1, max(count - 2, 0))):
+                self._covers(f'{row_kind} (bench {bench})', part, count - 1 - bench, ways[:-1, bench])
+            self._meet(row_kind, part, ways[:, 1:count] if lead else ways[:, :1])
+
+    @staticmethod
+    def _meet(what: str, rows: list[Row], ways: Floats) -> None:
+        """Refuse rows that end where neither another one nor a way does; the last two places are as good as one."""
+        low, high = ways.copy(), ways.copy()
+        low[-2:], high[-2:] = np.min(ways[-2:], axis=0), np.max(ways[-2:], axis=0)
+        starts, stops = {row.start_rad for row in rows}, {row.stop_rad for row in rows}
+        for end in [row.start_rad for row in rows if row.start_rad not in stops] + [
+                row.stop_rad for row in rows if row.stop_rad not in starts]:
+            if not np.any((low - _LOOSE_RAD < end) & (end < high + _LOOSE_RAD)):
+                raise InputError(f'{what}: an interval ends at {end!r} rad, where no other one starts')
+
+    @staticmethod
+    def _covers(what: str, rows: list[Row], behind: int, way: Floats) -> None:
+        """Refuse rows of which those that count ``behind`` benches leave out places on a way."""
+        low, high = float(np.min(way)) + _HAIR_RAD, float(np.max(way)) - _HAIR_RAD
+        for left, right in sorted(sorted((row.start_rad, row.stop_rad)) for row in rows if row.behind >= behind):
+            if left > low:
+                break
+            low = max(low, right)
+        if low < high:
+            raise InputError(f'{what}: the intervals leave out the place {low!r} rad')
+
+    def _extremes(self, first: float, last: float) -> list[float]:
+        """Return the head's places between which every handle moves one way."""
+        turn = self._lowest(1, first, last)
+        return [first, self._lowest(2, first, turn), turn, self._lowest(2, turn, last), last]
+
+    def _lowest(self, handle: int, left: float, right: float) -> float:
+        """Return where a handle is nearest to the centre, by golden sections."""
+        return least(lambda angle: self.chain(0, angle, handle)[-1], left, right)
+
+    def check_bound(self, row: Row, halvings: int = _HALVINGS) -> None:
+        """Refuse an interval of which some gap may be less than its bound, or whose bound is not positive."""
+        bound = self.bound(row)
+        if 0 < row.bound_m <= bound + _AGREE_M:
+            return
+        if row.bound_m <= 0 or halvings == 0:
+            raise InputError(f'{"body" if row.lead else "head"}: from {row.start_rad!r} to {row.stop_rad!r} rad the '
+                             f'bound is {bound:.9g} m, not {row.bound_m!r} m')
+        middle = 0.5 * (row.start_rad + row.stop_rad)
+        for start, stop in ((row.start_rad, middle), (middle, row.stop_rad)):
+            self.check_bound(Row(row.lead, start, stop, row.bound_m, row.behind), halvings - 1)
+
+    def gap(self, t_s: float, i: int, j: int) -> float:
+        """Return the separation of two benches at a time."""
+        if not 0 <= i < j - 1 < len(self.links):
+            return inf
+        rectangles = self.rectangles(0, self.angle(t_s), j + 1)
+        return float(self.apart(np.array([rectangles[i], rectangles[i], rectangles[j]]),
+                                 0.5 * np.array([self.lengths[i], 0.0, self.lengths[j]]))[0])
+
+    def bound(self, row: Row) -> float:
+        """Return a lower bound of every gap of the leading bench on a stretch between two places."""
+        benches = self._within_reach(row)
+        one, two = (self._end(row.lead, angle, benches) for angle in (row.start_rad, row.stop_rad))
+        if benches < 3:
+            return inf
+        if self._turns_back(row.lead, one.angles, two.angles):
+            return -inf
+        sag = self._sag(row.lead, one.angles, two.angles)
+        low = np.full(benches - 2, -inf)
+        halves = 0.5 * np.array(self.lengths[row.lead:row.lead + benches])
+        for frame, half_length in enumerate((halves[0], halves[2:])):
+            for axis, half in ((0, half_length), (1, self.half_width)):
+                for side in (1, -1):
+                    apart = [np.min(side * end.frames[frame][..., axis], axis=1) - half for end in (one, two)]
+                    low = np.maximum(low, np.minimum(*apart) - sag[frame])
+        gone = self._gone(row.lead, one.angles, two.angles)
+        low = np.maximum(low, np.maximum(one.apart, two.apart) - gone[0] - gone[2:])
+        circle = [self._outside(row.lead, n, one.angles, two.angles) for n in range(2, benches)]
+        return float(np.min(np.maximum(low, circle)))
+
+    def _end(self, lead: int, theta: float, benches: int) -> _End:
+        angles = np.array(self.chain(lead, theta, benches))
+        rectangles = self.corners_at(lead, angles)
+        return _End(angles, self.frames(rectangles),
+                    self.apart(rectangles, 0.5 * np.array(self.lengths[lead:lead + benches])))
+
+    def _within_reach(self, row: Row) -> int:
+        """Return how many benches can matter: all further ones lie outside the leading bench's circle."""
+        most = min(row.behind + 1, len(self.links) - row.lead)
+        chains = [np.array(self.chain(row.lead, angle, most)) for angle in (row.start_rad, row.stop_rad)]
+        for number in range(3, most):
+            if self._outside(row.lead, number, *chains) > 0:
+                return number + 1
+        return most
+
+    def _outside(self, lead: int, number: int, one: Floats, two: Floats) -> float:
+        """Return how far a bench's line stays outside the circle about the centre that holds the leading bench."""
+        link, span = self.links[lead + number], float(max(end[number + 1] - end[number] for end in (one, two)))
+        inner = float(min(one[number], two[number]))
+        chord = link / self.b
+        away = inner * inner / hypot(1, inner) if not link else (
+            (chord - span) * (chord + span) * cos(0.5 * span) / sin(0.5 * span) / (2 * chord))
+        overhang = 0.5 * (self.lengths[lead] - self.links[lead])
+        return self.b * away - self.half_width - self.b * float(max(one[1], two[1])) - hypot(overhang, self.half_width)
+
+    def _gone(self, lead: int, one: Floats, two: Floats) -> Floats:
+        """Return how far a corner of each bench can have come."""
+        links = np.array(self.links[lead:lead + one.size - 1])
+        handle = self.b * np.abs(one - two) * np.hypot(1, np.maximum(one, two))
+        overhang = 0.5 * (np.array(self.lengths[lead:lead + links.size]) - links)
+        lever = 1 + 2 * (overhang + self.half_width) / np.maximum(links, 1e-12)
+        out: Floats = lever * np.maximum(handle[:-1], handle[1:])
+        return out
+
+    def _turns_back(self, lead: int, one: Floats, two: Floats) -> bool:
+        """Return whether the second or third handle comes in at one end and goes out at the other."""
+        ends = []
+        for angles in (one[:3], two[:3]):
+            front, span = angles[:-1], np.diff(angles)
+            ends.append(span * np.cos(span) + front * (angles[1:] * np.sin(span) + np.cos(span) - 1))
+        return bool(np.any((np.minimum(*ends) < -_STILL) & (np.maximum(*ends) > _STILL)))
+
+    def _sag(self, lead: int, one: Floats, two: Floats) -> list[Floats]:
+        """Return how far corners can leave straight lines, in the leading bench's frame and in the others'."""
+        links = np.array(self.links[lead:lead + one.size - 1])
+        arms = np.hypot(0.5 * np.array(self.lengths[lead:lead + links.size]), self.half_width) / self.b
+        bends = bends_of(hull(one, two), hull(np.diff(one), np.diff(two)), links / self.b, arms)
+        return [bend * (self.b * float(one[0] - two[0]) ** 2 / 8) for bend in bends]
