@@ -16,6 +16,7 @@ EXECUTABLES = {
     'replay': Executable('dragon_ros.nodes.replay', 'publish a bag as it was recorded'),
     'table': Executable('dragon_ros.tools.table', 'print positions and velocities, without ROS'),
     'contact': Executable('dragon_ros.tools.contact', 'find the first contact of a scene, without ROS'),
+    'design': Executable('dragon_ros.tools.design', 'answer a question about what to build'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
     'demo': Executable('dragon_ros.tools.demo', 'run everything once: sim, monitor, bag, replay, picture'),
 }
