@@ -99,8 +99,8 @@ class _Way:
     """The head's way through a run, in polar angles of its front handle."""
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
-        self.scene, self.dragon, self.spiral, self.states = scene, scene.dragon, scene.track, 0
-        length_m = abs(scene.head.speed_m_s) * (scene.end.t_s - scene.run.start_s)
+        self.scene, self.dragon, self.spiral, self.states = scene, scene.dragon, scene.spiral, 0
+        length_m = abs(scene.steady_m_s) * (scene.end.t_s - scene.run.start_s)
         if length_m > _LONGEST_M:
             raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {length_m:.3g} m and no more than '
                              f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
@@ -230,9 +230,9 @@ class _Way:
 
     def _approach(self, pair: tuple[int, int], theta: float) -> float:
         """Return how fast the gap closes at a place, in m/s."""
-        step = 1e-6 * (1 if self.scene.head.speed_m_s >= 0 else -1)
+        step = 1e-6 * (1 if self.scene.steady_m_s >= 0 else -1)
         slope = (self._gap(pair, theta + step) - self._gap(pair, theta - step)) / (2 * step)
-        return float(slope * abs(self.scene.head.speed_m_s) / (self.spiral.b_m * np.hypot(1.0, theta)) * np.sign(step))
+        return float(slope * abs(self.scene.steady_m_s) / (self.spiral.b_m * np.hypot(1.0, theta)) * np.sign(step))
 
     def _time(self, theta: float) -> float:
-        return float(self.spiral.distance_to(theta) / self.scene.head.speed_m_s)
+        return float(self.spiral.distance_to(theta) / self.scene.steady_m_s)

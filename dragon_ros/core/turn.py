@@ -10,17 +10,21 @@ the length does not depend on the ratio of the radii, only on the circle.
 """
 from dataclasses import dataclass
 from functools import cached_property
-from math import asin, atan, pi, sin, sqrt
+from math import asin, atan, inf, pi, sin, sqrt
 
 from dragon_ros.core.checks import number
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.placed import PlacedSpiral, arc_from
+from dragon_ros.core.walk import Walk
 
 
 @dataclass(frozen=True)
 class Turn:
     """Spiral in, arc of ``ratio`` times the second's radius, second arc, spiral out, within a circle of ``diameter_m``.
 
-    At t = 0 the head is ``before_m`` in front of the turn's entry, so a contest's -100 s is 0 s with ``before_m`` 100
-    and a head of 1 m/s. The entry lies on the x axis, at (diameter_m / 2, 0).
+    The spirals are r = pitch_m / (2 pi) theta about the origin and its opposite. At t = 0 the head is ``before_m`` in
+    front of the turn's entry: with 100 and a head of 1 m/s the contest's -100 s is 0 s here, since stamps of ROS and
+    of bags cannot be negative.
     """
 
     pitch_m: float = 1.7
@@ -67,6 +71,24 @@ class Turn:
         """
         b_m = self.pitch_m / (2 * pi)
         return 2 * sqrt(max(4 * least_radius_m * least_radius_m - b_m * b_m, 0.0))
+
+    @property
+    def start_m(self) -> float:
+        """Distance along the walk, from the entry, at which the head is at t = 0."""
+        return -self.before_m
+
+    @cached_property
+    def walk(self) -> Walk:
+        """The whole track, open at both ends; distances count from the entry."""
+        spiral = Spiral(self.pitch_m, self.entry_turns)
+        theta = spiral.start.hi
+        way_in = PlacedSpiral(spiral, 0j, 1 + 0j, 1, -1, inf, theta)
+        way_out = PlacedSpiral(spiral, 0j, -1 + 0j, 1, 1, theta, inf)
+        first = arc_from(complex(way_in.at(*spiral.start)), complex(way_in.heading(theta)), self.radii_m[0], -1,
+                         self.angle_rad)
+        turned = first.last
+        second = arc_from(complex(first.at(turned)), complex(first.heading(turned)), self.radii_m[1], 1, turned)
+        return Walk((way_in, first, second, way_out), (0.0, 0.0, self.radii_m[0] * turned, self.length_m))
 
     @property
     def angle_rad(self) -> float:

@@ -35,9 +35,9 @@ def _draw(axes: Axes, scene: Scene, t_s: float, pair: tuple[int, int]) -> None:
     """Draw track, benches and handles."""
     chain = state(scene, t_s)
     corners = benches_of(chain, scene.dragon, axes_of(chain)).corners
-    last = float(np.hypot(*chain.p[-1])) / scene.track.b_m
+    last = float(np.hypot(*chain.p[-1])) / scene.spiral.b_m
     theta = np.linspace(0.0, last + np.pi, 4000, dtype=np.float64)
-    axes.plot(*points(scene.track.b_m, theta, np.zeros_like(theta)).T, color=_TRACK, linewidth=0.6, zorder=1,
+    axes.plot(*points(scene.spiral.b_m, theta, np.zeros_like(theta)).T, color=_TRACK, linewidth=0.6, zorder=1,
               label='track')
     colours = [_BODY] * len(corners)
     colours[pair[1]], colours[0] = _TOUCHED, _HEAD

@@ -43,7 +43,7 @@ def _run(arguments: Namespace) -> int:
 def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
     """Return one row for each time and handle, in the order of COLUMNS."""
     chain = states(scene, times_s)
-    velocity = velocity_of(scene, chain)
+    velocity = velocity_of(scene, chain, times_s)
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
     return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)

@@ -1,0 +1,227 @@
+"""Handle after handle along pieces of track joined end to end.
+
+The next handle is the first place behind at the chord's length. The largest curvature times the longest link is below 2
+(else the track is refused): then the chord grows along the track until it is reached, there is one such place within
+``placed.reach_m``, it moves on as the handle before it moves on, and no link ever locks.
+"""
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.chain import Chain
+from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.march import Effort
+from dragon_ros.core.march import place as place_on_spiral
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.placed import AHEAD, BACK, Placed, PlacedSpiral, metres_between, reach_m
+from dragon_ros.core.root import bracketed_newton
+from dragon_ros.core.types import Floats, Ints, read_only
+
+_LARGEST = 1.98     # of curvature times link: 2 is where a link may lock
+
+
+class Place(NamedTuple):
+    """A place on a walk: the piece's number and its coordinate."""
+
+    piece: int
+    u: Angle
+
+
+@dataclass(frozen=True)
+class Walk:
+    """Pieces in the order of the head's way; ``origins_m`` are the distances along the way at their anchors."""
+
+    pieces: tuple[Placed, ...]
+    origins_m: tuple[float, ...]
+
+    @cached_property
+    def bend(self) -> float:
+        """Largest curvature in 1/m."""
+        return max(piece.bend for piece in self.pieces)
+
+    @cached_property
+    def begin_m(self) -> float:
+        """Distance along the way where the track begins; -inf if it is open."""
+        return self._distance(0, self.pieces[0].first)
+
+    @cached_property
+    def end_m(self) -> float:
+        """Distance along the way where the track ends; inf if it is open."""
+        return self._distance(len(self.pieces) - 1, self.pieces[-1].last)
+
+    def _distance(self, k: int, u: float) -> float:
+        if abs(u) == inf:
+            return inf if k else -inf
+        return self.origins_m[k] + self.pieces[k].metres(u)
+
+    def distance_of(self, place: Place) -> tuple[float, float]:
+        """Return the distance of a place along the way, as (hi, lo)."""
+        piece = self.pieces[place.piece]
+        return plus(piece.metres(place.u.hi), piece.rate(place.u.hi) * place.u.lo, self.origins_m[place.piece])
+
+    def check_links(self, links_m: Floats) -> None:
+        """Refuse links that are too long for the track's tightest bend."""
+        longest = float(np.max(links_m))
+        if self.bend * longest > _LARGEST:
+            tight = max(range(len(self.pieces)), key=lambda k: self.pieces[k].bend)
+            raise FieldError('track', f'radius {1 / self.bend:.6g} m', f'piece {tight + 1} bends tighter than half the '
+                             f'longest link, {longest / _LARGEST:.6g} m, and the chain could lock there',
+                             'use larger radii or shorter benches')
+
+    def place_at(self, metres: float, lo: float = 0.0) -> Place:
+        """Return the place so far along the way. Raises TrackEndError where there is no track."""
+        k = len(self.pieces) - 1
+        while k and metres < self._joint_m(k):
+            k -= 1
+        if not self.begin_m <= metres <= self.end_m:
+            raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
+                                f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
+        here, here_lo = plus(metres, lo, -self.origins_m[k])
+        return Place(k, self.pieces[k].after(here, here_lo))
+
+    def _joint_m(self, k: int) -> float:
+        """Return the distance along the way at the beginning of piece k >= 1."""
+        return self._distance(k, self.pieces[k].first)
+
+    def between(self, low_m: float, high_m: float) -> list[tuple[Placed, float, float]]:
+        """Return the pieces on a stretch of the way, with u where each begins and ends on it."""
+        first, last = self.place_at(low_m), self.place_at(high_m)
+        return [(piece, first.u.hi if k == first.piece else piece.first, last.u.hi if k == last.piece else piece.last)
+                for k, piece in enumerate(self.pieces) if first.piece <= k <= last.piece]
+
+    def next(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
+        """Return the place of the next handle, behind (``way`` BACK) or ahead, and evaluations."""
+        piece, u = self.pieces[place.piece], place.u
+        edge = piece.first if way == BACK else piece.last
+        following, spent = piece.next(u, chord_m, way, tolerance)
+        if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
+            return Place(place.piece, following), spent
+        found, more = self._across(place, chord_m, way)
+        return found, spent + more
+
+    def _across(self, place: Place, chord_m: float, way: int) -> tuple[Place, int]:
+        """Return the next place beyond one joint or more."""
+        k, piece = place.piece, self.pieces[place.piece]
+        here = complex(piece.at(*place.u))
+        gone = metres_between(piece, place.u.hi, piece.first if way == BACK else piece.last)
+        reach = reach_m(self.bend, chord_m)
+        while 0 <= (k := k + way) < len(self.pieces):
+            piece = self.pieces[k]
+            near, far = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
+            longest = metres_between(piece, near, far) if abs(far) < inf else inf
+            if gone + longest >= reach or abs(complex(piece.at(far)) - here) >= chord_m:
+                return self._cut(k, here, chord_m, way, max(reach - gone, 0.0))
+            gone += longest
+        raise TrackEndError(f'a link of {chord_m:.6g} m finds no track: it begins or ends too close; start the head '
+                            'further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
+
+    def _cut(self, k: int, here: complex, chord_m: float, way: int, within_m: float) -> tuple[Place, int]:
+        """Return where piece k is at a chord's length from a point, within some metres of its near end."""
+        piece = self.pieces[k]
+        near, far = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
+        edge = piece.after(piece.metres(near) + way * within_m).hi
+        most = min(abs(edge - near), abs(far - near))
+        sense = 1.0 if edge >= near else -1.0
+
+        def excess(x: float) -> tuple[float, float]:
+            u = near + sense * x
+            link = complex(piece.at(u)) - here
+            growth = (link.conjugate() * complex(piece.heading(u))).real * piece.rate(u) * sense
+            return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
+
+        x, spent = bracketed_newton(excess, 0.0, most, min(most, 0.5 * most))
+        return Place(k, Angle(*plus(near, 0.0, sense * x))), spent
+
+    def follow(self, links_m: Floats, leader: Place, way: int, effort: Effort) -> tuple[list[Place], int]:
+        """Return the places of all handles from the leader on, and evaluations."""
+        places, spent = [leader], 0
+        for i, chord_m in enumerate(links_m.tolist()):
+            place = places[-1]
+            if way == BACK and place.piece == 0 and self._afar:
+                rest = place_on_spiral(self._afar, links_m[i:], place.u, effort)
+                places += [Place(0, Angle(*u)) for u in zip(rest.theta[1:].tolist(), rest.theta_lo[1:].tolist(),
+                                                            strict=True)]
+                return places, spent + rest.evaluations
+            place, more = self.next(place, chord_m, way, effort.newton)
+            places.append(place)
+            spent += more
+        return places, spent
+
+    @cached_property
+    def _afar(self) -> Spiral | None:
+        """The spiral of the first piece, where it winds in from afar: all that reaches it stays on it."""
+        first = self.pieces[0]
+        return first.spiral if isinstance(first, PlacedSpiral) and first.way == BACK and first.first == inf else None
+
+    def points(self, piece: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
+        """Return coordinates and unit tangents in the head's way, shapes (..., 2)."""
+        p, t = np.empty((*u.shape, 2)), np.empty((*u.shape, 2))
+        for k in np.unique(piece).tolist():
+            here = piece == k
+            for out, z in ((p, self.pieces[k].at(u[here], lo[here])), (t, self.pieces[k].heading(u[here]))):
+                out[here, 0], out[here, 1] = z.real, z.imag
+        return read_only(p), read_only(t)
+
+
+@dataclass(frozen=True)
+class WalkChain(Chain):
+    """A chain on a walk: ``u + u_lo`` (..., N+1) are coordinates on the pieces with the numbers ``piece``.
+
+    ``leader`` is 0 where the head leads, -1 where the tail does: its speed is the head law's.
+    """
+
+    walk: Walk
+    piece: Ints
+    u: Floats
+    u_lo: Floats
+    forward: Floats
+    leader: int
+    solver = 'walk'
+
+    @property
+    def tangents(self) -> Floats:
+        """Unit tangents against the head's way, towards the tail."""
+        return -self.forward
+
+    def velocities(self, head_speed_m_s: float | Floats) -> Floats:
+        """Return velocity vectors in m/s; the leader's speed is positive in its own way (outwards for the tail)."""
+        axis = self.p[..., :-1, :] - self.p[..., 1:, :]
+        along_front = np.sum(axis * self.forward[..., :-1, :], axis=-1)
+        along_rear = np.sum(axis * self.forward[..., 1:, :], axis=-1)
+        joined = self.links_m == 0
+        front, rear = np.where(joined, 1.0, along_front), np.where(joined, 1.0, along_rear)
+        speed = np.empty(self.u.shape)
+        leading = np.asarray(head_speed_m_s, dtype=np.float64)
+        if self.leader == 0:
+            speed[..., 0] = leading
+            np.multiply(np.cumprod(front / rear, axis=-1), leading[..., None], out=speed[..., 1:])
+        else:
+            speed[..., -1] = -leading
+            back = np.cumprod((rear / front)[..., ::-1], axis=-1)[..., ::-1]
+            np.multiply(back, -leading[..., None], out=speed[..., :-1])
+        return read_only(speed[..., None] * self.forward)
+
+
+def chain_on(walk: Walk, links_m: Floats, leader: Place, way: int, effort: Effort) -> WalkChain:
+    """Return the chain behind a leader: the head (``way`` BACK: followers lie back along the way), or the tail."""
+    places, spent = walk.follow(links_m if way == BACK else links_m[::-1], leader, way, effort)
+    if way == AHEAD:
+        places.reverse()
+    piece = np.array([place.piece for place in places])
+    u = np.array([place.u for place in places], dtype=np.float64)
+    p, forward = walk.points(piece, u[:, 0], u[:, 1])
+    return WalkChain(p, links_m, spent, walk, piece, u[:, 0], u[:, 1], forward, 0 if way == BACK else -1)
+
+
+def stacked(chains: Sequence[WalkChain]) -> WalkChain:
+    """Return chains of one dragon as one, with a leading axis."""
+    first = chains[0]
+    p, piece, u, u_lo, forward = (np.stack([getattr(chain, name) for chain in chains])
+                                  for name in ('p', 'piece', 'u', 'u_lo', 'forward'))
+    return WalkChain(read_only(p), first.links_m, sum(chain.evaluations for chain in chains), first.walk, piece, u,
+                     u_lo, read_only(forward), first.leader)
