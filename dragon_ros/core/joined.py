@@ -3,7 +3,6 @@ import cmath
 from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, hypot, inf, pi, radians, remainder
-from typing import Any
 
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.checks import number
@@ -141,8 +140,8 @@ def _check_joint(k: int, piece: Piece, point: complex, direction: complex) -> No
         wanted = number(f'track.pieces.{k + 1}.heading_deg', piece.heading_deg, low=-1e6, high=1e6)
         off = remainder(radians(wanted) - cmath.phase(direction), 2 * pi)
         if abs(off) > _NEAR_RAD:
-            raise FieldError(f'track.pieces.{k + 1}.heading_deg', wanted, f'joint {k}: piece {k} ends {degrees(-off):.6g} '
-                             f'degrees from there, at {degrees(cmath.phase(direction)):.9g}',
+            raise FieldError(f'track.pieces.{k + 1}.heading_deg', wanted, f'joint {k}: piece {k} ends '
+                             f'{degrees(-off):.6g} degrees from there, at {degrees(cmath.phase(direction)):.9g}',
                              'leave it out, or change the pieces before')
 
 
@@ -150,13 +149,6 @@ def wound(spiral: Spiral) -> Walk:
     """Return a single spiral that ends where its head starts, as a walk: the track of a dragon led by its tail."""
     start: Angle = spiral.start
     return Walk((PlacedSpiral(spiral, 0j, 1 + 0j, 1, -1, inf, start.hi),), (0.0,))
-
-
-def values_of(pieces: tuple[Piece, ...]) -> list[dict[str, Any]]:
-    """Return pieces as a scene file writes them."""
-    kinds = {kind: name for name, kind in KINDS.items()}
-    return [{'kind': kinds[type(piece)], **{key: list(value) if isinstance(value, tuple) else value
-             for key, value in vars(piece).items() if value is not None}} for piece in pieces]
 
 
 KINDS: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': Wind}

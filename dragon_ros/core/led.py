@@ -32,8 +32,8 @@ class Led:
         """Refuse links that could lock and a start without track for the whole chain."""
         self.walk.check_links(self.links_m)
         if self._least_m > self.start_m:
-            raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon: '
-                             f'the tail has a place from {self._least_m:.9g} m on', 'start there, or lengthen the track')
+            raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon, '
+                             f'which fits from {self._least_m:.9g} m on', 'start there, or lengthen the track')
 
     @cached_property
     def _least_m(self) -> float:

@@ -210,7 +210,8 @@ class PlacedSpiral:
         if way == self.way:
             delta, spent = step(u.hi, chord, first_guess(u.hi, chord), tolerance)
             return Angle(*plus(*u, delta)) if delta < inf else Angle(inf, 0.0), spent
-        delta, spent = step_in(u.hi, chord, reach_m(self.bend, chord_m) / self.spiral.b_m, tolerance)
+        arc = reach_m(self.bend, chord_m) / self.spiral.b_m
+        delta, spent = step_in(u.hi, chord, arc, tolerance)
         return Angle(*plus(*u, -delta)) if delta < inf else Angle(-inf, 0.0), spent
 
 
@@ -231,7 +232,7 @@ def step_in(theta: float, chord: float, arc: float, tolerance: float) -> tuple[f
     high = theta - sqrt(max(theta * theta - 2 * arc, 0.0))      # an arc a little longer than asked
     if chord == 0.0 or excess(high)[0] < 0:
         return (inf if chord else 0.0), 1
-    delta, spent = bracketed_newton(excess, 0.0, high, 2 * asin(min(1.0, chord / (2 * theta))), tolerance * tolerance)
+    delta, spent = bracketed_newton(excess, 0.0, high, 2 * asin(min(1.0, chord / (2 * theta))), tolerance)
     return delta, spent + 1
 
 
@@ -240,8 +241,8 @@ def reach_m(bend: float, chord_m: float) -> float:
 
     Where the curvature times the chord is below 2, the chord from a place grows along the track until the arc is
     pi / bend: the tangent at arc s differs from those before it, at sigma, by an angle of bend (s - sigma) at most, so
-    the chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with the circle the chord is at least
-    2 sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
+    the chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is no
+    shorter than 2 sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
     """
     return 2 * asin(0.5 * bend * chord_m) / bend if bend else chord_m
 

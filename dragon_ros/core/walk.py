@@ -23,6 +23,7 @@ from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats, Ints, read_only
 
 _LARGEST = 1.98     # of curvature times link: 2 is where a link may lock
+_HAIR = 1e-9        # of a coordinate: a handle so far beyond the track's end is there by rounding
 
 
 class Place(NamedTuple):
@@ -54,6 +55,16 @@ class Walk:
         """Distance along the way where the track ends; inf if it is open."""
         return self._distance(len(self.pieces) - 1, self.pieces[-1].last)
 
+    @property
+    def winds_in(self) -> bool:
+        """Whether the first piece is a spiral that winds in from afar."""
+        return self._afar is not None
+
+    @property
+    def end_of_first_m(self) -> float:
+        """Distance along the way where the first piece ends."""
+        return self._distance(0, self.pieces[0].last)
+
     def _distance(self, k: int, u: float) -> float:
         if abs(u) == inf:
             return inf if k else -inf
@@ -78,7 +89,8 @@ class Walk:
         k = len(self.pieces) - 1
         while k and metres < self._joint_m(k):
             k -= 1
-        if not self.begin_m <= metres <= self.end_m:
+        hair = _HAIR * (1 + abs(metres))
+        if not self.begin_m - hair <= metres <= self.end_m + hair:
             raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
                                 f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         here, here_lo = plus(metres, lo, -self.origins_m[k])
@@ -97,14 +109,20 @@ class Walk:
     def next(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
         """Return the place of the next handle, behind (``way`` BACK) or ahead, and evaluations."""
         piece, u = self.pieces[place.piece], place.u
-        edge = piece.first if way == BACK else piece.last
+        edge = self._edge(place.piece, way)
         following, spent = piece.next(u, chord_m, way, tolerance)
         if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
             return Place(place.piece, following), spent
-        found, more = self._across(place, chord_m, way)
+        found, more = self._across(place, chord_m, way, tolerance)
         return found, spent + more
 
-    def _across(self, place: Place, chord_m: float, way: int) -> tuple[Place, int]:
+    def _edge(self, k: int, way: int) -> float:
+        """Return where piece k ends behind or ahead; a hair further at the track's own ends."""
+        piece = self.pieces[k]
+        near, edge = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
+        return edge if 0 <= k + way < len(self.pieces) else edge + _HAIR * (1 + abs(edge)) * (1 if edge > near else -1)
+
+    def _across(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
         """Return the next place beyond one joint or more."""
         k, piece = place.piece, self.pieces[place.piece]
         here = complex(piece.at(*place.u))
@@ -115,27 +133,32 @@ class Walk:
             near, far = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
             longest = metres_between(piece, near, far) if abs(far) < inf else inf
             if gone + longest >= reach or abs(complex(piece.at(far)) - here) >= chord_m:
-                return self._cut(k, here, chord_m, way, max(reach - gone, 0.0))
+                return self._cut(k, here, chord_m, way, (gone, reach), tolerance)
             gone += longest
         raise TrackEndError(f'a link of {chord_m:.6g} m finds no track: it begins or ends too close; start the head '
                             'further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
 
-    def _cut(self, k: int, here: complex, chord_m: float, way: int, within_m: float) -> tuple[Place, int]:
-        """Return where piece k is at a chord's length from a point, within some metres of its near end."""
+    def _cut(self, k: int, here: complex, chord_m: float, way: int, arcs_m: tuple[float, float],
+             tolerance: float) -> tuple[Place, int]:
+        """Return where piece k is at a chord's length from a point; arcs from there to it: to its near end, at most.
+
+        Solved for ``most`` more than the way from the near end, so that a step next to the joint is not relative to 0.
+        """
+        gone, reach = arcs_m
         piece = self.pieces[k]
         near, far = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
-        edge = piece.after(piece.metres(near) + way * within_m).hi
-        most = min(abs(edge - near), abs(far - near))
-        sense = 1.0 if edge >= near else -1.0
+        most = min(abs(piece.after(piece.metres(near) + way * (reach - gone)).hi - near), abs(far - near))
+        sense = 1.0 if far > near else -1.0
 
         def excess(x: float) -> tuple[float, float]:
-            u = near + sense * x
+            u = near + sense * (x - most)
             link = complex(piece.at(u)) - here
             growth = (link.conjugate() * complex(piece.heading(u))).real * piece.rate(u) * sense
             return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
 
-        x, spent = bracketed_newton(excess, 0.0, most, min(most, 0.5 * most))
-        return Place(k, Angle(*plus(near, 0.0, sense * x))), spent
+        start = most + most * min(max((chord_m - gone) / (reach - gone), 0.0), 1.0)
+        x, spent = bracketed_newton(excess, most, 2 * most, start, tolerance)
+        return Place(k, Angle(*plus(near, 0.0, sense * (x - most)))), spent
 
     def follow(self, links_m: Floats, leader: Place, way: int, effort: Effort) -> tuple[list[Place], int]:
         """Return the places of all handles from the leader on, and evaluations."""

@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-from dragon_ros.tools import design_turn
+from dragon_ros.tools import design_speed, design_turn
 from dragon_ros.wire import cli
 
 Values = dict[str, Any]
@@ -24,6 +24,8 @@ class Question(NamedTuple):
 QUESTIONS = {
     'turn': Question('the length of the S-turn, and whether it can be shortened', 'turn --set track.ratio=3',
                      design_turn.options, design_turn.answer, design_turn.text),
+    'max-speed': Question('the largest speed of the leader at which no handle ever exceeds a limit',
+                          'max-speed --limit 2', design_speed.options, design_speed.answer, design_speed.text),
 }
 
 
