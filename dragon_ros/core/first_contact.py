@@ -14,7 +14,9 @@ from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.contact import Witness, gaps, witness
+from dragon_ros.core.contact_anywhere import Follower
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.head import Head
 from dragon_ros.core.lock import follower, follower_turns, lock_angle
 from dragon_ros.core.lookout import Lookout
 from dragon_ros.core.march import place
@@ -85,6 +87,8 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     ``progress(states)`` is called with every number of states just looked at. Raises FieldError where the way is so
     long that the search would not end.
     """
+    if scene.led or not isinstance(scene.head, Head):
+        return _anywhere(replace(scene, accuracy='exact'), progress)
     way = _Way(scene, progress)
     head = way.clear_head()
     last = way.start if head.hit and head.hit[0] == head.hit[1] else head.hit[1] if head.hit else way.stop
@@ -93,6 +97,21 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
         return way.followed(last)
     certificate = Certificate(tuple(head.stretches), tuple(body.stretches), True)
     return way.contact(*head.hit, certificate) if head.hit else NoContact(scene.end, way.states, certificate)
+
+
+def _anywhere(scene: Scene, progress: Callable[[int], object]) -> Contact | NoContact:
+    """Follow all pairs in time, on any track and for any head law."""
+    follower, certificate = Follower(scene, progress), Certificate((), (), False)
+    hit = follower.hit()
+    if hit is None:
+        return NoContact(scene.end, follower.states, certificate)
+    found = follower.touching(*hit)
+    t_s, pair = found[0]
+    speed = follower.approach_m_s(pair, t_s)
+    unsure = EXACT.promise_for_m(scene.size_m) / speed if speed > 0 else float('inf')
+    others = tuple(other for later, other in found[1:] if later - t_s <= unsure)
+    seen = witness(follower.benches(t_s)[1], *pair)
+    return Contact(t_s, pair, seen, None, others, speed, unsure, follower.states, certificate)
 
 
 class _Way:
