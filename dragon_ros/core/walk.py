@@ -23,7 +23,8 @@ from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats, Ints, read_only
 
 _LARGEST = 1.98     # of curvature times link: 2 is where a link may lock
-_HAIR = 1e-9        # of a coordinate: a handle so far beyond the track's end is there by rounding
+_HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
+_SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
 
 
 class Place(NamedTuple):
@@ -109,18 +110,20 @@ class Walk:
     def next(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
         """Return the place of the next handle, behind (``way`` BACK) or ahead, and evaluations."""
         piece, u = self.pieces[place.piece], place.u
-        edge = self._edge(place.piece, way)
+        edge = self._edge(place.piece, chord_m, way)
         following, spent = piece.next(u, chord_m, way, tolerance)
         if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
             return Place(place.piece, following), spent
         found, more = self._across(place, chord_m, way, tolerance)
         return found, spent + more
 
-    def _edge(self, k: int, way: int) -> float:
-        """Return where piece k ends behind or ahead; a hair further at the track's own ends."""
+    def _edge(self, k: int, chord_m: float, way: int) -> float:
+        """Return where piece k ends behind or ahead; a little further at the track's own ends."""
         piece = self.pieces[k]
-        near, edge = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
-        return edge if 0 <= k + way < len(self.pieces) else edge + _HAIR * (1 + abs(edge)) * (1 if edge > near else -1)
+        edge = piece.first if way == BACK else piece.last
+        if 0 <= k + way < len(self.pieces) or abs(edge) == inf:
+            return edge
+        return edge + way * _SLACK * chord_m / piece.rate(edge)
 
     def _across(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
         """Return the next place beyond one joint or more."""

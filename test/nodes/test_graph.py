@@ -195,7 +195,7 @@ def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_ot
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['sim', '--scene', 'windin'], 'first_contact, winding'),
+    (['sim', '--scene', 'windin'], 'the scenes are first_contact'),
     (['sim', '--set', 'track.pitch_m=-1'], 'track.pitch_m'),
     (['sim', '--ros-args', '-p', 'time_scale:=-1.0'], 'time_scale'),
     (['sim', '--ros-args', '-p', 'rate_hz:=fast'], 'rate_hz'),
