@@ -53,10 +53,10 @@ def state(scene: Scene, t_s: float) -> Chain:
     return chain or place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
 
 
-def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float] | Floats) -> Floats:
+def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Floats:
     """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at ``t_s`` or of many at many."""
-    if np.ndim(t_s):
-        return chain.velocities(np.array([scene.head.speed_at_m_s(t) for t in np.asarray(t_s).tolist()]))
+    if isinstance(t_s, Sequence):
+        return chain.velocities(np.array([scene.head.speed_at_m_s(t) for t in t_s]))
     return chain.velocities(scene.head.speed_at_m_s(t_s))
 
 

@@ -34,6 +34,11 @@ class Place(NamedTuple):
     u: Angle
 
 
+def least_radius_m(links_m: Floats) -> float:
+    """Return the radius of the tightest bend that links can follow."""
+    return float(np.max(links_m)) / _LARGEST
+
+
 @dataclass(frozen=True)
 class Walk:
     """Pieces in the order of the head's way; ``origins_m`` are the distances along the way at their anchors."""
@@ -78,11 +83,11 @@ class Walk:
 
     def check_links(self, links_m: Floats) -> None:
         """Refuse links that are too long for the track's tightest bend."""
-        longest = float(np.max(links_m))
-        if self.bend * longest > _LARGEST:
+        least = least_radius_m(links_m)
+        if self.bend * least > 1:
             tight = max(range(len(self.pieces)), key=lambda k: self.pieces[k].bend)
-            raise FieldError('track', f'radius {1 / self.bend:.6g} m', f'piece {tight + 1} bends tighter than half the '
-                             f'longest link, {longest / _LARGEST:.6g} m, and the chain could lock there',
+            raise FieldError('track', f'radius {1 / self.bend:.6g} m', f'piece {tight + 1} bends tighter than '
+                             f'{least:.6g} m, a hair over half the longest link, and the chain could lock there',
                              'use larger radii or shorter benches')
 
     def place_at(self, metres: float, lo: float = 0.0) -> Place:

@@ -3,10 +3,9 @@ from argparse import ArgumentParser, Namespace
 from dataclasses import asdict, replace
 from typing import Any
 
-import numpy as np
-
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.turn import Turn, shortest_bent
+from dragon_ros.core.walk import least_radius_m
 from dragon_ros.wire import cli
 
 
@@ -22,9 +21,7 @@ def answer(arguments: Namespace) -> dict[str, Any]:
     turn = scene.track
     if not isinstance(turn, Turn):
         raise InputError('--scene: its track has no S-turn; give a scene whose track.kind is turn', field='track.kind')
-    # A link l finds its place on every way that bends no tighter than l / 2.
-    least = 0.5 * float(np.max(scene.dragon.link_lengths_m))
-    return answer_of(turn, least)
+    return answer_of(turn, least_radius_m(scene.dragon.link_lengths_m))
 
 
 def answer_of(turn: Turn, least_radius_m: float) -> dict[str, Any]:
@@ -44,8 +41,8 @@ def text(values: dict[str, Any]) -> str:
     lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each by '
              f'{values["angle_rad"]:.9g} rad',
              'another ratio does not shorten it: in this circle the radii have one sum and both arcs turn by one angle',
-             f'what limits the ratio: both radii must be at least {least:.9g} m, half the longest link, or links lock; '
-             f'that allows ratios up to {values["largest_ratio"]:.9g}']
+             f'what limits the ratio: both radii must be at least {least:.9g} m, a hair over half the longest link, '
+             f'or links could lock; that allows ratios up to {values["largest_ratio"]:.9g}']
     if values['length_there_m']:
         lines.append(f'a smaller circle shortens it: down to {values["smallest_diameter_m"]:.9g} m, both arcs of '
                      f'{least:.9g} m, it is {values["length_there_m"]:.12g} m long')

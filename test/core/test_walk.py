@@ -120,7 +120,7 @@ def test_a_joint_that_does_not_meet_names_itself_and_the_mismatch():
 
 @pytest.mark.parametrize('track', [Turn(ratio=2.3), Joined((Line(9.0), Arc(1.44, 90.0)))])
 def test_a_bend_in_which_a_link_could_lock_is_refused(track):
-    with pytest.raises(FieldError, match='bends tighter than half the longest link'):
+    with pytest.raises(FieldError, match='bends tighter than 1.44444 m, a hair over half the longest link'):
         Scene(track=track)
 
 
