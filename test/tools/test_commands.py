@@ -112,6 +112,25 @@ def test_every_executable_has_help_with_an_example(capsys, name):
     assert 'example:' in out
 
 
+def test_design_tells_the_turns_length_and_the_largest_speed(capsys):
+    code, out, _ = run(capsys, 'design', 'turn')
+    assert code == 0
+    assert out.startswith('the turn is 13.6212449068 m long')
+    code, out, _ = run(capsys, 'design', 'max-speed', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['handle']) == (0, 3)
+    assert values['speed_m_s'] == pytest.approx(1.2462663582, abs=1e-10)
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'track.kind'),
+    (['max-speed', '--limit', '-1'], '--limit'), (['fast'], 'invalid choice'), ([], 'required')])
+def test_a_design_question_that_has_no_answer_is_told(capsys, arguments, says):
+    code, out, err = run(capsys, 'design', *arguments)
+    assert code == 2
+    assert says in err + out
+
+
 def test_a_closed_pipe_is_no_traceback():
     command = f'{sys.executable} -m dragon_ros table --times 0:100:1 | head -n 1'
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
