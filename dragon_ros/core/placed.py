@@ -230,10 +230,21 @@ def step_in(theta: float, chord: float, arc: float, tolerance: float) -> tuple[f
         return value, delta - across * s + theta * inner * sin(delta)
 
     high = theta - sqrt(max(theta * theta - 2 * arc, 0.0))      # an arc a little longer than asked
-    if chord == 0.0 or excess(high)[0] < 0:
-        return (inf if chord else 0.0), 1
-    delta, spent = bracketed_newton(excess, 0.0, high, 2 * asin(min(1.0, chord / (2 * theta))), tolerance)
-    return delta, spent + 1
+    if chord == 0.0:
+        return 0.0, 0
+    delta = 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))     # on the circle half way
+    for evaluations in range(1, 12):
+        value, slope = excess(delta)
+        change = value / slope if slope > 0 else inf
+        delta -= change
+        if not 0.0 < delta <= high:
+            break
+        if -tolerance * delta <= change <= tolerance * delta:
+            return delta, evaluations
+    if excess(high)[0] < 0:
+        return inf, evaluations + 1
+    delta, more = bracketed_newton(excess, 0.0, high, 0.5 * high, tolerance)
+    return delta, evaluations + 1 + more
 
 
 def reach_m(bend: float, chord_m: float) -> float:
