@@ -17,7 +17,7 @@ from dragon_ros.core.march import Effort
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.types import Floats
-from dragon_ros.core.walk import chain_on
+from dragon_ros.core.walk_chain import chain_on
 
 _SPACING_M = 0.1        # of the first looks
 _CLOSER = 8             # looks for one, where there may be a summit

@@ -9,7 +9,8 @@ from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.march import Effort
 from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.types import Floats
-from dragon_ros.core.walk import Place, Walk, WalkChain, chain_on
+from dragon_ros.core.walk import Place, Walk
+from dragon_ros.core.walk_chain import WalkChain, chain_on
 
 _PRECISE = Effort(1e-8)
 

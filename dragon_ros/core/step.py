@@ -17,7 +17,7 @@ from dragon_ros.core.march_many import place_many
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.types import Floats
-from dragon_ros.core.walk import stacked
+from dragon_ros.core.walk_chain import stacked
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
     encode = list(encoders(scene).values())
     frame = frame_of(scene, None, round(t_s * NS), chain)
     return {'head': partial(_head, scene, t_s), 'chain': partial(CHAIN_SOLVERS[solver], scene, head),
-            'velocities': partial(velocity_of, scene, chain),
+            'velocities': partial(velocity_of, scene, chain, t_s),
             'benches': lambda: benches_of(chain, scene.dragon, axes_of(chain)),
             'neighbours': partial(candidates, chain.p, benches),
             'gaps': lambda: np.min(gaps(benches, i, j), initial=np.inf),
