@@ -30,6 +30,7 @@ setup(
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
         (f'share/{NAME}', ['package.xml']),
         (f'lib/{NAME}', files('scripts')),
+        (f'share/{NAME}/launch', ['launch/dragon.launch.py']),
         *configuration(),
     ],
     python_requires='>=3.10',

@@ -10,8 +10,8 @@ class Executable(NamedTuple):
 
 
 EXECUTABLES = {
-    'sim': Executable('dragon_ros.nodes.sim', 'simulate a scene and publish it'),
-    'monitor': Executable('dragon_ros.nodes.monitor', 'watch a published dragon and report its contacts'),
+    'sim': Executable('dragon_ros.nodes.commands.sim', 'simulate a scene and publish it'),
+    'monitor': Executable('dragon_ros.nodes.commands.monitor', 'watch a published dragon and report its contacts'),
     'record': Executable('dragon_ros.nodes.record', 'record the topics of a dragon as an MCAP bag'),
     'replay': Executable('dragon_ros.nodes.replay', 'publish a bag as it was recorded'),
     'table': Executable('dragon_ros.tools.table', 'print positions and velocities, without ROS'),

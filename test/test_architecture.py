@@ -80,7 +80,7 @@ def copy_source(target):
     target.mkdir(parents=True)
     for name in ('package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md', 'LICENSE'):
         shutil.copy(ROOT / name, target)
-    for name in ('dragon_ros', 'msg_configs', 'resource', 'scripts', 'test'):
+    for name in ('dragon_ros', 'launch', 'msg_configs', 'resource', 'scripts', 'test'):
         shutil.copytree(ROOT / name, target / name, symlinks=True, ignore=shutil.ignore_patterns('__pycache__'))
     return target
 
@@ -102,6 +102,7 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
                if path.is_file() and path.suffix not in ('.py', '.pyc')}
     assert {name.removeprefix('share/dragon_ros/') for name in data if '/msg_configs/' in name} == configs
     assert 'share/ament_index/resource_index/packages/dragon_ros' in data
+    assert 'share/dragon_ros/launch/dragon.launch.py' in data
     packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
     assert packages == {name.rpartition('/')[0] for name in names if name.startswith('dragon_ros/')}
 

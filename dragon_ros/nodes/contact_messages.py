@@ -82,6 +82,17 @@ def markers_of(report: Report) -> MarkerArray:
     return MarkerArray(markers=out)
 
 
+def clearance_of(report: Report) -> Marker:
+    """Return the clearance as text above the place between the closest benches; DELETE where none are near."""
+    out = Marker(header=header_of(report.sight.frame_id, report.sight.t_ns), ns='clearance', action=Marker.DELETE)
+    if report.closest:
+        x, y = witness(report.sight.benches, *report.closest).point_m
+        out.action, out.type, out.color, out.scale = Marker.ADD, Marker.TEXT_VIEW_FACING, _BLACK, Vector3(z=_TEXT_M)
+        out.pose, out.text = _pose(x, y, -_TEXT_M), f'{report.clearance_m * 1e3:.2f} mm'
+        out.pose.position.y -= 2 * _TEXT_M
+    return out
+
+
 def level_of(report: Report | None, warn_below_m: float) -> bytes:
     """Return ERROR for contact, WARN for a clearance below ``warn_below_m``, else OK."""
     if report is None or (not report.count and report.clearance_m >= warn_below_m):

@@ -5,17 +5,14 @@ from collections.abc import Callable
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
-from rclpy.clock import Clock, ClockType
-from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
 from std_msgs.msg import Bool
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.watch import NEAR_M, NS, Report, Watch
+from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import qos, shell
-from dragon_ros.nodes.params import Parameter, declare
-from dragon_ros.wire import cli
+from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.params import MONITOR
 from dragon_ros.wire.cdr import float64_of
 from dragon_ros.wire.cdr_read import Poses
 from dragon_ros.wire.channels import channels
@@ -23,30 +20,28 @@ from dragon_ros.wire.pairing import Pairing
 from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
 
 _PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
+_SHOW_S = 0.1           # clearance/marker comes no more often than this
 _TELL_S = 1.0           # /diagnostics comes so often, in wall time
-_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', '/diagnostics')
-PARAMETERS = (
-    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
-)
+_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
+           '/diagnostics')
 
 
-class Monitor(Node):
+class Monitor(DragonNode):
     """Pairs handles with benches by their stamp, looks at each pair, says what it sees."""
 
     def __init__(self, **overrides: Any) -> None:
         """Subscribe to the raw bytes of handles and benches."""
-        super().__init__('monitor', namespace=shell.NAMESPACE, parameter_overrides=[
-            RosParameter(name, value=value) for name, value in overrides.items()])
-        self._warn_below_m = float({one.name: declare(self, one) for one in PARAMETERS}['warn_below_m'])
+        super().__init__('monitor', MONITOR, overrides)
+        self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
         self._pairs, self._watch = Pairing(), Watch(self._warn_below_m)
         self.dropped = 0
         self._last: Report | None = None
-        self._level = b''
+        self._level, self._shown = b'', 0.0
         self._out = {name: self.create_publisher(shell.message_type(rows[name].type), name, qos.of_channel(rows[name]))
                      for name in _TOPICS}
         self._out['collision/active'].publish(Bool(data=False))
-        self.create_timer(_TELL_S, self._on_timer, clock=Clock(clock_type=ClockType.STEADY_TIME))
+        self.create_timer(_TELL_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
             self.create_subscription(shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)),
@@ -91,6 +86,7 @@ class Monitor(Node):
         self._last = report
         if self._out['clearance'].get_subscription_count():
             self._out['clearance'].publish(float64_of(report.clearance_m))
+        self._show_clearance(report)
         if message := messages.collision_of(report):
             self._out['collision'].publish(message)
             self._log(message)
@@ -102,6 +98,13 @@ class Monitor(Node):
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
             markers.publish(messages.markers_of(report))
         self._tell_health()
+
+    def _show_clearance(self, report: Report) -> None:
+        """Publish the clearance for the eye, as often as an eye can read."""
+        marker, now = self._out['clearance/marker'], time.monotonic()
+        if marker.get_subscription_count() and now - self._shown >= _SHOW_S:
+            self._shown = now
+            marker.publish(messages.clearance_of(report))
 
     def _log(self, message: DiagnosticArray) -> None:
         for status in message.status:
@@ -122,16 +125,8 @@ class Monitor(Node):
             self._out['/diagnostics'].publish(message)
 
 
-def main(argv: list[str]) -> int:
-    """Run the monitor; return the exit code."""
-    options = cli.parser('monitor', 'Watch topics handles and benches, and publish each contact on collision. '
-                         'ROS parameters:\n' + '\n'.join(f'  {p.name}: {p.text}' for p in PARAMETERS),
-                         'ros2 run dragon_ros monitor --ros-args -r __ns:=/other_dragon')
-    shell.parse(options, argv)
-    return shell.run('monitor', argv, _run)
-
-
-def _run(stop: threading.Event) -> int:
+def run(stop: threading.Event) -> int:
+    """Watch in an executor of its own until told to stop; return the exit code."""
     node = Monitor()
     try:
         return shell.spin(node, stop)

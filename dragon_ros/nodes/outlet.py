@@ -1,6 +1,7 @@
 """Publishing bytes: who listens, and holding back where readers are slower than the publisher."""
 import threading
 import time
+from collections import deque
 from collections.abc import Iterable, Mapping
 
 from rclpy._rclpy_pybind11 import RCLError
@@ -27,16 +28,49 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
     return wanted
 
 
+def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
+    """Return whether every topic has its wanted subscribers."""
+    return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
+
+
 def wait_for_readers(wanted: Iterable[tuple[Publisher, int]], stop: threading.Event) -> bool:
     """Wait until every topic has its wanted subscribers; False if told to stop."""
-    while any(publisher.get_subscription_count() < count for publisher, count in wanted):
+    while not readers_are_there(wanted):
         if stop.wait(0.02):
             return False
     return not stop.is_set()
 
 
+class Queue:
+    """Messages on their way out, in order; a reader that is slower than a lossless publisher holds them back."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._waiting: deque[tuple[Publisher, bytes]] = deque()
+        self._alone = 0
+
+    def put(self, publisher: Publisher, data: bytes) -> None:
+        """Append a message."""
+        self._waiting.append((publisher, data))
+
+    def flush(self) -> bool:
+        """Publish what waits; return False where a full queue still holds some back, after a tenth of a second."""
+        while self._waiting:
+            publisher, data = self._waiting[0]
+            try:
+                publisher.publish(data)
+            except RCLError:
+                self._alone = 0 if publisher.get_subscription_count() else self._alone + 1
+                if self._alone > _GIVE_UP:
+                    raise
+                return False
+            self._alone = 0
+            self._waiting.popleft()
+        return True
+
+
 class Feed:
-    """One topic of ``sim``: encodes and publishes, but only what somebody hears."""
+    """One topic of ``sim``: encodes, but only what somebody hears."""
 
     def __init__(self, publisher: Publisher, encode: Encode) -> None:
         """Publish on ``publisher`` what ``encode`` makes of a frame."""
@@ -44,29 +78,23 @@ class Feed:
         self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self.published = 0
 
-    def publish(self, frame: Frame, stop: threading.Event) -> None:
-        """Publish a frame; without a subscriber nothing is encoded.
+    def put(self, frame: Frame, queue: Queue) -> None:
+        """Queue a frame's message; without a subscriber nothing is encoded.
 
         Who subscribes later hears from the next frame on, as ever: a volatile topic keeps nothing for late joiners.
         A latched one does, and is always published.
         """
         if self._latched or self.publisher.get_subscription_count():
-            publish(self.publisher, self._encode(frame), stop)
+            queue.put(self.publisher, self._encode(frame))
             self.published += 1
 
 
 def publish(publisher: Publisher, data: bytes, stop: threading.Event) -> None:
     """Publish; where the queue of a lossless publisher is full, wait for its readers."""
-    alone = 0
-    while True:
-        try:
-            publisher.publish(data)
-            return
-        except RCLError:
-            if stop.is_set():
-                return
-            if not publisher.get_subscription_count() and (alone := alone + 1) > _GIVE_UP:
-                raise
+    queue = Queue()
+    queue.put(publisher, data)
+    while not queue.flush() and not stop.is_set():
+        pass
 
 
 def drain(publishers: Iterable[Publisher]) -> None:

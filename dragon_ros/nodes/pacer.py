@@ -6,34 +6,66 @@ from dragon_ros.core.errors import FieldError
 
 
 class Pacer:
-    """Waits for the wall time at which each simulation time is due; ``scale`` 0 means do not wait at all.
+    """Says when each simulation time is due; ``scale`` 0 means at once.
 
     A tick that starts later than the one after it was due is an overrun. It is counted, and pacing goes on from
     there at the steady rate: no burst follows.
     """
 
-    def __init__(self, scale: float, stop: threading.Event) -> None:
+    def __init__(self, scale: float) -> None:
         """Pace at ``scale`` seconds of simulation for each second."""
-        if not 0 <= scale <= 1e6:
-            raise FieldError('time_scale', scale, 'it must lie between 0 and 1e6', '0 is as fast as possible')
-        self._scale, self._stop = scale, stop
+        self._scale = _checked(scale)
         self._origin: tuple[int, int] | None = None
-        self._last_ns = 0
+        self.last_ns: int | None = None
         self.overruns = 0
         self.worst_late_s = 0.0
 
-    def wait(self, t_ns: int) -> bool:
-        """Wait until ``t_ns`` is due; return False if told to stop."""
-        if self._scale == 0:
-            return not self._stop.is_set()
-        now = time.monotonic_ns()
-        if self._origin is None:
-            self._origin, self._last_ns = (now, t_ns), t_ns
-        due = self._origin[0] + round((t_ns - self._origin[1]) / self._scale)
-        late = now - due
-        if late > (t_ns - self._last_ns) / self._scale and t_ns > self._last_ns:
+    @property
+    def scale(self) -> float:
+        """Seconds of simulation for each second; a change takes effect at once, without a jump."""
+        return self._scale
+
+    @scale.setter
+    def scale(self, scale: float) -> None:
+        now, old, self._scale = time.monotonic_ns(), self._scale, _checked(scale)
+        if self._origin:
+            self._origin = (now, self._origin[1] + round((now - self._origin[0]) * old)) if old and scale else None
+
+    def rest(self) -> None:
+        """Forget the pace: what comes next is due one step after the last tick, counted from when it is asked for."""
+        self._origin = None
+
+    def delay_ns(self, t_ns: int) -> int:
+        """Return how long ``t_ns`` is ahead in nanoseconds of wall time; 0 where it is due."""
+        return max(0, -self._late_ns(t_ns)) if self._scale else 0
+
+    def start(self, t_ns: int) -> None:
+        """Note that the tick at ``t_ns`` starts now."""
+        step_ns = t_ns - self.last_ns if self.last_ns is not None else 0
+        self.last_ns = t_ns
+        if not self._scale:
+            return
+        late = self._late_ns(t_ns)
+        if step_ns > 0 and late > step_ns / self._scale:
             self.overruns += 1
             self.worst_late_s = max(self.worst_late_s, late / 1e9)
-            self._origin = (now, t_ns)
-        self._last_ns = t_ns
-        return not (self._stop.wait(-late / 1e9) if late < 0 else self._stop.is_set())
+            self._origin = time.monotonic_ns(), t_ns
+
+    def wait(self, t_ns: int, stop: threading.Event) -> bool:
+        """Wait until ``t_ns`` is due and start it; return False if told to stop."""
+        if (delay := self.delay_ns(t_ns)) and stop.wait(delay / 1e9):
+            return False
+        self.start(t_ns)
+        return not stop.is_set()
+
+    def _late_ns(self, t_ns: int) -> int:
+        now = time.monotonic_ns()
+        if self._origin is None:
+            self._origin = now, t_ns if self.last_ns is None else min(self.last_ns, t_ns)
+        return now - self._origin[0] - round((t_ns - self._origin[1]) / self._scale)
+
+
+def _checked(scale: float) -> float:
+    if not 0 <= scale <= 1e6:
+        raise FieldError('time_scale', scale, 'it must lie between 0 and 1e6', '0 is as fast as possible')
+    return scale

@@ -1,20 +1,18 @@
-"""Parameters of the nodes, each declared once: name, default, limits and text."""
+"""Parameters of the nodes, each listed once: name, default, limits and text. Imports little, so that help is quick."""
 from dataclasses import dataclass
 from typing import Any
 
-from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
-from rclpy.node import Node
-from rclpy.parameter import Parameter as RosParameter
-
-from dragon_ros.core.errors import InputError
+# A test keeps these two equal to those of core.scene and core.watch, which are slow to import.
+LATEST_S = 2**31 - 1
+NEAR_M = 0.02
+_AS_SCENE = -1.0
 
 
 @dataclass(frozen=True)
 class Parameter:
     """One parameter; the type is that of the default, numbers have limits, texts may have choices.
 
-    All are read when the node starts.
+    A ``live`` one can be set while the node runs; the others are read when it starts, and read-only from then on.
     """
 
     name: str
@@ -23,38 +21,40 @@ class Parameter:
     low: float | None = None
     high: float | None = None
     choices: tuple[str, ...] = ()
-
-    @property
-    def descriptor(self) -> ParameterDescriptor:
-        """What ``ros2 param describe`` shows."""
-        out = ParameterDescriptor(name=self.name, description=self.text, read_only=True,
-                                  additional_constraints=f'one of {", ".join(self.choices)}' if self.choices else '')
-        if self.low is not None and isinstance(self.default, float):
-            out.floating_point_range = [FloatingPointRange(from_value=float(self.low), to_value=float(self.high))]
-        elif self.low is not None:
-            out.integer_range = [IntegerRange(from_value=int(self.low), to_value=int(self.high))]
-        return out
+    live: bool = False
 
 
-def declare(node: Node, parameter: Parameter) -> Any:
-    """Declare a parameter and return its value. Raises InputError that names it, the value and the limits."""
-    _widen(node, parameter)
-    try:
-        value = node.declare_parameter(parameter.name, parameter.default, parameter.descriptor).value
-    except InvalidParameterTypeException:
-        wanted = type(parameter.default).__name__
-        raise InputError(f'parameter {parameter.name}: is not of type {wanted}; {parameter.text}') from None
-    except InvalidParameterValueException:
-        raise InputError(f'parameter {parameter.name}: is outside {parameter.low} to {parameter.high}; '
-                         f'{parameter.text}') from None
-    if parameter.choices and value not in parameter.choices:
-        raise InputError(f'parameter {parameter.name}: {value!r} is not one of {", ".join(parameter.choices)}; '
-                         f'{parameter.text}')
-    return value
+# Of every node that plays something: nodes/controls.py reads them.
+CONTROLS = (
+    Parameter('step_ticks', 1, 'How many ticks the service step plays', 1, 1000, live=True),
+    Parameter('seek_s', 0.0, 'Where the service seek goes: to the last tick at or before this time, in seconds',
+              0.0, LATEST_S, live=True),
+    Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (it stays for reset, seek and step); '
+              'loop (it starts again)', choices=('stop', 'hold', 'loop'), live=True),
+    Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and each second while it '
+              'stands'),
+)
+SIM = (
+    Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
+    Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key'),
+    Parameter('accuracy', '', 'Largest position error: metres or a tier; empty: as the scene says'),
+    Parameter('start_s', _AS_SCENE, 'First tick, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
+    Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: its own', -1.0, LATEST_S),
+    Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
+    Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0 (at the start only): as fast as the readers '
+              'follow', 0.0, 1e6, live=True),
+    Parameter('wait_subscribers', [''], 'Start when topics have so many subscribers, e.g. [handles=2, velocities=1]'),
+    Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame of exactly that time '
+              'and stay, as with at_end hold); stop (end with that frame)', choices=('continue', 'hold', 'stop')),
+    *CONTROLS,
+    Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),
+    Parameter('frame_id', 'dragon', 'Frame of all messages'),
+)
+MONITOR = (
+    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
+)
 
 
-def _widen(node: Node, parameter: Parameter) -> None:
-    """Take a whole number for a float parameter: ``-p rate_hz:=50`` means 50.0."""
-    given = node._parameter_overrides.get(parameter.name)
-    if given is not None and isinstance(parameter.default, float) and type(given.value) is int:
-        node._parameter_overrides[parameter.name] = RosParameter(parameter.name, value=float(given.value))
+def described(table: tuple[Parameter, ...]) -> str:
+    """Return the lines that ``--help`` shows for a table."""
+    return '\n'.join(f'  {parameter.name}: {parameter.text}' for parameter in table)

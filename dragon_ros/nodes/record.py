@@ -8,10 +8,9 @@ from functools import partial
 from pathlib import Path
 from typing import Any
 
-from rclpy.node import Node
-
 from dragon_ros.nodes import qos, shell
-from dragon_ros.wire import cli
+from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.commands import line
 from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns
 from dragon_ros.wire.channels import Channel, channels
 from dragon_ros.wire.log import LogWriter
@@ -22,12 +21,12 @@ _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64Multi
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
 
 
-class Recorder(Node):
+class Recorder(DragonNode):
     """Subscribes to every topic of topics.yaml and writes what it gets."""
 
     def __init__(self, path: Path, overwrite: bool) -> None:
         """Create the bag, then subscribe."""
-        super().__init__('record', namespace=shell.NAMESPACE)
+        super().__init__('record')
         self.bag = LogWriter(path, overwrite)
         self._clock = SimulationClock(self.bag.write)
         self._last, self._seen = time.monotonic(), False
@@ -75,13 +74,13 @@ class Recorder(Node):
 
 def main(argv: list[str]) -> int:
     """Run the recorder; return the exit code."""
-    options = cli.parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).',
+    options = line.parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).',
                          'ros2 run dragon_ros record --output run.mcap')
     options.add_argument('--output', type=Path, metavar='FILE', help='bag to write (dragon_DATE_TIME.mcap)')
     options.add_argument('--keep-going', action='store_true', help='go on when the publisher leaves, until a signal')
     options.add_argument('--force', action='store_true', help='replace an existing file')
-    arguments = shell.parse(options, argv)
-    return shell.run('record', argv, partial(_run, arguments))
+    arguments = line.parse(options, argv)
+    return shell.run('record', argv, partial(_run, arguments), arguments.json)
 
 
 def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:

@@ -5,23 +5,24 @@ import time
 from functools import partial
 from pathlib import Path
 
-from rclpy.node import Node
 from rclpy.publisher import Publisher
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.watch import NS
 from dragon_ros.nodes import outlet, qos, shell
+from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.commands import line
 from dragon_ros.nodes.pacer import Pacer
 from dragon_ros.wire import cli
 from dragon_ros.wire.log import LogReader
 
 
-class Replay(Node):
+class Replay(DragonNode):
     """Publishes the bytes of a bag under the recorded names."""
 
     def __init__(self, bag: LogReader, topics: list[str] | None, lossless: bool) -> None:
         """Advertise the topics of the bag."""
-        super().__init__('replay', namespace=shell.NAMESPACE)
+        super().__init__('replay')
         self._bag = bag
         rows = [row for row in bag.topics if topics is None or row.name in topics]
         profiles = {row.name: qos.of_bag(row.qos) for row in rows}
@@ -44,10 +45,10 @@ class Replay(Node):
         return cli.OK
 
     def _once(self, arguments: argparse.Namespace, stop: threading.Event) -> int:
-        pacer, told, count = Pacer(arguments.rate, stop), time.monotonic(), 0
+        pacer, told, count = Pacer(arguments.rate), time.monotonic(), 0
         start_ns = self._bag.start_ns + round(arguments.start * NS)
         for message in self._bag.messages(list(self._out), start_ns):
-            if not pacer.wait(message.t_ns):
+            if not pacer.wait(message.t_ns, stop):
                 break
             outlet.publish(self._out[message.topic], message.data, stop)
             count += 1
@@ -59,7 +60,7 @@ class Replay(Node):
 
 def main(argv: list[str]) -> int:
     """Replay a bag; return the exit code."""
-    options = cli.parser('replay', 'Publish the messages of a bag on their topics again, byte for byte.',
+    options = line.parser('replay', 'Publish the messages of a bag on their topics again, byte for byte.',
                          'ros2 run dragon_ros replay run.mcap --rate 2 --start 5')
     options.add_argument('bag', type=Path, metavar='BAG', help='MCAP file')
     options.add_argument('--rate', type=float, default=1.0, help='speed factor; 0 is as fast as possible (1)')
@@ -69,8 +70,8 @@ def main(argv: list[str]) -> int:
                          help='publish only these topics (full names)')
     options.add_argument('--wait-subscribers', type=lambda text: text.split(','), default=[], metavar='NAME=N,...',
                          help='start when topics have so many subscribers')
-    arguments = shell.parse(options, argv)
-    return shell.run('replay', argv, partial(_run, arguments))
+    arguments = line.parse(options, argv)
+    return shell.run('replay', argv, partial(_run, arguments), arguments.json)
 
 
 def _run(arguments: argparse.Namespace, stop: threading.Event) -> int:

@@ -1,8 +1,6 @@
-"""The life of a node: arguments, signals, spinning, errors in one line, exit codes."""
-import argparse
+"""The life of a node: signals, spinning, errors in one line, exit codes."""
 import importlib
 import signal
-import sys
 import threading
 from collections.abc import Callable
 from typing import Any
@@ -12,36 +10,26 @@ from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
-from rclpy.utilities import remove_ros_args
 
 from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.nodes import logs
 from dragon_ros.wire.cli import BAD_INPUT, OK
 
-NAMESPACE = '/dragon'
 
-
-def parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespace:
-    """Parse the arguments that are not for ROS (``--ros-args ...``); exit with code 2 where any is wrong."""
-    try:
-        rest: list[str] = remove_ros_args([options.prog, *argv])[1:]
-    except Exception as error:  # rcl raises its own types for bad --ros-args
-        options.exit(BAD_INPUT, f'{options.prog}: {" ".join(str(error).split())}\n')
-    return options.parse_args(rest)
-
-
-def run(name: str, argv: list[str], body: Callable[[threading.Event], int]) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; SIGINT and SIGTERM set ``stop``.
+def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
+    """Initialise ROS, run ``body(stop)`` and shut down; SIGINT and SIGTERM set ``stop``. Logs as JSON if asked.
 
     rclpy's own signal handlers would end the context in the middle of a tick; here a node always ends between two.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: stop.set())
-    rclpy.init(args=[name, *argv], signal_handler_options=SignalHandlerOptions.NO)
+    quiet = logs.speak_json() if as_json else []
+    rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
     try:
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
-        print(f'{name}: {" ".join(str(error).split())}', file=sys.stderr)
+        logs.say('error', name, ' '.join(str(error).split()))
         return BAD_INPUT
     finally:
         rclpy.try_shutdown()

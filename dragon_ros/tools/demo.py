@@ -16,12 +16,10 @@ from typing import IO, NoReturn
 from tqdm import tqdm
 
 from dragon_ros.core.errors import DragonError, MissingError
-from dragon_ros.tools.picture import contact_picture
 from dragon_ros.wire import cli
 from dragon_ros.wire.cdr_read import Status, read_diagnostics
 from dragon_ros.wire.compare import compare_with_model
 from dragon_ros.wire.domain import free_domain, local_environment
-from dragon_ros.wire.figures import save
 from dragon_ros.wire.log import LogReader
 from dragon_ros.wire.scenes import load_scene
 
@@ -77,7 +75,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
     say(f'1. sim, monitor and recorder, three processes over DDS, {pace:g} times real time')
     with _processes(folder / 'live.log') as start:
         _bystanders(start, live)
-        sim = start('sim', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
+        sim = start('sim', '--json', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
                     '-p', f'wait_subscribers:=[{_READERS}]')
         threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
         _follow(sim)
@@ -94,6 +92,8 @@ def _demonstrate(folder: Path, pace: float) -> int:
 
 def _check(folder: Path, live: Path, again: Path) -> int:
     """Compare live, replayed and model; draw the picture; say what there is to see."""
+    from dragon_ros.tools.picture import contact_picture  # matplotlib is slow to import
+    from dragon_ros.wire.figures import save
     scene = load_scene(SCENE)
     with LogReader(live) as bag, LogReader(again) as replayed:
         comparison = compare_with_model(bag, scene)

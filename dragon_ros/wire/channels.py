@@ -38,9 +38,9 @@ def channels_of(document: Document) -> dict[str, Channel]:
 
 
 def live(effects: Effect) -> list[Channel]:
-    """Return the topics that sim publishes for these effects."""
-    return [channel for channel in channels().values()
-            if channel.publisher == 'sim' and (channel.effect is None or channel.effect in effects)]
+    """Return the topics on which sim publishes each tick for these effects; latched ones it publishes once."""
+    return [channel for channel in channels().values() if channel.publisher == 'sim'
+            and channel.durability == 'volatile' and (channel.effect is None or channel.effect in effects)]
 
 
 def _channel(document: Document, name: str) -> Channel:

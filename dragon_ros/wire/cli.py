@@ -3,11 +3,12 @@ import argparse
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import NoReturn
+from typing import TYPE_CHECKING, NoReturn
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
-from dragon_ros.core.scene import Scene
-from dragon_ros.wire.scenes import load_scene
+
+if TYPE_CHECKING:       # help comes without numpy
+    from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT = 0, 1, 2
 
@@ -40,8 +41,9 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file, not to standard output')
 
 
-def scene_from(arguments: argparse.Namespace) -> Scene:
+def scene_from(arguments: argparse.Namespace) -> 'Scene':
     """Return the scene that the options describe."""
+    from dragon_ros.wire.scenes import load_scene
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
 

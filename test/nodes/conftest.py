@@ -16,12 +16,11 @@ PATIENCE_S = 60.0
 
 
 class Process:
-    """One executable of the package; what it prints is collected line by line."""
+    """A program that runs; what it prints is collected line by line."""
 
-    def __init__(self, arguments, environment, cwd):
-        self._child = subprocess.Popen([sys.executable, '-m', 'dragon_ros', *arguments], env=environment, cwd=cwd,
-                                       stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                                       text=True)
+    def __init__(self, command, environment, cwd):
+        self._child = subprocess.Popen(command, env=environment, cwd=cwd, stdin=subprocess.DEVNULL,
+                                       stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
         self.lines, self._new = [], threading.Condition()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -61,6 +60,10 @@ class Process:
         self._child.send_signal(number)
 
     @property
+    def running(self):
+        return self._child.poll() is None
+
+    @property
     def pid(self):
         return self._child.pid
 
@@ -88,7 +91,7 @@ def start(domain, tmp_path):
     environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log')}
 
     def run(*arguments):
-        running.append(Process([str(a) for a in arguments], environment, tmp_path))
+        running.append(Process([sys.executable, '-m', 'dragon_ros', *map(str, arguments)], environment, tmp_path))
         return running[-1]
     yield run
     for process in running:

@@ -1,4 +1,6 @@
 """What the monitor says on each of its topics, and the sim that acts on a contact: real nodes over real DDS."""
+from importlib.util import find_spec
+
 import numpy as np
 import pytest
 
@@ -86,6 +88,7 @@ def test_an_episode_is_told_from_its_begin_to_its_end_on_every_topic(start, node
 def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     start('monitor', '--ros-args', '-p', 'warn_below_m:=0.001')
     heard = Listener(node, '/diagnostics')
+    node.until(lambda: heard.got['/diagnostics'])
     source = Publisher(node, 404)
     node.until(lambda: heard.got['/diagnostics'])       # it listens: what came before is not kept for it
     source.show(404, 412.44, 412.48, 404)
@@ -147,8 +150,8 @@ def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
     start('sim', '--scene', 'first_contact')
     node.until(lambda: node.count_publishers('handles') == 1)
     mine = [row.name for row in channels().values() if row.publisher == 'monitor']
-    assert len(mine) == 6
-    assert [node.count_publishers(name) for name in mine] == [0] * 6
+    assert len(mine) == 7
+    assert [node.count_publishers(name) for name in mine] == [0] * 7
 
 
 def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
@@ -211,3 +214,51 @@ def test_a_contact_at_the_start_is_the_only_frame_and_without_contact_the_run_go
     sim = run('run.start_s=10', 'run.stop_s=10.2')
     node.until(lambda: len(stamps) == 11)
     assert sim.end() == 0
+
+
+def test_who_looks_late_still_sees_the_track_and_who_looks_now_the_clearance(start, node):
+    from visualization_msgs.msg import Marker
+    start('monitor')
+    start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1]',
+          '-p', 'frame_id:=sea', '-p', 'at_end:=hold')
+    heard = Listener(node, 'clearance/marker')
+    node.until(lambda: heard.got['clearance/marker'])
+    late = Listener(node, 'track')
+    node.until(lambda: late.got['track'])
+    (track,) = late.got['track']
+    assert (track.type, track.header.frame_id, track.header.stamp.sec) == (Marker.LINE_STRIP, 'sea', 400)
+    assert len(track.points) > 1000
+    label = heard.got['clearance/marker'][0]
+    assert (label.type, label.header.frame_id) == (Marker.TEXT_VIEW_FACING, 'sea')
+    assert label.text.endswith(' mm')
+    assert float(label.text.split()[0]) > 0
+
+
+def test_the_ends_of_the_dragon_are_frames_with_the_pose_of_their_handles():
+    from dragon_ros.nodes.ends import transforms_of
+    scene = load_scene('winding')
+    frame = tick(scene, 500)
+    head, tail = transforms_of(frame, 'sea')
+    assert [(one.header.frame_id, one.child_frame_id) for one in (head, tail)] == [
+        ('sea', 'sea/head'), ('sea', 'sea/tail')]
+    assert (head.header.stamp.sec, head.header.stamp.nanosec) == (10, 0)
+    poses = read_pose_array(encoders(scene, 'sea')['handles'](frame)).poses
+    for transform, pose in ((head.transform, poses[0]), (tail.transform, poses[-1])):
+        assert (transform.translation.x, transform.translation.y) == tuple(pose[:2])
+        assert (transform.rotation.z, transform.rotation.w) == tuple(pose[5:])
+
+
+@pytest.mark.skipif(find_spec('tf2_msgs') is not None, reason='tf2_msgs is installed here')
+def test_without_tf2_msgs_the_sim_says_what_to_install(start):
+    sim = start('sim', '--ros-args', '-p', 'publish_tf:=true')
+    assert sim.end() == 2
+    assert "install the package 'tf2_msgs'" in sim.text
+
+
+def test_both_ends_are_on_tf_when_asked_for(start, node):
+    tf2 = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs has no wheel; it comes with ROS 2')
+    messages = []
+    node.create_subscription(tf2.TFMessage, '/tf', messages.append, 10)
+    start('sim', '--ros-args', '-p', 'publish_tf:=true')
+    node.until(lambda: messages)
+    assert [one.child_frame_id for one in messages[0].transforms] == ['dragon/head', 'dragon/tail']

@@ -1,6 +1,4 @@
 """What nobody hears is not encoded: real publishers and real subscribers over DDS."""
-import threading
-
 import pytest
 
 pytest.importorskip('rclpy')
@@ -25,8 +23,10 @@ class Source:
         self.feed = outlet.Feed(publisher, lambda frame: self.encoded.append(frame.k) or encode(frame))
 
     def show(self, *ticks):
+        queue = outlet.Queue()
         for k in ticks:
-            self.feed.publish(tick(self.scene, k), threading.Event())
+            self.feed.put(tick(self.scene, k), queue)
+        assert queue.flush()
 
 
 def listen(node, durability='volatile'):

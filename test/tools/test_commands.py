@@ -135,3 +135,12 @@ def test_a_closed_pipe_is_no_traceback():
     command = f'{sys.executable} -m dragon_ros table --times 0:100:1 | head -n 1'
     done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
     assert done.stderr == ''
+
+
+@pytest.mark.parametrize('name', ['sim', 'monitor'])
+def test_help_comes_before_anything_slow_is_imported(name):
+    code = ('import sys\nfrom dragon_ros.__main__ import main\n'
+            f'try:\n    main([{name!r}, "--help"])\nexcept SystemExit as end:\n    print(end.code)\n'
+            'print([slow for slow in ("rclpy", "numpy", "shapely", "matplotlib") if slow in sys.modules])')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-2:] == ['0', '[]']

@@ -1,0 +1,73 @@
+"""What every node of the package has: its namespace, its parameters from a table, its log, and a look at /clock."""
+from typing import Any
+
+from rcl_interfaces.msg import SetParametersResult
+from rclpy.clock import Clock, ClockType
+from rclpy.node import Node
+from rclpy.parameter import Parameter as RosParameter
+
+from dragon_ros.core.errors import DragonError
+from dragon_ros.nodes import logs
+from dragon_ros.nodes.declare import check, declare, widened
+from dragon_ros.nodes.params import Parameter
+
+NAMESPACE = '/dragon'
+STEADY = Clock(clock_type=ClockType.STEADY_TIME)
+_NO_CLOCK_S = 3.0
+
+
+class DragonNode(Node):
+    """A node in namespace /dragon, unless told otherwise; it works in any executor.
+
+    ``setting`` holds the values of its parameters. A subclass says in ``refuse`` what may not be set, and does in
+    ``changed`` what a change calls for.
+    """
+
+    def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
+        """Declare the parameters of the table; ``overrides`` come before the command line's."""
+        super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
+            RosParameter(key, value=value) for key, value in (overrides or {}).items()])
+        self._table = {parameter.name: parameter for parameter in table}
+        self.setting = {parameter.name: declare(self, parameter) for parameter in table}
+        self.add_pre_set_parameters_callback(self._widen)
+        self.add_on_set_parameters_callback(self._on_set)
+        self.add_post_set_parameters_callback(self._after_set)
+        self._ros_time = self.get_clock()
+        self._patience = self.create_timer(_NO_CLOCK_S, self._look_for_clock, clock=STEADY)
+
+    def get_logger(self) -> logs.Logger:
+        """Return the logger of the node, which also speaks JSON."""
+        return logs.logger(super().get_logger().name)
+
+    def refuse(self, name: str, value: Any) -> None:
+        """Raise DragonError, with the reason, where a live parameter may not take a value."""
+
+    def changed(self, name: str) -> None:
+        """Act on the new value of a live parameter."""
+
+    def _widen(self, given: list[RosParameter]) -> list[RosParameter]:
+        return [widened(self._table[one.name], one) if one.name in self._table else one for one in given]
+
+    def _on_set(self, given: list[RosParameter]) -> SetParametersResult:
+        try:
+            for one in given:
+                if one.name in self._table:
+                    check(self._table[one.name], one.value)
+                    self.refuse(one.name, one.value)
+        except DragonError as error:
+            return SetParametersResult(successful=False, reason=str(error))
+        return SetParametersResult(successful=True)
+
+    def _after_set(self, given: list[RosParameter]) -> None:
+        for one in given:
+            if one.name in self._table:
+                self.setting[one.name] = one.value
+                self.changed(one.name)
+
+    def _look_for_clock(self) -> None:
+        """Say it, once, where ROS time is to come from /clock and none came."""
+        self._patience.cancel()
+        if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
+            self.get_logger().warning(f'use_sim_time is true, and nothing came on /clock for {_NO_CLOCK_S:g} s: stamps '
+                                      'of wall time stay 0; start one sim or replay with publish_clock:=true, or set '
+                                      'use_sim_time to false')

@@ -1,0 +1,200 @@
+"""Playing frames in simulation time, under control: pause, resume, reset, step, seek, speed; in any executor.
+
+A steady timer, set to when the next frame is due, plays it. The services stand below the node's name, as those of a
+rosbag2 player do (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not get into each other's way.
+"""
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from std_srvs.srv import Trigger
+
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.scene import NS
+from dragon_ros.nodes import logs
+from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.pacer import Pacer
+
+_POLL_NS = 20_000_000       # looks so often whether it may start
+_SLICE_S = 0.005            # plays so long before others in the executor have their turn
+_TELL_S = 1.0               # progress comes so often
+
+
+class Reel(Protocol):
+    """What is played: frames in the order of simulation time, and a place among them."""
+
+    def next_ns(self) -> int | None:
+        """Return the time of the next frame; None at the end."""
+
+    def show(self) -> None:
+        """Publish the next frame, and move on."""
+
+    def flush(self) -> bool:
+        """Publish what slow readers held back; return whether nothing is held back any more."""
+
+    def rewind(self) -> None:
+        """Move to the first frame."""
+
+    def seek(self, t_ns: int) -> None:
+        """Move to the last frame at or before ``t_ns``. Raises DragonError where there is none."""
+
+    def place(self) -> str:
+        """Return where the last frame that was shown stands, for people."""
+
+    def ending(self) -> str:
+        """Return why there is no next frame, for people."""
+
+
+class Player:
+    """Plays a reel on a node that has the parameters ``CONTROLS``; ``done`` once it has ended for good."""
+
+    def __init__(self, node: DragonNode, reel: Reel, time_scale: float, ready: Callable[[], bool]) -> None:
+        """Offer the services; play from the moment when ``ready()`` is true."""
+        self.pacer, self.paused, self.done = Pacer(time_scale), False, False
+        self._node, self._reel, self._ready = node, reel, ready
+        self._waiting, self._owed, self._told = True, 0, time.monotonic()
+        self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
+        for name in ('pause', 'resume', 'reset', 'step', 'seek'):
+            node.create_service(Trigger, f'~/{name}', self._service(getattr(self, name)))
+
+    def pause(self) -> str:
+        """Stand still after the last frame."""
+        self.paused = True
+        return f'paused {self._reel.place()}'
+
+    def resume(self) -> str:
+        """Go on; the next frame is due one tick from now. Raises DragonError at an end that holds."""
+        if self._reel.next_ns() is None and self._node.setting['at_end'] == 'hold':
+            raise DragonError(f'{self._reel.ending()}: nothing comes after it; reset or seek first')
+        self.paused = False
+        self._wake()
+        return f'goes on {self._reel.place()}'
+
+    def reset(self) -> str:
+        """Go back to the first frame and show it: time goes back as well. Whether it is paused does not change."""
+        self._reel.rewind()
+        return self._show_now(1)
+
+    def step(self) -> str:
+        """Pause, then play the next ``step_ticks`` frames at once."""
+        self.paused = True
+        if self._reel.next_ns() is None:
+            raise DragonError(f'{self._reel.ending()}: nothing comes after it; reset or seek first')
+        return self._show_now(self._node.setting['step_ticks'])
+
+    def seek(self) -> str:
+        """Go to the last frame at or before ``seek_s`` and show it. Whether it is paused does not change."""
+        self._reel.seek(round(self._node.setting['seek_s'] * NS))
+        return self._show_now(1)
+
+    def set_speed(self, time_scale: float) -> None:
+        """Go on at another speed from where it is, without a jump."""
+        self.pacer.scale = time_scale
+        self._wake()
+
+    def stands(self) -> bool:
+        """Return whether time stands still: before the start, in a pause, at the end."""
+        return self._waiting or self.paused or self.done
+
+    def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
+        def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
+            try:
+                response.success, response.message = True, act()
+            except DragonError as error:
+                response.success, response.message = False, str(error)
+            return response
+        return serve
+
+    def _show_now(self, frames: int) -> str:
+        """Show so many frames at once, or as soon as slow readers let them pass."""
+        self._owed, self.done = frames, False
+        while self._owed and self._play_owed():
+            pass
+        self._wake()
+        return self._reel.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
+
+    def _play_owed(self) -> bool:
+        """Show one frame that is owed; return whether that was possible."""
+        t_ns = self._reel.next_ns()
+        if t_ns is None:
+            self._owed = 0
+        elif self._reel.flush():
+            self._owed -= 1
+            self.pacer.rest()
+            self.pacer.start(t_ns)
+            self._reel.show()
+        else:
+            return False
+        return True
+
+    def _wake(self, delay_ns: int = 0) -> None:
+        """Come back to play after ``delay_ns`` of wall time."""
+        self._timer.timer_period_ns = delay_ns
+        self._timer.reset()
+
+    def _on_timer(self) -> None:
+        delay_ns = self._play()
+        if delay_ns is None:
+            self._timer.cancel()
+        else:
+            self._wake(delay_ns)
+
+    def _play(self) -> int | None:
+        """Play what is due; return the wall time until there is more to do, None where only a service changes that."""
+        if self._waiting and not self._owed:
+            if not self._ready():
+                return _POLL_NS
+            self._waiting = False
+            self._node.get_logger().info(f'starts {self._reel.place()}')
+        until = time.monotonic() + _SLICE_S
+        delay_ns: int | None = 0
+        while delay_ns == 0 and time.monotonic() < until:
+            delay_ns = self._play_one()
+        self._tell()
+        return delay_ns
+
+    def _play_one(self) -> int | None:
+        """Play one frame if it is due; return as ``_play`` does."""
+        if not self._reel.flush():
+            return 0
+        if self._owed:
+            self._play_owed()
+            return 0
+        if self.paused or self.done:
+            self.pacer.rest()
+            return None
+        t_ns = self._reel.next_ns()
+        if t_ns is None:
+            return self._end()
+        if delay_ns := self.pacer.delay_ns(t_ns):
+            return delay_ns
+        self.pacer.start(t_ns)
+        self._reel.show()
+        return 0
+
+    def _end(self) -> int | None:
+        """Do at the end what ``at_end`` says; return as ``_play`` does."""
+        at_end = self._node.setting['at_end']
+        if at_end == 'loop':
+            self._reel.rewind()
+            self.pacer.rest()
+            return 0
+        self.paused, self.done = at_end == 'hold', at_end == 'stop'
+        self._log_end(': holds there until a signal, reset or seek' if self.paused else '')
+        return None
+
+    def _log_end(self, then: str) -> None:
+        pacer = self.pacer
+        if pacer.overruns:
+            self._node.get_logger().warning(f'{self._reel.ending()}{then}; {pacer.overruns} overruns, the worst '
+                                            f'{pacer.worst_late_s:.3f} s late')
+        else:
+            self._node.get_logger().info(f'{self._reel.ending()}{then}')
+
+    def _tell(self) -> None:
+        """Log the progress each second, where somebody follows it."""
+        if time.monotonic() - self._told >= _TELL_S and logs.progress_wanted() and not self.stands():
+            self._told, pacer = time.monotonic(), self.pacer
+            self._node.get_logger().info(
+                f'{self._reel.place()}, {pacer.overruns} overruns',
+                data={'t_s': (pacer.last_ns or 0) / NS, 'overruns': pacer.overruns, 'time_scale': pacer.scale})

@@ -1,0 +1,76 @@
+"""The frames of a run in order, and a place among them: its ticks, and the contact's own frame where it ends there."""
+from dataclasses import replace
+
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.first_contact import Contact
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import Frame, frame_of, state, tick
+
+
+class Frames:
+    """Ticks 0, 1, 2, ... of a scene; with a contact, those before it and then the frame of exactly its time."""
+
+    def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
+        """Stand before the first frame."""
+        self._scene, self._contact = scene, contact
+        self._last = contact_frame(scene, contact) if contact else None
+        ticks = scene.last_tick + 1
+        self._ticks = min(ticks, ticks_before(scene, contact)) if contact else ticks
+        self.count = self._ticks + (contact is not None)
+        self.k = 0
+
+    def next_ns(self) -> int | None:
+        """Return the time of the next frame; None at the end."""
+        return self._time_ns(self.k) if self.k < self.count else None
+
+    def take(self) -> Frame:
+        """Return the next frame, and move on."""
+        k, self.k = self.k, self.k + 1
+        return self._last if self._last and k == self._ticks else tick(self._scene, k)
+
+    def rewind(self) -> None:
+        """Move to the first frame."""
+        self.k = 0
+
+    def seek(self, t_ns: int) -> None:
+        """Move to the last frame at or before ``t_ns``. Raises FieldError outside of the run."""
+        self.check_time(t_ns)
+        k = min(self._scene.run.tick_at(t_ns), self._ticks - 1)
+        self.k = self._ticks if self._last and t_ns >= self._last.t_ns else k
+
+    def check_time(self, t_ns: int) -> None:
+        """Raise FieldError where the run has no frame at or before ``t_ns``, or has ended long before."""
+        first, last = self._time_ns(0), self._time_ns(self.count - 1)
+        end = max(last, round(self._scene.end.t_s * NS)) if self._last is None else last
+        if not first <= t_ns <= end:
+            raise FieldError('seek_s', t_ns / NS, f'the run goes from {first / NS:.9g} s to {end / NS:.9g} s',
+                             'seek within it')
+
+    def place(self) -> str:
+        """Return where the last frame that was taken stands, for people."""
+        k = max(self.k - 1, 0)
+        return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
+
+    def ending(self) -> str:
+        """Return why there is no next frame, for people."""
+        if self._contact:
+            inner, outer = self._contact.benches
+            return f'the run ends in the contact of benches {inner} and {outer} at {self._contact.t_s:.9f} s'
+        end = self._scene.end
+        why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
+        return f'{why[end.reason]} at {end.t_s:.6f} s after {self.count} ticks'
+
+    def _time_ns(self, k: int) -> int:
+        return self._last.t_ns if self._last and k == self._ticks else self._scene.run.time_ns(k)
+
+
+def contact_frame(scene: Scene, contact: Contact) -> Frame:
+    """Return the frame of exactly the time of contact, at the exact tier; its stamp is rounded to a nanosecond."""
+    exact = replace(scene, accuracy='exact')
+    return frame_of(exact, None, round(contact.t_s * NS), state(exact, contact.t_s))
+
+
+def ticks_before(scene: Scene, contact: Contact) -> int:
+    """Return how many ticks are before the stamp of the contact."""
+    t_ns = round(contact.t_s * NS)
+    return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

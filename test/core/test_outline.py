@@ -1,0 +1,28 @@
+"""The line that is drawn for the track."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.head import Head
+from dragon_ros.core.outline import outline
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+
+
+@pytest.mark.parametrize('scene', [Scene(), Scene(run=Run(400, 413)), Scene(head=Head(-1.0), run=Run(0, 50)),
+                                   Scene(accuracy='paper', run=Run(0, 2))], ids=str)
+def test_the_line_covers_every_handle_of_the_run_and_strays_from_the_track_no_more_than_promised(scene):
+    line = outline(scene, sag_m=0.002)
+    radius = np.hypot(*line.T)
+    for k in (0, scene.last_tick // 2, scene.last_tick):
+        p = tick(scene, k).chain.p
+        assert radius[0] - 1e-9 <= np.hypot(*p.T).min()
+        assert np.hypot(*p.T).max() <= radius[-1] + 1e-9
+    middle = 0.5 * (line[1:] + line[:-1])
+    turned = 0.5 * (radius[1:] + radius[:-1]) / scene.track.b_m
+    on_track = scene.track.b_m * turned[:, None] * np.stack((np.cos(turned), np.sin(turned)), axis=1)
+    assert np.hypot(*(middle - on_track).T).max() < 0.0021
+
+
+def test_the_line_of_a_huge_dragon_stays_drawable():
+    scene = Scene(run=Run(0, 1))
+    assert len(outline(scene, sag_m=1e-12)) == 100_000

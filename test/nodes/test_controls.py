@@ -1,0 +1,254 @@
+"""Control of a running sim: services, live parameters, /clock, and nodes in other people's executors."""
+import json
+import threading
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
+from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
+from rosgraph_msgs.msg import Clock
+from std_srvs.srv import Trigger
+
+from dragon_ros.core import scene, watch
+from dragon_ros.nodes import params
+from dragon_ros.nodes.params import SIM
+from dragon_ros.wire.cdr_read import read_pose_array
+
+TICK_NS = 20_000_000
+START_NS = 400_000_000_000
+PARAMETER = {bool: ParameterType.PARAMETER_BOOL, int: ParameterType.PARAMETER_INTEGER,
+             float: ParameterType.PARAMETER_DOUBLE, str: ParameterType.PARAMETER_STRING}
+FIELD = {bool: 'bool_value', int: 'integer_value', float: 'double_value', str: 'string_value'}
+
+
+class Remote:
+    """What a user does with a running sim from another process."""
+
+    def __init__(self, node, name='/dragon/sim'):
+        from geometry_msgs.msg import PoseArray
+        self._node, self._name, self.stamps = node, name, []
+        node.create_subscription(PoseArray, 'handles', lambda data: self.stamps.append(read_pose_array(data).t_ns),
+                                 1000, raw=True)
+
+    def _ask(self, kind, name, request):
+        client = self._node.create_client(kind, f'{self._name}/{name}')
+        self._node.until(client.service_is_ready)
+        future = client.call_async(request)
+        self._node.until(future.done)
+        self._node.destroy_client(client)
+        return future.result()
+
+    def call(self, name):
+        answer = self._ask(Trigger, name, Trigger.Request())
+        return answer.success, answer.message
+
+    def set(self, name, value):
+        given = Parameter(name=name, value=ParameterValue(type=PARAMETER[type(value)], **{FIELD[type(value)]: value}))
+        (result,) = self._ask(SetParameters, 'set_parameters', SetParameters.Request(parameters=[given])).results
+        return result.successful, result.reason
+
+    def get(self, name):
+        return self._ask(GetParameters, 'get_parameters', GetParameters.Request(names=[name])).values[0]
+
+    def describe(self, names):
+        return self._ask(DescribeParameters, 'describe_parameters', DescribeParameters.Request(names=names)).descriptors
+
+    def shown(self, *ticks):
+        """Wait until exactly these ticks were heard since the last look."""
+        wanted = [START_NS + TICK_NS * k for k in ticks]
+        self._node.until(lambda: len(self.stamps) >= len(wanted))
+        assert self.stamps == wanted
+        self.stamps.clear()
+
+
+@pytest.fixture
+def paused(start, node):
+    """A sim of first_contact that was paused in its run and then reset: it stands at tick 0."""
+    remote = Remote(node)
+    remote.process = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1]',
+                           '-p', 'at_end:=hold')
+    node.until(lambda: len(remote.stamps) > 2)
+    assert remote.call('pause')[0]
+    remote.call('reset')
+    node.until(lambda: remote.stamps[-1] == START_NS)
+    remote.stamps.clear()
+    return remote
+
+
+def test_step_plays_so_many_ticks_and_stands_again(paused):
+    assert paused.call('step') == (True, 'at 400.020 s, tick 1 of 651')
+    paused.shown(1)
+    assert paused.set('step_ticks', 3) == (True, '')
+    assert paused.call('step') == (True, 'at 400.080 s, tick 4 of 651')
+    paused.shown(2, 3, 4)
+
+
+def test_seek_shows_the_last_tick_at_or_before_the_time_and_does_not_start_what_is_paused(paused):
+    assert paused.set('seek_s', 410.009) == (True, '')
+    assert paused.call('seek') == (True, 'at 410.000 s, tick 500 of 651')
+    assert paused.call('step')[0]
+    paused.shown(500, 501)
+    assert paused.call('reset') == (True, 'at 400.000 s, tick 0 of 651')
+    paused.shown(0)
+
+
+def test_what_is_resumed_goes_on_from_where_it_was_without_a_gap(paused, node):
+    paused.set('seek_s', 405.0)
+    paused.call('seek')
+    assert paused.call('resume') == (True, 'goes on at 405.000 s, tick 250 of 651')
+    node.until(lambda: len(paused.stamps) > 10)
+    assert paused.call('pause')[0]
+    steps = {after - before for before, after in zip(paused.stamps, paused.stamps[1:], strict=False)}
+    assert (paused.stamps[0], steps) == (405_000_000_000, {TICK_NS})
+
+
+def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
+    paused.set('seek_s', 412.98)
+    paused.call('seek')
+    paused.call('resume')
+    paused.process.wait_for('holds there until a signal')
+    paused.shown(649, 650)
+    for name in ('resume', 'step'):
+        succeeded, why = paused.call(name)
+        assert not succeeded
+        assert 'the run ends at 413.000000 s after 651 ticks: nothing comes after it; reset or seek' in why
+    assert paused.call('reset')[0]
+    assert paused.call('step')[0]
+    paused.shown(0, 1)
+    assert paused.process.stop() == 0
+
+
+def test_a_run_can_loop_and_be_told_to_stop_at_its_end(start, node):
+    remote = Remote(node)
+    process = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=400.1', '--ros-args', '-p',
+                    'wait_subscribers:=[handles=1]', '-p', 'at_end:=loop')
+    node.until(lambda: len(remote.stamps) >= 13)
+    assert remote.stamps[:13] == [START_NS + TICK_NS * (k % 6) for k in range(13)]
+    assert remote.set('at_end', 'stop') == (True, '')
+    assert process.end() == 0, process.text
+
+
+def test_the_speed_changes_live_and_whole_numbers_are_taken(paused, node):
+    assert paused.set('time_scale', 100) == (True, '')
+    assert paused.get('time_scale').double_value == 100.0
+    paused.call('resume')
+    paused.process.wait_for('holds there until a signal')
+    node.until(lambda: len(paused.stamps) == 650)
+    assert paused.process.stop() == 0
+
+
+@pytest.mark.parametrize(('name', 'value', 'says'), [
+    ('scene', 'winding', 'read-only'), ('rate_hz', 10.0, 'read-only'), ('publish_clock', True, 'read-only'),
+    ('time_scale', 0.0, 'start sim with time_scale:=0.0'), ('time_scale', -1.0, 'range'),
+    ('time_scale', float('nan'), 'range'), ('time_scale', 'fast', 'type'), ('step_ticks', 0, 'range'),
+    ('step_ticks', 1.5, 'type'), ('at_end', 'explode', 'not one of stop, hold, loop'),
+    ('seek_s', 399.0, 'the run goes from 400 s to 413 s'), ('seek_s', 414.0, 'the run goes from 400 s to 413 s'),
+])
+def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_value(paused, name, value, says):
+    before = paused.get(name)
+    accepted, reason = paused.set(name, value)
+    assert not accepted
+    assert says in reason
+    assert paused.get(name) == before
+
+
+def test_parameters_are_described_with_type_range_text_and_whether_they_are_live(start, node):
+    start('sim')
+    rows = {row.name: row for row in Remote(node).describe([parameter.name for parameter in SIM])}
+    assert all(row.description for row in rows.values())
+    assert {name for name, row in rows.items() if not row.read_only} == {'time_scale', 'step_ticks', 'seek_s', 'at_end'}
+    assert rows['time_scale'].floating_point_range[0].to_value == 1e6
+    assert rows['step_ticks'].integer_range[0].to_value == 1000
+    assert rows['on_contact'].additional_constraints == 'one of continue, hold, stop'
+
+
+def test_the_tables_that_import_little_have_the_limits_of_the_core():
+    assert (params.NEAR_M, params.LATEST_S) == (watch.NEAR_M, scene.LATEST_S)
+
+
+def test_the_clock_follows_every_tick_goes_back_at_a_reset_and_is_told_while_time_stands(start, node):
+    times = []
+    node.create_subscription(Clock, '/clock', lambda m: times.append(m.clock.sec * 10**9 + m.clock.nanosec), 100)
+    remote = Remote(node)
+    start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=2]', '-p',
+          'publish_clock:=true')
+    node.until(lambda: times[:2] == [START_NS] * 2)
+    _ = Remote(node)
+    node.until(lambda: len(remote.stamps) > 5)
+    remote.call('pause')
+    node.until(lambda: times[-1:] == remote.stamps[-1:] and times[-2:-1] == times[-1:])
+    assert sorted(set(times)) == remote.stamps
+    remote.call('reset')
+    node.until(lambda: times[-1] == START_NS)
+
+
+def test_a_node_on_simulation_time_says_once_that_no_clock_comes(start):
+    monitor = start('monitor', '--ros-args', '-p', 'use_sim_time:=true')
+    monitor.wait_for('nothing came on /clock for 3 s')
+    assert 'publish_clock:=true' in monitor.text
+    assert monitor.stop() == 0
+    assert monitor.text.count('nothing came on /clock') == 1
+
+
+def test_the_stamps_of_the_monitor_follow_the_clock(start, node):
+    from diagnostic_msgs.msg import DiagnosticArray
+    stamps = []
+    node.create_subscription(DiagnosticArray, '/diagnostics', lambda m: stamps.append(m.header.stamp.sec), 10)
+    start('monitor', '--ros-args', '-p', 'use_sim_time:=true')
+    start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'publish_clock:=true', '-p', 'at_end:=loop')
+    node.until(lambda: stamps and 400 <= stamps[-1] <= 413)
+
+
+@pytest.mark.parametrize('scale', [0.0, 50.0])
+@pytest.mark.parametrize('kind', ['SingleThreadedExecutor', 'MultiThreadedExecutor'])
+def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale):
+    import rclpy
+    from rclpy import executors
+
+    from dragon_ros.nodes.monitor import Monitor
+    from dragon_ros.nodes.sim import Sim
+    rclpy.init()
+    executor, nodes = getattr(executors, kind)(), []
+    try:
+        nodes += [Monitor(), Sim(scene='first_contact', set=['run.start_s=412.2', 'run.stop_s=412.7'],
+                                 time_scale=scale, wait_subscribers=['handles=1', 'benches=1'])]
+        for one in nodes:
+            executor.add_node(one)
+        found, end = [], threading.Event()
+        nodes[0].get_logger().error = lambda text: (found.append(text), end.set())
+        for _ in range(20_000):
+            if end.is_set() and nodes[1].player.done:
+                break
+            executor.spin_once(timeout_sec=0.01)
+        assert 'contact of benches 0 and 8 at 412.473838 s' in found[0]
+        assert nodes[1].player.done
+    finally:
+        executor.shutdown()
+        for one in nodes:
+            one.destroy_node()
+        rclpy.shutdown()
+
+
+@pytest.mark.parametrize('arguments', [['sim', '--scene', 'first_contact', '--set', 'run.stop_s=401.5'],
+                                       ['monitor'], ['record', '--output', 'run.mcap']], ids=lambda v: v[0])
+def test_logs_for_machines_are_one_json_object_a_line(start, arguments):
+    process = start(arguments[0], '--json', *arguments[1:], '--ros-args', '-p', 'use_sim_time:=true')
+    process.wait_for('/clock' if arguments[0] == 'monitor' else '}')
+    if arguments[0] != 'sim':
+        process.stop()
+    assert process.end() == 0, process.text
+    rows = [json.loads(row) for row in process.text.splitlines()]
+    assert all({'wall_s', 'level', 'name', 'message'} <= row.keys() for row in rows)
+    assert {row['name'] for row in rows} == {f'dragon.{arguments[0]}'}
+    if arguments[0] == 'sim':
+        (progress,) = [row for row in rows if 't_s' in row]
+        assert 400 < progress['t_s'] < 401.5
+        assert progress['overruns'] >= 0
+
+
+def test_without_a_terminal_no_progress_is_logged(start):
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5')
+    assert sim.end() == 0
+    assert [line.partition(']: ')[2].split()[0] for line in sim.lines] == ['starts', 'the', 'published:']

@@ -1,0 +1,147 @@
+"""dragon.launch.py with the launch package of ROS 2, which has no wheel: run where ROS 2 is installed."""
+import os
+import sys
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('rclpy')
+pytest.importorskip('launch_ros', reason='launch_ros comes with ROS 2, not from PyPI')
+
+from conftest import Process
+from geometry_msgs.msg import PoseArray
+from rcl_interfaces.srv import GetParameters
+
+from dragon_ros.wire.log import LogReader
+
+ROOT = Path(__file__).parents[2]
+LAUNCH = '''
+import sys
+from launch import LaunchDescription, LaunchService
+from launch.actions import IncludeLaunchDescription
+from launch.launch_description_sources import PythonLaunchDescriptionSource
+service = LaunchService()
+service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
+    PythonLaunchDescriptionSource(sys.argv[1]), launch_arguments=[one.split(':=', 1) for one in sys.argv[2:]])]))
+sys.exit(service.run())
+'''
+STAND_IN = '#!/bin/sh\necho "rviz2 runs with $*"\ncat "$2"\nexec sleep 1000\n'
+
+
+@pytest.fixture
+def prefix(tmp_path):
+    """An install prefix with the package, as colcon or pip would make it."""
+    index, share, lib = 'share/ament_index/resource_index/packages', 'share/dragon_ros', 'lib'
+    for folder in (index, share, lib):
+        (tmp_path / 'prefix' / folder).mkdir(parents=True)
+    (tmp_path / 'prefix' / index / 'dragon_ros').touch()
+    (tmp_path / 'prefix' / lib / 'dragon_ros').symlink_to(ROOT / 'scripts')
+    for name in ('launch', 'msg_configs'):
+        (tmp_path / 'prefix' / share / name).symlink_to(ROOT / name)
+    return tmp_path / 'prefix'
+
+
+@pytest.fixture
+def launch(domain, prefix, tmp_path):
+    """Launch with arguments; what was launched ends with the test."""
+    running = []
+    search = os.pathsep.join([str(prefix), *filter(None, [os.environ.get('AMENT_PREFIX_PATH')])])
+    environment = {**os.environ, 'AMENT_PREFIX_PATH': search, 'ROS_LOG_DIR': str(tmp_path / 'log'),
+                   'PYTHONUNBUFFERED': '1', 'OVERRIDE_LAUNCH_PROCESS_OUTPUT': 'screen',
+                   'PYTHONPATH': os.pathsep.join([str(ROOT), *filter(None, [os.environ.get('PYTHONPATH')])]),
+                   'PATH': os.pathsep.join([str(Path(sys.executable).parent), os.environ['PATH']])}
+
+    def run(*arguments):
+        command = [sys.executable, '-c', LAUNCH, str(ROOT / 'launch' / 'dragon.launch.py'), *arguments]
+        running.append(Process(command, environment, tmp_path))
+        return running[-1]
+    yield run
+    for process in running:
+        if process.running:
+            process.stop()
+        process.kill()
+
+
+def parameter(node, name, key):
+    client = node.create_client(GetParameters, f'{name}/get_parameters')
+    node.until(client.service_is_ready)
+    future = client.call_async(GetParameters.Request(names=[key]))
+    node.until(future.done)
+    return future.result().values[0]
+
+
+def heard(node, topic):
+    frames = []
+    node.create_subscription(PoseArray, topic, lambda message: frames.append(message.header.frame_id), 1000)
+    return frames
+
+
+def test_a_recorded_run_ends_by_itself_when_all_is_written(launch, tmp_path):
+    run = launch('scene:=first_contact', 'time_scale:=10', 'at_end:=stop', 'record:=run.mcap', 'headless:=true')
+    assert run.end() == 0, run.text
+    assert 'contact of benches 0 and 8 at 412.47383' in run.text
+    with LogReader(tmp_path / 'run.mcap') as bag:
+        counts = {topic.name: topic.messages for topic in bag.topics}
+    assert [counts[f'/dragon/{name}'] for name in ('handles', 'benches', 'velocities', 'collision')] == [651] * 3 + [1]
+
+
+def test_dragons_stand_side_by_side_by_namespace(launch, node):
+    launch('namespace:=red', 'headless:=true')
+    launch('namespace:=far/blue', 'headless:=true', 'frame_id:=sea')
+    red, blue = heard(node, '/red/handles'), heard(node, '/far/blue/handles')
+    node.until(lambda: red and blue)
+    assert (red[0], blue[0]) == ('red', 'sea')
+    names = {f'{space}/{name}' for name, space in node.get_node_names_and_namespaces()}
+    assert {'/red/sim', '/red/monitor', '/far/blue/sim', '/far/blue/monitor'} <= names
+
+
+def test_each_argument_of_the_run_reaches_the_node_that_it_is_for(launch, node):
+    launch('scene:=first_contact', 'rate:=10', 'time_scale:=2', 'accuracy:=fine', 'use_sim_time:=true',
+           'on_contact:=stop', 'warn_below:=0.1', 'headless:=true')
+    values = {'scene': 'first_contact', 'accuracy': 'fine', 'at_end': 'hold', 'on_contact': 'stop',
+              'frame_id': 'dragon'}
+    assert {key: parameter(node, '/dragon/sim', key).string_value for key in values} == values
+    assert parameter(node, '/dragon/sim', 'rate_hz').double_value == 10
+    assert parameter(node, '/dragon/sim', 'time_scale').double_value == 2
+    assert parameter(node, '/dragon/monitor', 'warn_below_m').double_value == 0.1
+    assert parameter(node, '/dragon/monitor', 'use_sim_time').bool_value
+    assert parameter(node, '/dragon/sim', 'publish_clock').bool_value
+
+
+def test_a_bag_is_replayed_in_place_of_a_sim(launch, tmp_path):
+    assert launch('scene:=first_contact', 'time_scale:=10', 'at_end:=stop', 'record:=run.mcap', 'headless:=true',
+                  'monitor:=false').end() == 0
+    again = launch('replay:=run.mcap', 'time_scale:=10', 'at_end:=stop', 'headless:=true', 'json:=true')
+    assert again.end() == 0, again.text
+    assert '"message": "contact of benches 0 and 8 at 412.47383' in again.text
+    assert 'sim-' not in again.text
+
+
+@pytest.mark.parametrize(('arguments', 'shown'), [
+    ([], True), (['rviz:=false'], False), (['headless:=true'], False), (['headless:=true', 'rviz:=true'], False)])
+def test_rviz_shows_the_topics_of_the_namespace_unless_headless(launch, prefix, arguments, shown):
+    (prefix / 'share/ament_index/resource_index/packages/rviz2').touch()
+    (prefix / 'lib/rviz2').mkdir()
+    (prefix / 'lib/rviz2/rviz2').write_text(STAND_IN)
+    (prefix / 'lib/rviz2/rviz2').chmod(0o755)
+    run = launch('namespace:=red', *arguments)
+    if shown:
+        run.wait_for('Fixed Frame: red')
+        run.wait_for('Value: /red/collision/markers')
+    run.wait_for('starts at 0.000 s')
+    assert ('rviz2 runs' in run.text) == shown
+    assert '/dragon/' not in run.text.replace(str(prefix), '')
+
+
+def test_without_rviz_it_says_so_and_runs(launch):
+    run = launch()
+    run.wait_for('rviz2 is not installed')
+    run.wait_for('starts at 0.000 s')
+
+
+@pytest.mark.parametrize(('argument', 'says'), [('scene:=windin', 'first_contact, winding'), ('rate:=0', 'run.rate_hz'),
+                                                ('at_end:=never', '"never" is not valid')])
+def test_what_cannot_be_ends_everything_with_the_reason(launch, argument, says):
+    run = launch(argument, 'headless:=true')
+    run.end()
+    assert says in run.text
