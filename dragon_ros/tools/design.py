@@ -5,7 +5,7 @@ from collections.abc import Callable
 from functools import partial
 from typing import Any, NamedTuple
 
-from dragon_ros.tools import design_speed, design_turn
+from dragon_ros.tools import design_fit, design_min_pitch, design_speed, design_turn
 from dragon_ros.wire import cli
 
 Values = dict[str, Any]
@@ -26,6 +26,11 @@ QUESTIONS = {
                      design_turn.options, design_turn.answer, design_turn.text),
     'max-speed': Question('the largest speed of the leader at which no handle ever exceeds a limit',
                           'max-speed --limit 2', design_speed.options, design_speed.answer, design_speed.text),
+    'min-pitch': Question('the smallest pitch at which the head reaches a circle without any contact on the way in',
+                          'min-pitch --diameter 9', design_min_pitch.options, design_min_pitch.answer,
+                          design_min_pitch.text),
+    'fit': Question('the smallest square that holds the whole dragon during a run, and whether it fits a given one',
+                    'fit --square 24', design_fit.options, design_fit.answer, design_fit.text),
 }
 
 
