@@ -44,14 +44,22 @@ def dot(a: Floats, b: Floats) -> Floats:
     return out
 
 
-def motion(b_m: float, chain: SpiralChain, axis: Floats) -> Motion:
-    """Return how the benches of a chain move while its head moves inwards by one metre a unit of time."""
+def handle_motion(b_m: float, chain: SpiralChain, axis: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return velocity and acceleration (..., N+1, 2) of the handles, and speed and tangential acceleration (..., N+1).
+
+    The head moves inwards by one metre a unit of time; speeds count outwards.
+    """
     t = tangents(chain.theta)
     s = -speeds(chain, 1.0)
     bend = s * s * curvature(b_m, chain.theta)
     v = s[..., None] * t
     tangential = _tangential(chain, axis, t, bend, v)
-    a = tangential[..., None] * t + bend[..., None] * left(t)
+    return v, tangential[..., None] * t + bend[..., None] * left(t), s, tangential
+
+
+def motion(b_m: float, chain: SpiralChain, axis: Floats) -> Motion:
+    """Return how the benches of a chain move while its head moves inwards by one metre a unit of time."""
+    v, a, s, tangential = handle_motion(b_m, chain, axis)
     joined = chain.links_m == 0
     length = np.where(joined, 1.0, chain.links_m)
     side = left(axis)

@@ -6,9 +6,9 @@ from math import ceil, floor, hypot, inf, sqrt
 
 import numpy as np
 
-from dragon_ros.core.checks import choice, number
+from dragon_ros.core.checks import choice, number, whole
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.effects import Effect, check_needs
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Joined, wound
@@ -66,6 +66,34 @@ class Run:
 
 
 @dataclass(frozen=True)
+class Noise:
+    """Standard deviations of a sensor that sees the handles, and the seed that repeats it."""
+
+    position_m: float = 0.005
+    yaw_rad: float = 0.002
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse a sensor that is not one."""
+        number('noise.position_m', self.position_m, low=0.0, high=1e6)
+        number('noise.yaw_rad', self.yaw_rad, low=0.0, high=1e3)
+        whole('noise.seed', self.seed, low=0, high=2**63)
+
+
+@dataclass(frozen=True)
+class Trails:
+    """How many seconds a trail goes back, and by how many points it is drawn."""
+
+    seconds: float = 10.0
+    points: int = 64
+
+    def __post_init__(self) -> None:
+        """Refuse a trail that is not one."""
+        number('trails.seconds', self.seconds, above=0.0, high=LATEST_S)
+        whole('trails.points', self.points, low=2, high=10_000)
+
+
+@dataclass(frozen=True)
 class End:
     """Where a scene ends: time, why ('stop', 'lock' or 'track') and the link that locks."""
 
@@ -89,9 +117,12 @@ class Scene:
     effects: Effect = Effect.VELOCITY | Effect.BENCHES
     solver: str = 'table'
     markers: str = 'cubes'
+    noise: Noise = field(default_factory=Noise)
+    trails: Trails = field(default_factory=Trails)
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that no tier keeps, a solver that there is not, and markers that nobody draws."""
+        """Refuse an accuracy that no tier keeps, choices that there are not, and effects without what they need."""
+        check_needs(self.effects)
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)
         tier_for(self.accuracy, self.size_m)

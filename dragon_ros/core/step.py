@@ -2,8 +2,11 @@
 
 A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same bits.
 """
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -19,6 +22,11 @@ from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.types import Floats
 from dragon_ros.core.walk_chain import stacked
 
+if TYPE_CHECKING:
+    from dragon_ros.core.closeness import Closeness, Contacts
+    from dragon_ros.core.health import Health
+    from dragon_ros.core.noise import Measured
+
 
 @dataclass(frozen=True)
 class Frame:
@@ -28,8 +36,24 @@ class Frame:
     t_ns: int
     chain: Chain
     axis: Floats
-    velocity_m_s: Floats | None
-    benches: Benches | None
+    velocity_m_s: Floats | None = None
+    benches: Benches | None = None
+    closeness: 'Closeness | None' = None
+    contacts: 'Contacts | None' = None
+    acceleration_m_s2: Floats | None = None
+    tension_n_kg: Floats | None = None
+    measured: 'Measured | None' = None
+    trail_m: Floats | None = None
+    health: 'Health | None' = None
+
+
+# The field of each effect, and the function (scene, frame with what comes before) -> value; imported only where on.
+_PARTS = {
+    Effect.VELOCITY: ('velocity_m_s', 'step', '_velocity'), Effect.BENCHES: ('benches', 'step', '_benches'),
+    Effect.CLEARANCE: ('closeness', 'closeness', 'closeness'), Effect.CONTACT: ('contacts', 'closeness', 'contacts'),
+    Effect.ACCELERATIONS: ('acceleration_m_s2', 'dynamics', 'accelerations'),
+    Effect.FORCES: ('tension_n_kg', 'dynamics', 'tensions'), Effect.NOISE: ('measured', 'noise', 'measured'),
+    Effect.TRAILS: ('trail_m', 'trails', 'trail'), Effect.DIAGNOSTICS: ('health', 'health', 'health')}
 
 
 def tick(scene: Scene, k: int) -> Frame:
@@ -62,10 +86,25 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Flo
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
-    effects, axis = scene.effects, axes_of(chain)
-    return Frame(k, t_ns, chain, axis,
-                 velocity_of(scene, chain, t_ns / NS) if Effect.VELOCITY in effects else None,
-                 benches_of(chain, scene.dragon, axis) if Effect.BENCHES in effects else None)
+    frame = Frame(k, t_ns, chain, axes_of(chain))
+    for name, compute in _plan(scene.effects):
+        object.__setattr__(frame, name, compute(scene, frame))      # nobody else has it yet
+    return frame
+
+
+@lru_cache(maxsize=256)
+def _plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
+    """Return the fields to fill, with their functions, in order."""
+    return tuple((name, getattr(import_module(f'dragon_ros.core.{module}'), function))
+                 for effect, (name, module, function) in _PARTS.items() if effect in effects)
+
+
+def _velocity(scene: Scene, frame: Frame) -> Floats:
+    return velocity_of(scene, frame.chain, frame.t_ns / NS)
+
+
+def _benches(scene: Scene, frame: Frame) -> Benches:
+    return benches_of(frame.chain, scene.dragon, frame.axis)
 
 
 def states(scene: Scene, times_s: Sequence[float]) -> Chain:

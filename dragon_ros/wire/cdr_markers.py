@@ -28,6 +28,7 @@ class Look:
     colour: Colour
     points: int = 0
     colours: tuple[Colour, ...] = ()
+    action: int = 0
 
 
 class Places(NamedTuple):
@@ -42,7 +43,7 @@ def put_marker(writer: Writer, look: Look, frame_id: str) -> Places:
     """Append one Marker and return the offsets of its stamp, pose and points."""
     stamp = writer.header(frame_id)
     writer.text(look.ns)
-    writer.put('i', look.id, look.type, 0)
+    writer.put('i', look.id, look.type, look.action)
     pose = writer.put('d', 0, 0, 0, 0, 0, 0, 1)
     writer.put('d', *look.scale)
     writer.put('f', *look.colour)

@@ -35,21 +35,29 @@ class LogWriter:
         self._writer = Writer(self._file, compression=CompressionType.ZSTD)
         self._writer.start('ros2', f'dragon_ros {__version__}')
         self._ids: dict[str, int] = {}
+        self._announced: dict[str, Channel] = {}
         self._schemas: dict[str, int] = {}
         self.counts: dict[str, int] = {}
 
     def add_channel(self, topic: str, channel: Channel) -> None:
-        """Announce a topic by its full name, with the type and QoS of a channel."""
+        """Announce a topic by full name, with type and QoS of a channel; without messages it leaves no trace."""
+        self._announced[topic] = channel
+        self.counts[topic] = 0
+
+    def _open(self, topic: str) -> int:
+        """Write the topic's channel, and its schema if it is the first of its type; return its number."""
+        channel = self._announced[topic]
         if channel.type not in self._schemas:
             self._schemas[channel.type] = self._writer.register_schema(
                 channel.type, 'ros2msg', schema_text(channel.type).encode())
         metadata = {'offered_qos_profiles': qos_text(channel), 'topic_type_hash': type_hash(channel.type)}
-        self._ids[topic] = self._writer.register_channel(topic, 'cdr', self._schemas[channel.type], metadata)
-        self.counts[topic] = 0
+        return self._writer.register_channel(topic, 'cdr', self._schemas[channel.type], metadata)
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int) -> None:
         """Append one message; ``t_ns`` is simulation time."""
         with _disk_errors(self.path):
+            if topic not in self._ids:
+                self._ids[topic] = self._open(topic)
             self._writer.add_message(self._ids[topic], t_ns, data, t_ns, sequence)
         self.counts[topic] += 1
 

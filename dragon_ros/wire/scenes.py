@@ -13,7 +13,7 @@ from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import KINDS as PIECES
 from dragon_ros.core.joined import Joined
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.scene import Noise, Run, Scene, Trails
 from dragon_ros.core.turn import Turn
 from dragon_ros.wire import config
 from dragon_ros.wire.documents import Document, parse_document, read_document
@@ -23,6 +23,8 @@ SECTIONS: dict[str, dict[str, type]] = {
     'track': {'spiral': Spiral, 'turn': Turn, 'joined': Joined},
     'head': {'constant': Head, 'profile': Profile},
     'run': {'': Run},
+    'noise': {'': Noise},
+    'trails': {'': Trails},
 }       # by kind; the first is the default
 _WORDS = ('lead', 'ramps', 'side')
 CHOICES = ('solver', 'markers')
