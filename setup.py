@@ -36,6 +36,6 @@ setup(
     python_requires='>=3.10',
     # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
     install_requires=['matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0', 'shapely>=2.0', 'tqdm>=4.64'],
-    extras_require={'test': ['hypothesis', 'pytest>=7.4']},
+    extras_require={'test': ['hypothesis', 'jsonschema>=4.10', 'pytest>=7.4'], 'xlsx': ['openpyxl>=3.1']},
     zip_safe=False,
 )

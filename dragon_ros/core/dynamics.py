@@ -11,8 +11,8 @@ from dragon_ros.core.types import Floats, read_only
 def accelerations(scene: Scene, frame: Frame) -> Floats:
     """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the head's steady speed."""
     assert isinstance(frame.chain, SpiralChain)
-    per_way = handle_motion(scene.track.b_m, frame.chain, frame.axis)[1]
-    return read_only(per_way * scene.head.speed_m_s**2)
+    per_way = handle_motion(scene.spiral.b_m, frame.chain, frame.axis)[1]
+    return read_only(per_way * scene.steady_m_s**2)
 
 
 def tensions(_: Scene, frame: Frame) -> Floats:

@@ -65,8 +65,8 @@ class Extent:
 def extent(scene: Scene, within_m: float = 1e-10, progress: Callable[[int], object] = lambda states: None) -> Extent:
     """Return the room that the scene's run takes; bounds differ by at most ``within_m``.
 
-    ``progress(states)`` is called with every number of chains just looked at. Raises FieldError for a way that is too
-    long to search, DragonError where the bounds do not meet.
+    ``progress(states)`` is called with every number of chains just looked at. Raises FieldError for a scene that is not
+    one spiral led by the head at a constant speed or whose way is too long, DragonError where the bounds do not meet.
     """
     search = _Search(scene, progress)
     return Extent(tuple(search.side(n, within_m) for n in range(len(SIDES))), search.states)
@@ -87,10 +87,11 @@ class _Search:
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self.scene, self.states, self._tell = scene, 0, progress
         self._effort = EXACT.effort(scene.size_m, scene.length_m)
+        scene.check_plain()
         run, stop_s = scene.run, scene.end.t_s
         # The lock itself is left out by a hair: accelerations are infinite there.
         stop_s -= 1e-9 * (stop_s - run.start_s) if scene.end.reason == 'lock' else 0.0
-        way_m = abs(scene.head.speed_m_s) * (stop_s - run.start_s)
+        way_m = abs(scene.steady_m_s) * (stop_s - run.start_s)
         if way_m > _WAY_M * _MOST:
             raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {way_m:.3g} m and no more than '
                              f'{_WAY_M * _MOST:.3g} m can be searched', 'stop earlier, or start later')
@@ -124,7 +125,7 @@ class _Search:
         value = (-1) ** number * seen.corners[..., number // 2]
         if np.max(value) > best.low_m:
             best = self._reach(seen, value, times, number)
-        way_m = abs(self.scene.head.speed_m_s) * (halves[1] - halves[0])
+        way_m = abs(self.scene.steady_m_s) * (halves[1] - halves[0])
         sag = _SAFETY / 8 * np.maximum(*seen.bend[ends]) * (way_m * way_m)[:, None]
         upper = np.minimum(np.maximum(*value[ends]) + sag, np.maximum(*seen.radius[ends]))
         return best, halves, np.max(upper, axis=1)
@@ -136,17 +137,17 @@ class _Search:
                      float(times[instant]), (x, y))
 
     def _look(self, times: Floats) -> _Looks:
-        scene, b_m = self.scene, self.scene.track.b_m
+        scene, spiral = self.scene, self.scene.spiral
         self.states += times.size
         self._tell(times.size)
-        heads = np.array([scene.track.inward(*scene.head.travelled_m(t_s)) for t_s in times.tolist()])
-        chain = place_many(scene.track, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], self._effort)
+        heads = np.array([spiral.inward(*scene.head.travelled_m(t_s)) for t_s in times.tolist()])
+        chain = place_many(spiral, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], self._effort)
         benches = benches_of(chain, scene.dragon, axes_of(chain))
-        moving = motion(b_m, chain, benches.axis)
+        moving = motion(spiral.b_m, chain, benches.axis)
         arm = np.hypot(benches.half_length, benches.half_width)
         bend = np.hypot(*np.moveaxis(moving.acceleration, -1, 0)) + arm * np.hypot(
             moving.turning_rate, moving.turning**2)
         overhang = np.hypot(benches.half_length - 0.5 * chain.links_m, benches.half_width)
-        radius = b_m * np.maximum(chain.theta[:, 1:], chain.theta[:, :-1]) + overhang
+        radius = spiral.b_m * np.maximum(chain.theta[:, 1:], chain.theta[:, :-1]) + overhang
         corners = benches.corners.reshape(times.size, -1, 2)
         return _Looks(corners, np.repeat(bend, 4, axis=1), np.repeat(radius, 4, axis=1))

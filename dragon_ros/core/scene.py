@@ -6,7 +6,7 @@ from math import ceil, floor, hypot, inf, sqrt
 
 import numpy as np
 
-from dragon_ros.core.checks import choice, number, whole
+from dragon_ros.core.checks import choice, number
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import Effect, check_needs
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
@@ -19,6 +19,7 @@ from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.table import ShiftTable
 from dragon_ros.core.table_rows import table_for
+from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.tiers import PAPER, Tier, tier_for
 from dragon_ros.core.turn import Turn
 from dragon_ros.core.types import Floats
@@ -66,34 +67,6 @@ class Run:
 
 
 @dataclass(frozen=True)
-class Noise:
-    """Standard deviations of a sensor that sees the handles, and the seed that repeats it."""
-
-    position_m: float = 0.005
-    yaw_rad: float = 0.002
-    seed: int = 0
-
-    def __post_init__(self) -> None:
-        """Refuse a sensor that is not one."""
-        number('noise.position_m', self.position_m, low=0.0, high=1e6)
-        number('noise.yaw_rad', self.yaw_rad, low=0.0, high=1e3)
-        whole('noise.seed', self.seed, low=0, high=2**63)
-
-
-@dataclass(frozen=True)
-class Trails:
-    """How many seconds a trail goes back, and by how many points it is drawn."""
-
-    seconds: float = 10.0
-    points: int = 64
-
-    def __post_init__(self) -> None:
-        """Refuse a trail that is not one."""
-        number('trails.seconds', self.seconds, above=0.0, high=LATEST_S)
-        whole('trails.points', self.points, low=2, high=10_000)
-
-
-@dataclass(frozen=True)
 class End:
     """Where a scene ends: time, why ('stop', 'lock' or 'track') and the link that locks."""
 
@@ -123,6 +96,8 @@ class Scene:
     def __post_init__(self) -> None:
         """Refuse an accuracy that no tier keeps, choices that there are not, and effects without what they need."""
         check_needs(self.effects)
+        if Effect.ACCELERATIONS in self.effects:
+            self.check_plain()
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)
         tier_for(self.accuracy, self.size_m)
@@ -153,6 +128,12 @@ class Scene:
         if isinstance(self.head, Head):
             return self.head.speed_m_s
         raise FieldError('head.kind', 'profile', 'this needs a constant speed', 'use head.speed_m_s')
+
+    def check_plain(self) -> tuple[Spiral, float]:
+        """Return the spiral and the head's speed. Raises FieldError for another track, law, or a tail that leads."""
+        if self.head.lead == 'tail':
+            raise FieldError('head.lead', 'tail', 'this needs a head that leads', 'use head.lead: head')
+        return self.spiral, self.steady_m_s
 
     @cached_property
     def size_m(self) -> float:

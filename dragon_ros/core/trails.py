@@ -18,5 +18,5 @@ def trail(scene: Scene, frame: Frame) -> Floats:
 
 @lru_cache(maxsize=8)
 def _head_of(scene: Scene) -> Scene:
-    """Return the scene of the head bench alone, which goes the same way."""
-    return replace(scene, dragon=replace(scene.dragon, benches=1))
+    """Return the scene of the head bench alone, which goes the same way; behind a tail that leads all are needed."""
+    return scene if scene.head.lead == 'tail' else replace(scene, dragon=replace(scene.dragon, benches=1))

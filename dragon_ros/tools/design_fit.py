@@ -6,9 +6,7 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.core.checks import number
-from dragon_ros.core.errors import InputError
 from dragon_ros.core.extent import extent
-from dragon_ros.core.path import Spiral
 from dragon_ros.wire import cli
 
 
@@ -21,9 +19,6 @@ def options(parser: ArgumentParser) -> None:
 def answer(arguments: Namespace) -> dict[str, Any]:
     """Return the smallest squares, what touches the centred one, and whether the given one holds the run."""
     scene = cli.scene_from(arguments)
-    if not isinstance(scene.track, Spiral):
-        raise InputError('--scene: its track is not a spiral; give a scene whose track.kind is spiral',
-                         field='track.kind')
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
     with tqdm(desc='fit', unit=' states', disable=None, leave=False, delay=1) as bar:
         found = extent(scene, progress=bar.update)

@@ -5,9 +5,7 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dragon_ros.core.errors import InputError
 from dragon_ros.core.min_pitch import min_pitch
-from dragon_ros.core.path import Spiral
 from dragon_ros.wire import cli
 
 
@@ -22,11 +20,8 @@ def options(parser: ArgumentParser) -> None:
 def answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket of the smallest pitch; of the scene only the dragon and track.start_turns count."""
     scene = cli.scene_from(arguments)
-    if not isinstance(scene.track, Spiral):
-        raise InputError('--scene: its track is not a spiral; give a scene whose track.kind is spiral',
-                         field='track.kind')
     with tqdm(desc='min-pitch', unit=' states', disable=None, leave=False, delay=1) as bar:
-        found = min_pitch(scene.dragon, arguments.diameter, scene.track.start_turns, arguments.largest,
+        found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
                           arguments.within, bar.update)
     return asdict(found)
 

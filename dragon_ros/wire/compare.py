@@ -23,7 +23,7 @@ def compare_with_model(bag: LogReader, scene: Scene, namespace: str = '/dragon',
     encode = encoders(scene)
     recorded: dict[tuple[str, int], list[bytes]] = defaultdict(list)
     for message in bag.messages([f'{namespace}/{name}' for name in encode]):
-        recorded[message.topic.rpartition('/')[2], message.t_ns].append(message.data)
+        recorded[message.topic.removeprefix(f'{namespace}/'), message.t_ns].append(message.data)
     result = Comparison()
     for k in range(scene.last_tick + 1):
         frame = tick(scene, k)

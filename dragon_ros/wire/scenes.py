@@ -13,7 +13,8 @@ from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import KINDS as PIECES
 from dragon_ros.core.joined import Joined
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.scene import Noise, Run, Scene, Trails
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.turn import Turn
 from dragon_ros.wire import config
 from dragon_ros.wire.documents import Document, parse_document, read_document

@@ -15,10 +15,12 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import MEANINGS, NEEDS, Effect, check_needs, effects_of, known
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.head import Head
+from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.noise import normal
-from dragon_ros.core.scene import Noise, Run, Scene, Trails
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
+from dragon_ros.core.turn import Turn
 from dragon_ros.core.watch import Sight, Watch
 
 ALL = ~Effect.NONE
@@ -121,7 +123,7 @@ def test_the_clearance_vanishes_in_the_frame_of_the_first_contact():
 def test_accelerations_are_the_rate_of_the_velocities(speed):
     scene = Scene(head=Head(speed), run=Run(stop_s=150.0), effects=ALL)
     step, t_s = 1e-4, 100.0
-    before, after = (velocity_of(scene, state(scene, t_s + k * step)) for k in (-1, 1))
+    before, after = (velocity_of(scene, state(scene, t_s + k * step), t_s + k * step) for k in (-1, 1))
     found = frame_of(scene, None, round(t_s * 1e9), state(scene, t_s)).acceleration_m_s2
     assert found == pytest.approx((after - before) / (2 * step), abs=2e-8 * speed**2)
 
@@ -184,6 +186,20 @@ def test_health_tells_how_far_the_worst_link_is_off(accuracy):
     assert frame.health.good
     assert frame.health.off_m == np.max(np.abs(frame.chain.residuals_m))
     assert frame.health.evaluations == frame.chain.evaluations
+
+
+def test_a_trail_of_a_dragon_that_its_tail_leads_is_where_its_head_was():
+    scene = replace(TOUCHING, effects=Effect.TRAILS, head=Head(1.0, lead='tail'), run=Run(stop_s=50.0),
+                    trails=Trails(seconds=4.0, points=3))
+    for place, t_s in zip(tick(scene, 1000).trail_m, (16.0, 18.0, 20.0), strict=True):
+        assert place == pytest.approx(state(scene, t_s).p[0], abs=1e-11)
+
+
+@pytest.mark.parametrize('other', [{'track': Turn()}, {'head': Head(1.0, lead='tail')},
+                                   {'head': Profile(((0.0, 0.0), (9.0, 1.0)))}])
+def test_accelerations_beyond_one_spiral_led_by_its_head_at_constant_speed_are_refused(other):
+    with pytest.raises(FieldError, match='this needs'):
+        Scene(effects=Effect.ACCELERATIONS, **other)
 
 
 def test_bad_sensors_and_trails_are_refused():
