@@ -2,7 +2,7 @@
 import numpy as np
 
 from dragon_ros.core.chain import SpiralChain
-from dragon_ros.core.motion import dot, handle_motion
+from dragon_ros.core.motion import carried, dot, handle_motion
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
 from dragon_ros.core.types import Floats, read_only
@@ -25,11 +25,8 @@ def tensions(_: Scene, frame: Frame) -> Floats:
     chain, a = frame.chain, frame.acceleration_m_s2
     assert a is not None
     t = chain.tangents
-    along = dot(a, t).tolist()
-    front, rear = dot(frame.axis, t[1:]).tolist(), dot(frame.axis, t[:-1]).tolist()
-    out = np.empty(len(front))
-    pull = 0.0
-    for i in range(len(front) - 1, -1, -1):
-        out[i] = pull = (along[i + 1] + pull) / front[i]
-        pull *= rear[i]
-    return read_only(out)
+    front, rear = dot(frame.axis, t[1:]), dot(frame.axis, t[:-1])
+    # From the tail: the pull on handle i of its rear link is the one before it times that link's own part along t.
+    ratio = np.append(rear[1:], 0.0) / front
+    pulls = carried(np.zeros(()), ratio[::-1], (dot(a, t)[1:] / front)[::-1])
+    return read_only(pulls[:0:-1].copy())

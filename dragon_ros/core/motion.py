@@ -4,6 +4,7 @@ Twice differentiating |q[m+1] - q[m]|^2 = l^2 with q'' = s' T + s^2 kappa N give
 handle from the one before it (s is the speed along the outward tangent T, N its left normal, kappa the curvature).
 """
 from dataclasses import dataclass
+from itertools import accumulate
 
 import numpy as np
 
@@ -74,17 +75,25 @@ def motion(b_m: float, chain: SpiralChain, axis: Floats) -> Motion:
 
 def _tangential(chain: SpiralChain, axis: Floats, t: Floats, bend: Floats, v: Floats) -> Floats:
     """Return s' of every handle, shape (..., N+1); the head's is 0."""
-    out = np.zeros_like(chain.theta)
     front, rear = dot(axis, t[..., :-1, :]), dot(axis, t[..., 1:, :])
     pull = dot(axis, left(t[..., :-1, :])) * bend[..., :-1] - dot(axis, left(t[..., 1:, :])) * bend[..., 1:]
     spread = np.diff(v, axis=-2)
     joined = chain.links_m == 0
     pull += dot(spread, spread) / np.where(joined, 1.0, chain.links_m)
-    for m in range(chain.links_m.size):
-        if joined[m]:
-            out[..., m + 1] = out[..., m]
-        else:
-            out[..., m + 1] = (front[..., m] * out[..., m] + pull[..., m]) / rear[..., m]
+    if np.any(joined):      # a link of zero length carries it over
+        front, rear, pull = np.where(joined, 1.0, front), np.where(joined, 1.0, rear), np.where(joined, 0.0, pull)
+    return carried(np.zeros(chain.theta.shape[:-1]), front / rear, pull / rear)
+
+
+def carried(start: Floats, ratio: Floats, added: Floats) -> Floats:
+    """Return y (..., N+1) with y[0] = start (...) and y[m+1] = ratio[m] y[m] + added[m], both (..., N)."""
+    if ratio.ndim == 1:
+        steps = zip(ratio.tolist(), added.tolist(), strict=True)
+        return np.array(list(accumulate(steps, lambda y, step: step[0] * y + step[1], initial=float(start))))
+    out = np.empty((*ratio.shape[:-1], ratio.shape[-1] + 1))
+    out[..., 0] = start
+    for m in range(ratio.shape[-1]):
+        out[..., m + 1] = ratio[..., m] * out[..., m] + added[..., m]
     return out
 
 

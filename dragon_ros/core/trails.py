@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from dragon_ros.core.effects import Effect
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, states
 from dragon_ros.core.types import Floats, read_only
@@ -18,5 +19,6 @@ def trail(scene: Scene, frame: Frame) -> Floats:
 
 @lru_cache(maxsize=8)
 def _head_of(scene: Scene) -> Scene:
-    """Return the scene of the head bench alone, which goes the same way; behind a tail that leads all are needed."""
-    return scene if scene.head.lead == 'tail' else replace(scene, dragon=replace(scene.dragon, benches=1))
+    """Return the scene of the head bench alone, which goes the same way, at any time; a tail that leads needs all."""
+    alone = replace(scene.dragon, benches=1)
+    return scene if scene.head.lead == 'tail' else replace(scene, dragon=alone, accuracy='exact', effects=Effect.NONE)

@@ -11,7 +11,7 @@ import numpy as np
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import steps
-from dragon_ros.core.motion import curvature, dot, left
+from dragon_ros.core.motion import carried, curvature, dot, left
 from dragon_ros.core.path import points, tangents
 from dragon_ros.core.types import Floats
 
@@ -99,26 +99,17 @@ def _change(winding: Windings, speed: Floats, rate: Floats, growth: float) -> Ch
     links, bend = winding.scale[:, None] * winding.links, curvature(1.0, winding.theta)
     grown = growth * winding.links
     front, rear = dot(e, tangent[:, :-1]), dot(e, tangent[:, 1:])
-    s = _carried(speed, front / rear, -grown / rear)
+    s = carried(speed, front / rear, -grown / rear)
     v = s[..., None] * tangent
     spread = v[:, :-1] - v[:, 1:]
     pull = s * s * bend
     side = left(tangent)
     source = dot(e, side[:, :-1]) * pull[:, :-1] - dot(e, side[:, 1:]) * pull[:, 1:]
     source = (source + (dot(spread, spread) - grown * grown) / links) / rear
-    a = _carried(rate, front / rear, source)[..., None] * tangent + pull[..., None] * side
+    a = carried(rate, front / rear, source)[..., None] * tangent + pull[..., None] * side
     turning = dot(left(e), spread) / links
     turning_rate = (dot(left(e), a[:, :-1] - a[:, 1:]) - 2 * grown * turning) / links
     return Change(0.5 * (v[:, 1:] + v[:, :-1]), 0.5 * (a[:, 1:] + a[:, :-1]), turning, turning_rate)
-
-
-def _carried(start: Floats, ratio: Floats, added: Floats) -> Floats:
-    """Return y (M, N+1) with y[0] = start, y[m+1] = ratio[m] y[m] + added[m]."""
-    out = np.empty((start.size, ratio.shape[1] + 1))
-    out[:, 0] = start
-    for m in range(ratio.shape[1]):
-        out[:, m + 1] = ratio[:, m] * out[:, m] + added[:, m]
-    return out
 
 
 def sights(dragon: Dragon, first: int, winding: Windings) -> Sights:

@@ -177,6 +177,7 @@ def test_a_trail_ends_at_the_head_and_goes_back_where_it_was():
     assert frame.trail_m.shape == (9, 2)
     for place, t_s in zip(frame.trail_m, np.linspace(16.0, 20.0, 9), strict=True):
         assert place == pytest.approx(state(scene, t_s).p[0], abs=1e-11)
+    assert tick(replace(scene, accuracy='paper'), 1000).trail_m == pytest.approx(frame.trail_m, abs=1e-11)
     assert tick(scene, 0).trail_m[0] == pytest.approx(tick(scene, 0).chain.p[0], abs=1e-11)
 
 
