@@ -20,7 +20,7 @@ PACKAGE = ROOT / 'dragon_ros'
 LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'wire': {'numpy', 'mcap', 'yaml'},
-             'tools': {'numpy', 'matplotlib', 'tqdm'},
+             'tools': {'numpy', 'matplotlib', 'openpyxl', 'tqdm'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil'}}
 
 

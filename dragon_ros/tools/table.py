@@ -2,8 +2,10 @@
 import csv
 import io
 import json
+import sys
 from argparse import Namespace
 from functools import partial
+from pathlib import Path
 
 import numpy as np
 
@@ -12,6 +14,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import states, velocity_of
 from dragon_ros.tools import paper_tables
 from dragon_ros.wire import cli
+from dragon_ros.wire.scenes import load_scene
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
 Row = tuple[float, int, float, float, float, float, float]
@@ -26,6 +29,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
     options.add_argument('--paper', action='store_true',
                          help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
+    options.add_argument('--contest', type=Path, metavar='FOLDER',
+                         help="write the contest's result1, result2 and, from the scene turning, result4 (no times)")
     cli.add_output_options(options)
     return cli.guarded('table', partial(_run, options.parse_args(argv)))
 
@@ -35,8 +40,20 @@ def _run(arguments: Namespace) -> int:
         cli.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
         return cli.OK
     scene = cli.scene_from(arguments)
+    if arguments.contest:
+        return _write_contest(arguments.contest, scene)
     rows = table(scene, times_of(arguments.times), handles_of(arguments.handles, scene.dragon.benches))
     cli.write_output(arguments.output, _FORMATS[arguments.format](rows))
+    return cli.OK
+
+
+def _write_contest(folder: Path, scene: Scene) -> int:
+    """Write the contest's files and say which."""
+    from dragon_ros.tools import contest
+    paths = contest.write(folder, scene, load_scene('turning'))
+    print('\n'.join(map(str, paths)))
+    if not any(path.suffix == '.xlsx' for path in paths):
+        print('table: no XLSX, openpyxl is not installed: pip install openpyxl', file=sys.stderr)
     return cli.OK
 
 
