@@ -1,8 +1,9 @@
 """Accelerations of the handles, and what they say about the pull in the links."""
 import numpy as np
 
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.chain import Chain, SpiralChain
 from dragon_ros.core.motion import carried, dot, handle_motion
+from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
 from dragon_ros.core.types import Floats, read_only
@@ -10,9 +11,16 @@ from dragon_ros.core.types import Floats, read_only
 
 def accelerations(scene: Scene, frame: Frame) -> Floats:
     """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the head's steady speed."""
-    assert isinstance(frame.chain, SpiralChain)
-    per_way = handle_motion(scene.spiral.b_m, frame.chain, frame.axis)[1]
+    per_way = handle_motion(scene.spiral.b_m, _on_spiral(scene.spiral, frame.chain), frame.axis)[1]
     return read_only(per_way * scene.steady_m_s**2)
+
+
+def _on_spiral(spiral: Spiral, chain: Chain) -> SpiralChain:
+    """Return a chain of any solver with its polar angles; they grow from head to tail as the distances do."""
+    if isinstance(chain, SpiralChain):
+        return chain
+    theta = np.hypot(chain.p[:, 0], chain.p[:, 1]) / spiral.b_m
+    return SpiralChain(chain.p, chain.links_m, chain.evaluations, theta, np.zeros_like(theta), np.diff(theta))
 
 
 def tensions(_: Scene, frame: Frame) -> Floats:

@@ -3,7 +3,7 @@
 On a stretch of length h of the head's way a coordinate of a corner exceeds the larger of its values at the two ends by
 at most A h^2 / 8, A the largest second derivative; for A stands twice the larger at the ends, as in ``stretches``. It
 never exceeds the distance of the bench's handles from the centre at the ends, plus the bench's overhang. Stretches
-whose bound exceeds the best value that was met are halved.
+whose bound exceeds the best value that was met are halved. What positions may err is added in the end.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -63,7 +63,7 @@ class Extent:
 
 
 def extent(scene: Scene, within_m: float = 1e-10, progress: Callable[[int], object] = lambda states: None) -> Extent:
-    """Return the room that the scene's run takes; bounds differ by at most ``within_m``.
+    """Return the room that the scene's run takes; bounds differ by at most ``within_m`` and twice what positions may err.
 
     ``progress(states)`` is called with every number of chains just looked at. Raises FieldError for a scene that is not
     one spiral led by the head at a constant speed or whose way is too long, DragonError where the bounds do not meet.
@@ -86,7 +86,7 @@ class _Search:
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self.scene, self.states, self._tell = scene, 0, progress
-        self._effort = EXACT.effort(scene.size_m, scene.length_m)
+        self._effort, self._error_m = EXACT.effort(scene.size_m, scene.length_m), EXACT.promise_for_m(scene.size_m)
         scene.check_plain()
         run, stop_s = scene.run, scene.end.t_s
         # The lock itself is left out by a hair: accelerations are infinite there.
@@ -113,7 +113,7 @@ class _Search:
             bound = np.concatenate((bound[_AT_ONCE:], upper))
             keep = bound > best.low_m
             stretches, bound = stretches[:, keep], bound[keep]
-        high = max([best.low_m, *bound.tolist()])
+        high = max([best.low_m, *bound.tolist()]) + self._error_m
         return Reach(best.side, best.low_m, high, best.bench, best.corner, best.t_s, best.point_m)
 
     def _halves(self, stretches: Floats, number: int, best: Reach) -> tuple[Reach, Floats, Floats]:

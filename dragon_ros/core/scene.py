@@ -17,9 +17,9 @@ from dragon_ros.core.lock import follower_range, head_lock_angle
 from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
+from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.table import ShiftTable
 from dragon_ros.core.table_rows import table_for
-from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.tiers import PAPER, Tier, tier_for
 from dragon_ros.core.turn import Turn
 from dragon_ros.core.types import Floats

@@ -11,13 +11,14 @@ from typing import Any, get_args, get_origin
 from dragon_ros.core.effects import MEANINGS
 from dragon_ros.core.head import LEADERS, RAMPS
 from dragon_ros.core.joined import KINDS as PIECES
-from dragon_ros.core.scene import MARKERS, Scene
+from dragon_ros.core.scene import MARKERS, SOLVERS, Scene
 from dragon_ros.core.tiers import TIERS
 from dragon_ros.wire.scenes import SECTIONS
 
 Schema = dict[str, Any]
 
 _CHOICES = {'lead': LEADERS, 'ramps': RAMPS, 'side': ('left', 'right')}
+_WAYS = {'solver': ('how handles are placed', SOLVERS), 'markers': ('how benches are shown', MARKERS)}
 _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}, str: {'type': 'string'},
                              type(None): {'type': 'null'}}
 
@@ -31,7 +32,8 @@ def scene_schema() -> Schema:
     parts['effects'] = {
         'description': 'what is simulated beside the handles', 'type': 'array', 'default': defaults.effects.names,
         'items': {'oneOf': [{'const': effect.names[0], 'description': text} for effect, text in MEANINGS.items()]}}
-    parts['markers'] = {'description': 'how benches are shown', 'enum': list(MARKERS), 'default': defaults.markers}
+    for name, (text, choices) in _WAYS.items():
+        parts[name] = {'description': text, 'enum': list(choices), 'default': getattr(defaults, name)}
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', 'title': 'A scene of dragon_ros',
             'description': 'What is left out has its default.', 'type': 'object', 'additionalProperties': False,
             'properties': parts}
