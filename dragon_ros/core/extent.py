@@ -63,7 +63,7 @@ class Extent:
 
 
 def extent(scene: Scene, within_m: float = 1e-10, progress: Callable[[int], object] = lambda states: None) -> Extent:
-    """Return the room that the scene's run takes; bounds differ by at most ``within_m`` and twice what positions may err.
+    """Return the room that the scene's run takes; bounds differ by ``within_m`` at most, and what positions may err.
 
     ``progress(states)`` is called with every number of chains just looked at. Raises FieldError for a scene that is not
     one spiral led by the head at a constant speed or whose way is too long, DragonError where the bounds do not meet.
