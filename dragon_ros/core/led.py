@@ -77,7 +77,11 @@ class Led:
         return min((t_s for t_s in times if t_s is not None), default=None)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on how far from the origin a handle is while the leader goes between two distances.
+        """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
+        return max(piece.far_m(u0, u1) for piece, u0, u1 in self.walk.between(*self.span_m(extent_m)))
+
+    def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
+        """Return the stretch of the walk on which handles are while the leader goes between two distances.
 
         Every handle moves on as the leader moves on, so the tail's least distance is that of the leader's least.
         """
@@ -87,4 +91,4 @@ class Led:
             low, high = walk.distance_of(self._behind(first, BACK)[-1])[0], min(origin + most, walk.end_m)
         else:
             low, high = max(origin - most, walk.begin_m), self.start_m
-        return max(piece.far_m(u0, u1) for piece, u0, u1 in walk.between(low, high))
+        return low, high

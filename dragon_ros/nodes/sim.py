@@ -6,6 +6,7 @@ from typing import Any
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.first_contact import Contact, first_contact
 from dragon_ros.core.scene import NS, Scene
@@ -94,7 +95,7 @@ class Sim(DragonNode):
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:
         """Yield what else is told of each frame."""
-        if self.setting['publish_clock']:
+        if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
             clock = SimulationTime(self, self._frames.next_ns())
             yield lambda frame: clock.tell(frame.t_ns)
         if self.setting['publish_tf']:

@@ -41,3 +41,13 @@ def test_all_effects_at_once_are_recorded_to_the_last_bit_through_a_contact(star
     names = ', '.join(known())
     topics = recorded(start, tmp_path / 'a.mcap', 'winding', (*CONTACT, f'effects=[{names}]'))
     assert topics == {row.name for row in live(~Effect.NONE)}
+
+
+def test_the_clock_effect_brings_the_clock(start, node):
+    from rosgraph_msgs.msg import Clock
+    heard = []
+    node.create_subscription(Clock, '/clock', heard.append, 10)
+    sim = start('sim', '--scene', 'minimal', '--set', 'effects=[clock]', '--set', 'run.start_s=7')
+    node.until(lambda: heard)
+    assert 7 <= heard[0].clock.sec < 60
+    assert sim.stop() == 0, sim.text
