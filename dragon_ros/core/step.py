@@ -87,13 +87,13 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Flo
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
     frame = Frame(k, t_ns, chain, axes_of(chain))
-    for name, compute in _plan(scene.effects):
+    for name, compute in plan(scene.effects):
         object.__setattr__(frame, name, compute(scene, frame))      # nobody else has it yet
     return frame
 
 
 @lru_cache(maxsize=256)
-def _plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
+def plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
     """Return the fields to fill, with their functions, in order."""
     return tuple((name, getattr(import_module(f'dragon_ros.core.{module}'), function))
                  for effect, (name, module, function) in _PARTS.items() if effect in effects)

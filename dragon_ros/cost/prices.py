@@ -1,24 +1,24 @@
-"""What each effect adds to a tick: measured in pairs of calls, with the effect and without, in turns."""
+"""What each effect adds to a tick, and whole ticks side by side."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import count, cycle
+from itertools import count
 from statistics import median, quantiles
 
 from dragon_ros.core.benches import axes_of
 from dragon_ros.core.effects import NEEDS, Effect, known
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import frame_of, state, tick
+from dragon_ros.core.step import frame_of, plan, state, tick
 from dragon_ros.cost.measure import Timing
 from dragon_ros.wire.cdr import PoseArrayTemplate
 from dragon_ros.wire.channels import live
-from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.encode import Encode, encoders
 from dragon_ros.wire.scenes import load_scene
 
 ALONE = 'alone'
 ALL = ~Effect.NONE
-_LEAST, _MOST = 15, 400         # pairs of calls
+_LEAST, _MOST = 15, 400         # calls
 _TICKS, _PLACES = 97, 7         # ticks apart, and places along the run: successive calls are of unlike ones
 Call = Callable[[], object]
 
@@ -47,16 +47,35 @@ class Whole:
 
 
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
-    """Return what an effect adds to a scene that has all that it needs, and nothing that needs it."""
+    """Return what an effect adds to a scene that has all that it needs, and nothing that needs it.
+
+    Timed is what it alone does: fill its field of a frame that has the others, and encode its topics.
+    """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
     try:
         off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
     except FieldError:
         return Price(effect.names[0], name, 0, None)
-    size = sum(map(len, _frame_bytes(on, 0).values())) - sum(map(len, _frame_bytes(off, 0).values()))
-    topics = len(live(on.effects)) - len(live(off.effects))
-    timing = paired(*finishers(off, on), budget_s)[2] if topics else None
-    return Price(effect.names[0], name, size, timing)
+    encode = encoders(on)
+    encode = {row.name: encode[row.name] for row in live(on.effects) if row.effect is effect}
+    size = sum(len(one(tick(on, 0))) for one in encode.values())
+    return Price(effect.names[0], name, size, _own(effect, off, list(encode.values()), budget_s) if encode else None)
+
+
+def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
+    """Time an effect's own work on frames of a scene that is without it, each of them new."""
+    times = [scene.run.time_ns(k * scene.last_tick // _PLACES) for k in range(_PLACES)]
+    spent: list[float] = []
+    while len(spent) <= _LEAST or (sum(spent) < budget_s and len(spent) < _MOST):
+        t_ns = times[len(spent) % _PLACES]
+        frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
+        start = time.perf_counter()
+        for name, compute in plan(effect):
+            object.__setattr__(frame, name, compute(scene, frame))      # as frame_of does
+        for one in encode:
+            one(frame)
+        spent.append(time.perf_counter() - start)
+    return _timing(spent[1:])
 
 
 def wholes(budget_s: float) -> list[Whole]:
@@ -69,7 +88,7 @@ def wholes(budget_s: float) -> list[Whole]:
             ('minimal', worker(scene), 'a build without effects', bare(scene))]
     out = []
     for what, call, over, other in rows:
-        first, second, _ = paired(other, call, budget_s)
+        first, second = paired(other, call, budget_s)
         out.append(Whole(what, second, second.median_s / first.median_s, over))
     return out
 
@@ -85,22 +104,6 @@ def worker(scene: Scene) -> Call:
     return work
 
 
-def finishers(*scenes: Scene) -> list[Call]:
-    """Return calls that make and encode frames of chains that are there already, the same for scenes alike."""
-    times = [scenes[0].run.time_ns(k * scenes[0].last_tick // _PLACES) for k in range(_PLACES)]
-    chains = [(t_ns, state(scenes[0], t_ns / NS)) for t_ns in times]
-
-    def finisher(scene: Scene) -> Call:
-        encode, turn = encoders(scene), cycle(chains)
-
-        def finish() -> object:
-            t_ns, chain = next(turn)
-            frame = frame_of(scene, None, t_ns, chain)
-            return [one(frame) for one in encode.values()]
-        return finish
-    return [finisher(scene) for scene in scenes]
-
-
 def bare(scene: Scene) -> Call:
     """Return a call that does the same for handles alone, written out as if there were no effects."""
     template, numbers = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon'), count(0, _TICKS)
@@ -113,14 +116,13 @@ def bare(scene: Scene) -> Call:
     return work
 
 
-def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing, Timing]:
-    """Time two calls in turns; return the timings of both, and of the difference of each pair."""
+def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing]:
+    """Time two calls in turns."""
     first(), second()
     spent: list[tuple[float, float]] = []
     while len(spent) < _LEAST or (sum(map(sum, spent)) < budget_s and len(spent) < _MOST):
         spent.append((_time(first), _time(second)))
-    return (_timing([one for one, _ in spent]), _timing([other for _, other in spent]),
-            _timing([other - one for one, other in spent]))
+    return _timing([one for one, _ in spent]), _timing([other for _, other in spent])
 
 
 def _time(call: Call) -> float:
@@ -132,11 +134,6 @@ def _time(call: Call) -> float:
 def _timing(spent: list[float]) -> Timing:
     low, _, high = quantiles(spent, n=4)
     return Timing(median(spent), low, high, len(spent))
-
-
-def _frame_bytes(scene: Scene, k: int) -> dict[str, bytes]:
-    frame = tick(scene, k)
-    return {name: encode(frame) for name, encode in encoders(scene).items()}
 
 
 def _below(effect: Effect) -> Effect:

@@ -1,6 +1,5 @@
 """The page ``cost effects``: its prices, its whole ticks and its files."""
 import numpy as np
-import pytest
 
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.scene import Scene
@@ -51,9 +50,3 @@ def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     assert '| benches | 100 | 10 | 10 |' in effects.summary(rows)
     assert '| clock | 0 | - | - |' in effects.summary(rows)
     assert '0.200' in effects.summary(rows)
-
-
-@pytest.mark.parametrize('name', ['minimal', 'winding'])
-def test_a_finisher_takes_chains_that_are_there_already(name):
-    (finish,) = prices.finishers(load_scene(name, ['dragon.benches=9']))
-    assert all(isinstance(data, bytes) for data in finish())
