@@ -5,8 +5,10 @@ from math import pi
 
 import numpy as np
 import pytest
+import shapely
 from hypothesis import given
 from hypothesis import strategies as st
+from shapely import LineString
 
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import axes_of, benches_of
@@ -17,6 +19,7 @@ from dragon_ros.core.first_contact import Contact, NoContact, first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Arc, Joined, Line, Wind
 from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
+from dragon_ros.core.outline import outline
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.rates import conditioning
 from dragon_ros.core.scene import Run, Scene
@@ -178,6 +181,14 @@ def test_the_candidates_on_a_turn_have_every_pair_within_reach(t_s):
     near = gaps(benches, i, j) <= default_reach_m(benches)
     found = set(zip(*(pairs.tolist() for pairs in candidates(chain.p, benches)), strict=True))
     assert set(zip(i[near].tolist(), j[near].tolist(), strict=True)) <= found
+
+
+@pytest.mark.parametrize('name', ['turning', 'wiggle', 'law', 'unwinding', 'spirals'])
+def test_the_line_that_is_drawn_passes_under_every_handle(name):
+    scene = CASES[name].scene
+    line = LineString(outline(scene, sag_m=0.002))
+    for t_s in CASES[name].times_s:
+        assert shapely.distance(line, shapely.points(state(scene, t_s).p)).max() < 0.00201
 
 
 def test_followed_in_time_the_classic_contact_is_the_one_that_is_proved():

@@ -116,6 +116,8 @@ def test_design_tells_the_turns_length_and_the_largest_speed(capsys):
     code, out, _ = run(capsys, 'design', 'turn')
     assert code == 0
     assert out.startswith('the turn is 13.6212449068 m long')
+    code, out, _ = run(capsys, 'design', 'turn', '--contact', '--set', 'dragon.benches=12')
+    assert 'no benches touch until the whole dragon has left the turn' in out
     code, out, _ = run(capsys, 'design', 'max-speed', '--format', 'json')
     values = json.loads(out)
     assert (code, values['handle']) == (0, 3)
