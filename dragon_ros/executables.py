@@ -21,6 +21,7 @@ EXECUTABLES = {
     'simulate': Executable('dragon_ros.tools.simulate', 'write the bag of a scene, without ROS or waiting'),
     'plot': Executable('dragon_ros.tools.plot', 'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
     'view': Executable('dragon_ros.tools.view', 'play a scene or a bag in the browser, without ROS'),
+    'design': Executable('dragon_ros.tools.design', 'answer a question about what to build'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
     'demo': Executable('dragon_ros.tools.demo', 'run everything once: sim, monitor, bag, replay, picture'),
 }

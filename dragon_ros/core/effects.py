@@ -11,24 +11,61 @@ class Effect(Flag):
     NONE = 0
     VELOCITY = auto()
     BENCHES = auto()
+    CLEARANCE = auto()
+    CONTACT = auto()
+    MARKERS = auto()
+    ACCELERATIONS = auto()
+    FORCES = auto()
+    NOISE = auto()
+    TRAILS = auto()
+    CLOCK = auto()
+    DIAGNOSTICS = auto()
 
     @property
     def names(self) -> list[str]:
         """Names as a scene file writes them."""
-        return [name for name, effect in _known().items() if effect in self]
+        return [name for name, effect in known().items() if effect in self]
+
+
+NEEDS = {Effect.CLEARANCE: Effect.BENCHES, Effect.CONTACT: Effect.CLEARANCE, Effect.MARKERS: Effect.CONTACT,
+         Effect.FORCES: Effect.ACCELERATIONS}
+
+MEANINGS = {
+    Effect.VELOCITY: 'velocities of all handles',
+    Effect.BENCHES: 'the benches as rectangles',
+    Effect.CLEARANCE: 'gaps of the pairs of benches that are near each other, and the smallest',
+    Effect.CONTACT: 'which benches touch, and where',
+    Effect.MARKERS: 'the benches that touch, to be shown',
+    Effect.ACCELERATIONS: 'accelerations of all handles',
+    Effect.FORCES: 'tensions of all links, for equal masses at the handles and a track without friction',
+    Effect.NOISE: 'handles as a noisy sensor would see them; the scene section noise says how noisy',
+    Effect.TRAILS: 'the way that the head has come lately; the scene section trails says how far back',
+    Effect.CLOCK: '/clock, the simulation time for other nodes',
+    Effect.DIAGNOSTICS: 'how well each tick was solved',
+}
 
 
 def effects_of(names: Iterable[object]) -> Effect:
     """Return the flags for names such as 'velocity'."""
-    known = _known()
     effects = Effect.NONE
     for name in names:
-        if not isinstance(name, str) or name not in known:
-            raise FieldError('effects', name, f'the effects are {", ".join(known)}', 'name only these')
-        effects |= known[name]
+        if not isinstance(name, str) or name not in known():
+            raise FieldError('effects', name, f'the effects are {", ".join(known())}', 'name only these')
+        effects |= known()[name]
     return effects
 
 
-def _known() -> dict[str, Effect]:
+def check_needs(effects: Effect) -> None:
+    """Raise FieldError where an effect is on and another that it needs is off."""
+    complete = effects
+    for effect, need in reversed(NEEDS.items()):        # those that need come after those that are needed
+        complete |= need if effect in complete else Effect.NONE
+    if complete != effects:
+        effect, need = next((e, n) for e, n in NEEDS.items() if e in effects and n not in effects)
+        raise FieldError('effects', effects.names, f'{effect.names[0]} needs {need.names[0]}',
+                         f'write effects: [{", ".join(complete.names)}]')
+
+
+def known() -> dict[str, Effect]:
     """Return every effect by name (Python 3.10 iterates over the zero as well)."""
     return {str(effect.name).lower(): effect for effect in Effect if effect.value}

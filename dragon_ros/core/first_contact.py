@@ -5,11 +5,13 @@ where bench i is: the body's whole stretch of track is cleared once, and the hea
 the body's track does not clear, each bench's part of it is, up to the first place that one of them touches at.
 """
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dragon_ros.core.contact import Witness, gaps, witness
+from dragon_ros.core.contact_anywhere import Follower
+from dragon_ros.core.head import Head
 from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import End, Scene
@@ -26,7 +28,8 @@ class Certificate:
     """Stretches that prove that nothing touched: of the head's way, and of the track under the body's front handles.
 
     ``start_gap_m`` is the smallest gap at the start, in as far as benches are near each other. ``complete`` is False
-    where the stretches end short of the contact by more than a nanometre of the head's way because it is slow.
+    where the stretches end short of the contact by more than a nanometre of the head's way because it is slow, and on
+    tracks and for head laws that are followed in time.
     """
 
     head: tuple[Stretch, ...]
@@ -75,6 +78,8 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     ``progress(states)`` is called with every number of states just looked at. Raises FieldError where the way is so
     long that the search would not end.
     """
+    if scene.led or not isinstance(scene.head, Head):
+        return _anywhere(replace(scene, accuracy='exact'), progress)
     search = _Search(Way(scene, progress))
     way = search.way
     if search.start_gap_m <= 0:
@@ -83,6 +88,22 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     if search.hit is None:
         return NoContact(scene.end, way.states, search.certificate())
     return search.contact(search.hit)
+
+
+def _anywhere(scene: Scene, progress: Callable[[int], object]) -> Contact | NoContact:
+    """Follow all pairs in time, on any track and for any head law: without a certificate."""
+    follower = Follower(scene, progress)
+    certificate = Certificate((), (), follower.gap_at(follower.start), False)
+    hit = follower.hit()
+    if hit is None:
+        return NoContact(scene.end, follower.states, certificate)
+    found = follower.touching(*hit)
+    t_s, pair = found[0]
+    speed = follower.approach_m_s(pair, t_s)
+    unsure = EXACT.promise_for_m(scene.size_m) / speed if speed > 0 else float('inf')
+    others = tuple(other for later, other in found[1:] if later - t_s <= unsure)
+    seen = witness(follower.benches(t_s)[1], *pair)
+    return Contact(t_s, pair, seen, None, others, speed, unsure, follower.states, certificate)
 
 
 class _Search:
@@ -132,7 +153,7 @@ class _Search:
     def _proof(self, clear_end: float, theta: float, speed_m_s: float) -> Certificate:
         """Return the certificate up to a nanometre before a contact, or as near as its gap can be told from zero."""
         way = self.way
-        slope = speed_m_s / max(abs(self.scene.head.speed_m_s), 1e-300)
+        slope = speed_m_s / max(abs(self.scene.steady_m_s), 1e-300)
         back = max(_BEFORE_M, 4 * way.tolerance_m / slope if slope > 0 else np.inf) * way.metre(theta)
         end = way.sign * max(way.sign * clear_end, min(way.sign * theta - back, way.sign * theta))
         self.head = [one for one in self.head if way.sign * one.stop_rad <= way.sign * end]
@@ -166,4 +187,4 @@ class _Search:
         """Return how fast the gap closes at a place, in m/s."""
         step = 1e-6 * self.way.sign
         slope = (self._gap(pair, theta - step) - self._gap(pair, theta + step)) / 2e-6
-        return float(slope * abs(self.scene.head.speed_m_s) * self.way.metre(theta))
+        return float(slope * abs(self.scene.steady_m_s) * self.way.metre(theta))

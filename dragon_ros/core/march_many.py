@@ -57,9 +57,12 @@ def _guesses(theta: Floats, delta: Floats, start: int, i: int, chord: float) -> 
     return predicted
 
 
-def steps(theta: Floats, chord: float, guess: Floats, tolerance: float) -> tuple[Floats, int]:
-    """Return the smallest delta > 0 for each theta, and evaluations summed over the instants (see ``march.step``)."""
-    if chord == 0.0:
+def steps(theta: Floats, chord: float | Floats, guess: Floats, tolerance: float) -> tuple[Floats, int]:
+    """Return the smallest delta > 0 for each theta, and evaluations summed over the instants (see ``march.step``).
+
+    ``chord`` is one for all, or one for each.
+    """
+    if not np.any(chord):
         return np.zeros_like(theta), 0
     delta, spent, square = guess.copy(), 0, chord * chord
     wild = np.ones(theta.shape, dtype=bool)
@@ -74,8 +77,9 @@ def steps(theta: Floats, chord: float, guess: Floats, tolerance: float) -> tuple
         wild = (np.abs(change) > tolerance * delta) | (delta >= 1.5) | (chord > 2 * theta + pi)
         if not np.any(wild & (delta < 1.5)):
             break
+    each = np.broadcast_to(chord, theta.shape)
     for lane in np.flatnonzero(wild):
-        delta[lane], evaluations = _alone(float(theta[lane]), chord, tolerance)
+        delta[lane], evaluations = _alone(float(theta[lane]), float(each[lane]), tolerance)
         spent += evaluations
     return delta, spent
 

@@ -29,10 +29,10 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float) -> lis
 
     Only stretches whose certified bound is below the threshold are looked at; times are right to about 1e-5 s.
     """
-    speed, spiral = abs(scene.head.speed_m_s), scene.track
+    speed, spiral = abs(scene.steady_m_s), scene.spiral
     out: dict[tuple[int, float], NearMiss] = {}
     for start_rad, stop_rad in _spans([s for s in found.certificate.head if s.bound_m < below_m]):
-        first, last = sorted(spiral.distance_to(angle) / scene.head.speed_m_s for angle in (start_rad, stop_rad))
+        first, last = sorted(spiral.distance_to(angle) / scene.steady_m_s for angle in (start_rad, stop_rad))
         count = 3 + int((last - first) * max(speed, 1e-9) / (_SPACING_S * max(speed, 1e-9)))
         times = np.linspace(max(0.0, first - _SPACING_S), last, count)
         for bench, left, right in _dips(scene, times, below_m):

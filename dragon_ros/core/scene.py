@@ -8,15 +8,20 @@ import numpy as np
 
 from dragon_ros.core.checks import choice, number
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.effects import Effect, check_needs
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
-from dragon_ros.core.head import Head
+from dragon_ros.core.head import Head, Profile
+from dragon_ros.core.joined import Joined, wound
+from dragon_ros.core.led import Led
 from dragon_ros.core.lock import follower_range, head_lock_angle
 from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
+from dragon_ros.core.placed import AHEAD, BACK
+from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.table import ShiftTable
 from dragon_ros.core.table_rows import table_for
 from dragon_ros.core.tiers import PAPER, Tier, tier_for
+from dragon_ros.core.turn import Turn
 from dragon_ros.core.types import Floats
 
 NS = 10**9
@@ -78,26 +83,66 @@ class Scene:
     """
 
     dragon: Dragon = field(default_factory=Dragon)
-    track: Spiral = field(default_factory=Spiral)
-    head: Head = field(default_factory=Head)
+    track: Spiral | Turn | Joined = field(default_factory=Spiral)
+    head: Head | Profile = field(default_factory=Head)
     run: Run = field(default_factory=Run)
     accuracy: str | float = 'exact'
     effects: Effect = Effect.VELOCITY | Effect.BENCHES
     solver: str = 'table'
     markers: str = 'cubes'
+    noise: Noise = field(default_factory=Noise)
+    trails: Trails = field(default_factory=Trails)
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that no tier keeps, a solver that there is not, and markers that nobody draws."""
+        """Refuse an accuracy that no tier keeps, choices that there are not, and effects without what they need."""
+        check_needs(self.effects)
+        if Effect.ACCELERATIONS in self.effects:
+            self.check_plain()
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)
         tier_for(self.accuracy, self.size_m)
+        if self.tier is PAPER and (self.led or not isinstance(self.head, Head)):
+            raise FieldError('accuracy', self.accuracy, "the paper's recipe is for one spiral, led by the head at a "
+                             'constant speed', 'ask for another tier')
+
+    @cached_property
+    def led(self) -> Led | None:
+        """How the chain follows on a track of pieces or behind its tail; None for a head on one spiral (see step)."""
+        way = AHEAD if self.head.lead == 'tail' else BACK
+        links = self.dragon.link_lengths_m
+        if not isinstance(self.track, Spiral):
+            return Led(self.track.walk, links, self.track.start_m, way)
+        return Led(wound(self.track), links, 0.0, way) if way == AHEAD else None
+
+    @property
+    def spiral(self) -> Spiral:
+        """The track, where it is one spiral. Raises FieldError where it is not."""
+        if isinstance(self.track, Spiral):
+            return self.track
+        raise FieldError('track.kind', type(self.track).__name__.lower(), 'this needs a single spiral',
+                         'use track.kind: spiral')
+
+    @property
+    def steady_m_s(self) -> float:
+        """The leader's speed, where it is constant. Raises FieldError where it is not."""
+        if isinstance(self.head, Head):
+            return self.head.speed_m_s
+        raise FieldError('head.kind', 'profile', 'this needs a constant speed', 'use head.speed_m_s')
+
+    def check_plain(self) -> tuple[Spiral, float]:
+        """Return the spiral and the head's speed. Raises FieldError for another track, law, or a tail that leads."""
+        if self.head.lead == 'tail':
+            raise FieldError('head.lead', 'tail', 'this needs a head that leads', 'use head.lead: head')
+        return self.spiral, self.steady_m_s
 
     @cached_property
     def size_m(self) -> float:
         """How far from the centre a handle can be in this run, in metres (a bound)."""
-        moved = max(0.0, -self.head.speed_m_s * (self.run.stop_s or 0.0))
-        track = self.track
-        return track.b_m * (1 + hypot(track.start.hi, sqrt(2 * (self.length_m + moved) / track.b_m)))
+        extent = self.head.extent_m(self.run.stop_s or 0.0)
+        if self.led:
+            return self.led.size_m(extent)
+        track = self.spiral
+        return track.b_m * (1 + hypot(track.start.hi, sqrt(2 * (self.length_m - extent[0]) / track.b_m)))
 
     @cached_property
     def length_m(self) -> float:
@@ -127,33 +172,37 @@ class Scene:
         over the places of this run.
         """
         links = self.dragon.link_lengths_m
-        if self.solver == 'march' or self.tier is PAPER or links.size < _FEWEST or not links[0] * links[1]:
+        if self.led or self.solver == 'march' or self.tier is PAPER or links.size < _FEWEST or not links[0] * links[1]:
             return None
         whole = (0.0, self.end.t_s if self.limit is None else self.limit.t_s)
-        tables = (table_for(self.track, links, self._second_handle(*times), self.effort.newton,
+        tables = (table_for(self.spiral, links, self._second_handle(*times), self.effort.newton,
                             self.tier.series_m(self.size_m)) for times in (whole, (self.run.start_s, self.end.t_s)))
         return next((table for table in tables if table), None)
 
     def _second_handle(self, first_s: float, last_s: float) -> tuple[float, float]:
         """Return the least and greatest polar angle of the second handle between two times."""
-        low, high = sorted(self.track.inward(min(self.head.travelled_m(t_s)[0], self.track.length_m)).hi
-                           for t_s in (first_s, last_s))
-        return follower_range(low, high, float(self.dragon.link_lengths_m[0] / self.track.b_m))
+        times = (first_s, last_s, *(t_s for t_s in self.head.breaks_s if first_s < t_s < last_s))
+        spiral = self.spiral
+        angles = [spiral.inward(min(self.head.travelled_m(t_s)[0], spiral.length_m)).hi for t_s in times]
+        return follower_range(min(angles), max(angles), float(self.dragon.link_lengths_m[0] / spiral.b_m))
 
     @cached_property
     def limit(self) -> End | None:
-        """Where the model itself ends: the chain locks or the head reaches the centre; None if never."""
-        links = self.dragon.link_lengths_m / self.track.b_m
+        """Where the model itself ends: the chain locks or a handle reaches the track's end; None if never."""
+        if self.led:
+            t_s = self.led.end_s(self.head)
+            return None if t_s is None else End(t_s, 'track')
+        spiral, links = self.spiral, self.dragon.link_lengths_m / self.spiral.b_m
         body = float(links[1]) if links.size > 1 else None
         angle, link = head_lock_angle(float(links[0]), body)
-        if self.track.start.hi < angle:
+        if spiral.start.hi < angle:
             raise ChainLockError(
                 f'the chain is locked from the start: link {link} finds no place while the head is nearer to the '
-                f'centre than {self.track.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
-                'shorter benches', link=link, radius_m=self.track.b_m * angle, t_s=0.0)
-        if self.head.speed_m_s <= 0:
+                f'centre than {spiral.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
+                'shorter benches', link=link, radius_m=spiral.b_m * angle, t_s=0.0)
+        t_s = self.head.passage_s(spiral.distance_to(angle))
+        if t_s is None:
             return None
-        t_s = self.track.distance_to(angle) / self.head.speed_m_s
         return End(t_s, 'lock', link) if angle else End(t_s, 'track')
 
     @cached_property
@@ -163,7 +212,7 @@ class Scene:
         if stop is not None and (limit is None or stop <= limit.t_s):
             return End(stop, 'stop')
         if limit is None:
-            raise FieldError('run.stop_s', None, 'a head that does not move inwards never reaches an end',
+            raise FieldError('run.stop_s', None, 'the leader never reaches an end',
                              'say when to stop')
         if limit.t_s < self.run.start_s:
             raise self.beyond(self.run.start_s)
@@ -193,9 +242,13 @@ class Scene:
         """Return the error for a time after the model's end."""
         limit = self.limit
         assert limit is not None
+        if self.led:
+            return TrackEndError(f't_s: {t_s:.9g} s is beyond the end of the scene: the track ends for a handle '
+                                 f'at {limit.t_s:.6f} s; ask for an earlier time', t_s=t_s, limit_s=limit.t_s)
         why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
         kind = TrackEndError if limit.reason == 'track' else ChainLockError
-        radius = self.track.b_m * self.track.inward(min(self.track.length_m, limit.t_s * self.head.speed_m_s)).hi
+        gone = min(self.spiral.length_m, self.head.travelled_m(limit.t_s)[0])
+        radius = self.spiral.b_m * self.spiral.inward(gone).hi
         return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
                     f'radius {radius:.6f} m; ask for an earlier time', t_s=t_s, limit_s=limit.t_s, link=limit.link,
                     radius_m=radius)

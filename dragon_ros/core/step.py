@@ -2,8 +2,11 @@
 
 A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same bits.
 """
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
+from importlib import import_module
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
@@ -17,6 +20,12 @@ from dragon_ros.core.march_many import place_many
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.types import Floats
+from dragon_ros.core.walk_chain import stacked
+
+if TYPE_CHECKING:
+    from dragon_ros.core.closeness import Closeness, Contacts
+    from dragon_ros.core.health import Health
+    from dragon_ros.core.noise import Measured
 
 
 @dataclass(frozen=True)
@@ -27,8 +36,24 @@ class Frame:
     t_ns: int
     chain: Chain
     axis: Floats
-    velocity_m_s: Floats | None
-    benches: Benches | None
+    velocity_m_s: Floats | None = None
+    benches: Benches | None = None
+    closeness: 'Closeness | None' = None
+    contacts: 'Contacts | None' = None
+    acceleration_m_s2: Floats | None = None
+    tension_n_kg: Floats | None = None
+    measured: 'Measured | None' = None
+    trail_m: Floats | None = None
+    health: 'Health | None' = None
+
+
+# The field of each effect, and the function (scene, frame with what comes before) -> value; imported only where on.
+_PARTS = {
+    Effect.VELOCITY: ('velocity_m_s', 'step', '_velocity'), Effect.BENCHES: ('benches', 'step', '_benches'),
+    Effect.CLEARANCE: ('closeness', 'closeness', 'closeness'), Effect.CONTACT: ('contacts', 'closeness', 'contacts'),
+    Effect.ACCELERATIONS: ('acceleration_m_s2', 'dynamics', 'accelerations'),
+    Effect.FORCES: ('tension_n_kg', 'dynamics', 'tensions'), Effect.NOISE: ('measured', 'noise', 'measured'),
+    Effect.TRAILS: ('trail_m', 'trails', 'trail'), Effect.DIAGNOSTICS: ('health', 'health', 'health')}
 
 
 def tick(scene: Scene, k: int) -> Frame:
@@ -44,34 +69,57 @@ def state(scene: Scene, t_s: float) -> Chain:
     scene.check_time(t_s)
     if scene.tier is PAPER:
         return _as_printed(scene, t_s)
-    head = scene.track.inward(*scene.head.travelled_m(t_s))
+    gone = scene.head.travelled_m(t_s)
+    if scene.led:
+        return scene.led.chain(gone, scene.effort)
+    head = scene.spiral.inward(*gone)
     chain = scene.table.place(head) if scene.table else None
-    return chain or place(scene.track, scene.dragon.link_lengths_m, head, scene.effort)
+    return chain or place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
 
 
-def velocity_of(scene: Scene, chain: Chain) -> Floats:
-    """Return the velocities of all handles in m/s, shape (..., N+1, 2)."""
-    return chain.velocities(scene.head.speed_m_s)
+def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Floats:
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at ``t_s`` or of many at many."""
+    if isinstance(t_s, Sequence):
+        return chain.velocities(np.array([scene.head.speed_at_m_s(t) for t in t_s]))
+    return chain.velocities(scene.head.speed_at_m_s(t_s))
 
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
-    effects, axis = scene.effects, axes_of(chain)
-    return Frame(k, t_ns, chain, axis,
-                 velocity_of(scene, chain) if Effect.VELOCITY in effects else None,
-                 benches_of(chain, scene.dragon, axis) if Effect.BENCHES in effects else None)
+    frame = Frame(k, t_ns, chain, axes_of(chain))
+    for name, compute in plan(scene.effects):
+        object.__setattr__(frame, name, compute(scene, frame))      # nobody else has it yet
+    return frame
+
+
+@lru_cache(maxsize=256)
+def plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
+    """Return the fields to fill, with their functions, in order."""
+    return tuple((name, getattr(import_module(f'dragon_ros.core.{module}'), function))
+                 for effect, (name, module, function) in _PARTS.items() if effect in effects)
+
+
+def _velocity(scene: Scene, frame: Frame) -> Floats:
+    return velocity_of(scene, frame.chain, frame.t_ns / NS)
+
+
+def _benches(scene: Scene, frame: Frame) -> Benches:
+    return benches_of(frame.chain, scene.dragon, frame.axis)
 
 
 def states(scene: Scene, times_s: Sequence[float]) -> Chain:
     """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
     if scene.tier is PAPER:
         return stack([_as_printed(scene, t_s) for t_s in times_s])
-    scene.check_times(np.asarray(times_s, dtype=np.float64))
-    heads = scene.track.inward_many(*scene.head.travelled_m(np.asarray(times_s, dtype=np.float64)))
+    times = np.asarray(times_s, dtype=np.float64)
+    scene.check_times(times)
+    if scene.led:
+        return stacked([scene.led.chain(scene.head.travelled_m(t_s), scene.effort) for t_s in times_s])
+    heads = scene.spiral.inward_many(*scene.head.travelled_m(times))
     chains = scene.table.place_many(*heads) if scene.table else None
-    return chains or place_many(scene.track, scene.dragon.link_lengths_m, *heads, scene.effort)
+    return chains or place_many(scene.spiral, scene.dragon.link_lengths_m, *heads, scene.effort)
 
 
 def _as_printed(scene: Scene, t_s: float) -> SpiralChain:
     scene.check_time(t_s)
-    return paper.place(scene.track, scene.dragon.link_lengths_m, scene.head.speed_m_s, t_s)
+    return paper.place(scene.spiral, scene.dragon.link_lengths_m, scene.steady_m_s, t_s)

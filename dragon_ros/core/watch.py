@@ -19,7 +19,7 @@ from dragon_ros.core.types import Floats, Ints
 NS = 10**9
 NEAR_M = 0.02
 MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
-_TOUCH_M = 1e-10        # positions are right to 2e-12 m: a smaller gap is a contact
+TOUCH_M = 1e-10        # positions are right to 2e-12 m: a smaller gap is a contact
 _SHOWN = 8
 _UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
 
@@ -119,7 +119,7 @@ class Watch:
         least = int(np.argmin(gap)) if gap.size else -1
         report = Report(sight, float(gap[least]), (int(i[least]), int(j[least]))) if gap.size else Report(
             sight, inf, None)
-        touching = gap <= _TOUCH_M
+        touching = gap <= TOUCH_M
         if self._open.key.size or np.any(touching):
             key, rows = np.unique((i * len(sight.benches.centre) + j)[touching], return_index=True)
             report = self._episodes(report, key, gap[touching][rows])

@@ -30,8 +30,8 @@ class Way:
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         """Take the way of a scene's run. Raises FieldError where it is too long to search."""
-        self.scene, self.dragon, self.spiral, self.states = scene, scene.dragon, scene.track, 0
-        length_m = abs(scene.head.speed_m_s) * (scene.end.t_s - scene.run.start_s)
+        self.scene, self.dragon, self.spiral, self.states = scene, scene.dragon, scene.spiral, 0
+        length_m = abs(scene.steady_m_s) * (scene.end.t_s - scene.run.start_s)
         if length_m > _LONGEST_M:
             raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {length_m:.3g} m and no more than '
                              f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
@@ -52,7 +52,7 @@ class Way:
     def time(self, theta: float) -> float:
         """Return when the head is at a place, in s."""
         return float(self.scene.run.start_s) if theta == self.start else float(
-            self.spiral.distance_to(theta) / self.scene.head.speed_m_s)
+            self.spiral.distance_to(theta) / self.scene.steady_m_s)
 
     def metre(self, theta: float) -> float:
         """Return how far the polar angle goes for a metre of the track."""

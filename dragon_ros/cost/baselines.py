@@ -18,8 +18,8 @@ Solver = Callable[[Scene, float], Floats]
 
 def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
     """Return handles (N+1, 2) by a recipe for the next angle from (theta, chord in units of b)."""
-    b = scene.track.b_m
-    theta = [scene.track.inward(*scene.head.travelled_m(t_s)).hi]
+    b = scene.spiral.b_m
+    theta = [scene.spiral.inward(*scene.head.travelled_m(t_s)).hi]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(float(next_angle(theta[-1], link / b)))
     angle = np.array(theta)
@@ -66,11 +66,11 @@ def by_bisection(tolerance: float, theta: float, chord: float) -> float:
 
 def euler_steps(scene: Scene, step_s: float) -> tuple[SpiralChain, Callable[[SpiralChain], SpiralChain]]:
     """Return the exact chain at 0 s and a function that advances all handles by one explicit Euler step."""
-    start = place(scene.track, scene.dragon.link_lengths_m, scene.track.start, Effort(1e-8))
-    b = scene.track.b_m
+    start = place(scene.spiral, scene.dragon.link_lengths_m, scene.spiral.start, Effort(1e-8))
+    b = scene.spiral.b_m
 
     def advance(chain: SpiralChain) -> SpiralChain:
-        v = np.hypot(*velocities(chain, scene.head.speed_m_s).T)
+        v = np.hypot(*velocities(chain, scene.steady_m_s).T)
         theta = chain.theta - step_s * v / (b * np.sqrt(1 + chain.theta**2))
         return SpiralChain(chain.p, chain.links_m, 0, theta, np.zeros_like(theta), np.diff(theta))
     return start, advance

@@ -9,7 +9,7 @@ from dragon_ros.wire import cli, figures
 
 PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'contact': 'dragon_ros.cost.contacts',
          'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
-         'bag': 'dragon_ros.cost.bags'}
+         'bag': 'dragon_ros.cost.bags', 'effects': 'dragon_ros.cost.effects'}
 
 
 def main(argv: list[str]) -> int:
@@ -19,7 +19,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers; '
                          'contact: the first contact against looking every so often, and growth with benches; '
                          'tick: where the time of one tick goes; scale: growth of each stage, and rates held over DDS; '
-                         'bag: throughput and size of bags by compression')
+                         'bag: throughput and size of bags by compression; effects: what each effect adds to a tick')
     options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER', help='where it goes (cost)')
     options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds for each timing (0.3)')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')

@@ -13,13 +13,18 @@ from dragon_ros.core.errors import MissingError
 from dragon_ros.core.types import Array, Floats
 from dragon_ros.cost.problems import Problem
 
-_FILE = Path(__file__).resolve().parents[2] / 'test' / 'data' / 'reference.json'
+_FOLDER = Path(__file__).resolve().parents[2] / 'test' / 'data'
+_FILES = ('reference.json', 'dances.json')
+_KEYS = ('x', 'y', 'speed', 'vx', 'vy')     # the first file has signed speeds along a spiral, the second velocities
 Solve = Callable[[float], tuple[Floats, Floats]]
 
 
 @dataclass(frozen=True)
 class Truth:
-    """Wanted handles at the times of a problem: x, y, speed (times, handles, 3), each as a float and what it misses."""
+    """Wanted handles at the times of a problem, each number as a float and what it misses.
+
+    (times, handles, 3): x, y, speed; or (times, handles, 4): x, y, vx, vy.
+    """
 
     high: Floats
     low: Floats
@@ -27,6 +32,12 @@ class Truth:
     def distance(self, time: int, p: Floats) -> Floats:
         """Return the Euclidean distances of positions (handles, 2) from the truth, in metres."""
         off = (p - self.high[time, :, :2]) - self.low[time, :, :2]
+        out: Floats = np.hypot(off[:, 0], off[:, 1])
+        return out
+
+    def velocity_error(self, time: int, v: Floats) -> Floats:
+        """Return the errors of velocities (handles, 2) in m/s, where the truth has velocities."""
+        off = (v - self.high[time, :, 2:]) - self.low[time, :, 2:]
         out: Floats = np.hypot(off[:, 0], off[:, 1])
         return out
 
@@ -38,10 +49,13 @@ class Truth:
 
 @lru_cache(maxsize=1)
 def _everything() -> dict[str, Any]:
-    try:
-        out: dict[str, Any] = json.loads(_FILE.read_text(encoding='ascii'))['problems']
-    except OSError as error:
-        raise MissingError(f'{_FILE}: cannot be read: {error.strerror}; the cost pages run from a checkout') from None
+    out: dict[str, Any] = {}
+    for name in _FILES:
+        try:
+            out |= json.loads((_FOLDER / name).read_text(encoding='ascii'))['problems']
+        except OSError as error:
+            raise MissingError(f'{_FOLDER / name}: cannot be read: {error.strerror}; the cost pages run from a '
+                               'checkout') from None
     return out
 
 
@@ -51,8 +65,8 @@ def truth(problem: Problem) -> Truth:
     row = _everything().get(problem.name)
     if row is None or tuple(row['times_s']) != problem.times_s or tuple(
             row['handles']) != problem.handles:
-        raise MissingError(f'{_FILE}: has nothing for {problem.name} as it is now; run make_reference.py beside it')
-    digits: Array = np.array([[state[key] for key in ('x', 'y', 'speed')] for state in row['states']], dtype=str)
+        raise MissingError(f'{_FOLDER}: has nothing for {problem.name} as it is now; run the scripts there')
+    digits: Array = np.array([[state[key] for key in _KEYS if key in state] for state in row['states']], dtype=str)
     exact = np.vectorize(Decimal, otypes=[object])(np.moveaxis(digits, 1, 2))
     high = exact.astype(np.float64)
     rest = exact - np.vectorize(Decimal, otypes=[object])(high)

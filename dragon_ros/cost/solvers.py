@@ -19,7 +19,7 @@ _TOLERANCE_RAD = 1e-9       # of plain Newton
 
 def _plain(scene: Scene, head: Angle) -> Chain:
     """Place the chain as it is usually written in Python: Newton on the cosine rule, a point after another."""
-    b = scene.track.b_m
+    b = scene.spiral.b_m
     theta = [head.hi]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(by_newton(_TOLERANCE_RAD, theta[-1], link / b))
@@ -50,7 +50,7 @@ class PlainChain(Chain):
 
 def _march(scene: Scene, head: Angle) -> Chain:
     """Place handle after handle."""
-    return place(scene.track, scene.dragon.link_lengths_m, head, scene.effort)
+    return place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
 
 
 def _table(scene: Scene, head: Angle) -> Chain:

@@ -28,7 +28,7 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
     encode = list(encoders(scene).values())
     frame = frame_of(scene, None, round(t_s * NS), chain)
     return {'head': partial(_head, scene, t_s), 'chain': partial(CHAIN_SOLVERS[solver], scene, head),
-            'velocities': partial(velocity_of, scene, chain),
+            'velocities': partial(velocity_of, scene, chain, t_s),
             'benches': lambda: benches_of(chain, scene.dragon, axes_of(chain)),
             'neighbours': partial(candidates, chain.p, benches),
             'gaps': lambda: np.min(gaps(benches, i, j), initial=np.inf),
@@ -37,4 +37,4 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
 
 def _head(scene: Scene, t_s: float) -> Angle:
     scene.check_time(t_s)
-    return scene.track.inward(*scene.head.travelled_m(t_s))
+    return scene.spiral.inward(*scene.head.travelled_m(t_s))

@@ -92,7 +92,7 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
     promise = None if scene.tier is PAPER else position_promise_m(scene.tier, scene.size_m, worst)
-    both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s)), times, budget_s)
+    both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s), t_s), times, budget_s)
     alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
     return Row(problem.name, name, error, promise, alone, note, both)
 
@@ -103,7 +103,7 @@ def _batch_row(problem: Problem, budget_s: float) -> Row:
     chains = states(scene, problem.times_s)
     error = max(float(np.max(truth(problem).distance(number, p))) for number, p in enumerate(chains.p))
     alone = timed(lambda: states(scene, table_s), budget_s)
-    both = timed(lambda: velocity_of(scene, states(scene, table_s)), budget_s)
+    both = timed(lambda: velocity_of(scene, states(scene, table_s), table_s), budget_s)
     return Row(problem.name, _BATCH, error, scene.promise_m, alone.shared_by(301), '301 ticks in one call',
                both.shared_by(301))
 
@@ -143,7 +143,7 @@ def _euler_row(problem: Problem, step_s: float) -> Row:
         for _ in range(wanted - steps):
             chain = advance(chain)
         steps = wanted
-        p = points(scene.track.b_m, chain.theta, chain.theta_lo)[list(problem.handles)]
+        p = points(scene.spiral.b_m, chain.theta, chain.theta_lo)[list(problem.handles)]
         error = max(error, float(np.max(truth(problem).distance(number, p))))
     per = _TICK_S / step_s
     scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)

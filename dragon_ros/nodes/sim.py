@@ -6,6 +6,7 @@ from typing import Any
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.first_contact import Contact, first_contact
 from dragon_ros.core.scene import NS, Scene
@@ -69,8 +70,8 @@ class Sim(DragonNode):
         self.outlets = {name: feed.publisher for name, feed in self.feeds.items()}
         self._frames = Broadcast(self.scene, contact, self.feeds.values())
         self._frames.also = list(self._also())
-        self._track = self._publisher('track')
-        self._track.publish(track_message(self.scene, value['frame_id']))
+        self.outlets['track'] = self._publisher('track')
+        self.outlets['track'].publish(track_message(self.scene, value['frame_id']))
         self.outlets['scene'] = self._publisher('scene')
         self.outlets['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
@@ -99,7 +100,7 @@ class Sim(DragonNode):
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:
         """Yield what else is told of each frame."""
-        if self.setting['publish_clock']:
+        if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
             clock = SimulationTime(self, self._frames.next_ns())
             yield lambda frame: clock.tell(frame.t_ns)
         if self.setting['publish_tf']:

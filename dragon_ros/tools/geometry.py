@@ -16,19 +16,19 @@ class Geometry:
     def __init__(self, scene: Scene) -> None:
         """Take plain numbers from the scene."""
         d, self.scene = scene.dragon, scene
-        self.b = scene.track.pitch_m / (2 * pi)
+        self.b = scene.spiral.pitch_m / (2 * pi)
         self.links = [d.head_length_m - 2 * d.hole_inset_m] + [d.body_length_m - 2 * d.hole_inset_m] * (d.benches - 1)
         self.lengths = [d.head_length_m] + [d.body_length_m] * (d.benches - 1)
         self.half_width = 0.5 * d.width_m
 
     def angle(self, t_s: float) -> float:
         """Return the head's polar angle by bisection on the arc length."""
-        start = 2 * pi * self.scene.track.start_turns
+        start = 2 * pi * self.scene.spiral.start_turns
 
         def arc(theta: float) -> float:
             return self.b / 2 * (theta * sqrt(1 + theta * theta) + asinh(theta))
-        wanted = arc(start) - self.scene.head.speed_m_s * t_s
-        low, high = 0.0, start + 2 * abs(self.scene.head.speed_m_s * t_s) / self.b + 1
+        wanted = arc(start) - self.scene.steady_m_s * t_s
+        low, high = 0.0, start + 2 * abs(self.scene.steady_m_s * t_s) / self.b + 1
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (middle, high) if arc(middle) < wanted else (low, middle)
         return high

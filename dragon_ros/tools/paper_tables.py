@@ -115,7 +115,7 @@ def _value(tier: str, t_s: float, handle: int, quantity: str) -> float:
 def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
     scene = replace(Scene(), accuracy=tier)
     chain = state(scene, t_s)
-    return chain, np.hypot(*velocity_of(scene, chain).T)
+    return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
 
 
 FORMATS = {'text': text, 'csv': csv_text, 'json': json_text}

@@ -11,6 +11,7 @@ from dragon_ros.core.contact import Witness, gaps, witness
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.first_contact import Contact, first_contact
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.outline import outline
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state, states, velocity_of
@@ -87,8 +88,10 @@ class SceneSource:
 
     @cached_property
     def track(self) -> Floats:
-        """The spiral from the centre to beyond the tail at the start and at the end of the run."""
-        b_m = self.scene.track.b_m
+        """The track that the run walks; a spiral from the centre to beyond the tail at the run's ends."""
+        if self.scene.led:
+            return outline(self.scene)
+        b_m = self.scene.spiral.b_m
         outer = max(float(np.hypot(*state(self.scene, t_s).p[-1])) for t_s in self.span_s) / b_m
         theta: Floats = np.linspace(0.0, outer + np.pi, 2000 + int(min(outer, _MOST_TRACK_RAD) * _EACH_RAD))
         return points(b_m, theta, np.zeros_like(theta))
@@ -105,7 +108,8 @@ class SceneSource:
         for first in range(0, len(times_s), _AT_ONCE):
             group = times_s[first:first + _AT_ONCE].tolist()
             chain = states(self.scene, group)
-            benches, velocity = benches_of(chain, self.scene.dragon, axes_of(chain)), velocity_of(self.scene, chain)
+            benches = benches_of(chain, self.scene.dragon, axes_of(chain))
+            velocity = velocity_of(self.scene, chain, group)
             speed = np.hypot(velocity[..., 0], velocity[..., 1])
             for n, t_s in enumerate(group):
                 one = Benches(benches.centre[n], benches.axis[n], benches.half_length, benches.half_width)

@@ -2,6 +2,7 @@
 import csv
 import io
 import json
+import sys
 from argparse import Namespace
 from functools import partial
 from pathlib import Path
@@ -16,6 +17,7 @@ from dragon_ros.tools.bag_rows import at_times, values_of
 from dragon_ros.wire import cli
 from dragon_ros.wire.bag_frames import namespace_of
 from dragon_ros.wire.log_read import LogReader
+from dragon_ros.wire.scenes import load_scene
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
 Row = tuple[float, int, float, float, float, float, float]
@@ -32,6 +34,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
     options.add_argument('--paper', action='store_true',
                          help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
+    options.add_argument('--contest', type=Path, metavar='FOLDER',
+                         help="write the contest's result1, result2 and, from the scene turning, result4 (no times)")
     cli.add_output_options(options)
     return cli.guarded('table', partial(_run, options.parse_args(argv)))
 
@@ -44,16 +48,28 @@ def _run(arguments: Namespace) -> int:
         rows = _bag_rows(arguments)
     else:
         scene = cli.scene_from(arguments)
+        if arguments.contest:
+            return _write_contest(arguments.contest, scene)
         handles = handles_of(arguments.handles, scene.dragon.benches)
         rows = table(scene, times_of(arguments.times or '0'), handles)
     cli.write_output(arguments.output, _FORMATS[arguments.format](rows))
     return cli.OK
 
 
+def _write_contest(folder: Path, scene: Scene) -> int:
+    """Write the contest's files and say which."""
+    from dragon_ros.tools import contest
+    paths = contest.write(folder, scene, load_scene('turning'))
+    print('\n'.join(map(str, paths)))
+    if not any(path.suffix == '.xlsx' for path in paths):
+        print('table: no XLSX, openpyxl is not installed: pip install openpyxl', file=sys.stderr)
+    return cli.OK
+
+
 def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
     """Return one row for each time and handle, in the order of COLUMNS."""
     chain = states(scene, times_s)
-    velocity = velocity_of(scene, chain)
+    velocity = velocity_of(scene, chain, times_s)
     speed = np.hypot(velocity[..., 0], velocity[..., 1])
     block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
     return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)

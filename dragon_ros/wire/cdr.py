@@ -88,13 +88,13 @@ class PoseArrayTemplate:
 
 
 class VelocitiesTemplate:
-    """std_msgs/Float64MultiArray: rows are handles, columns vx, vy, speed in m/s."""
+    """std_msgs/Float64MultiArray: rows are handles, columns vx, vy, speed in m/s (or others of that kind)."""
 
-    def __init__(self, handles: int) -> None:
+    def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
         """Lay the message out for a number of handles."""
         writer = Writer()
         writer.put('I', 2)
-        for label, size, stride in (('handle', handles, 3 * handles), ('vx_vy_speed', 3, 3)):
+        for label, size, stride in (('handle', handles, 3 * handles), (columns, 3, 3)):
             writer.text(label)
             writer.put('I', size, stride)
         writer.put('I', 0, 3 * handles)

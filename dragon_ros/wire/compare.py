@@ -7,7 +7,7 @@ from math import inf
 import numpy as np
 
 from dragon_ros.core.rates import conditioning
-from dragon_ros.core.scene import Scene
+from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.types import Array
@@ -66,7 +66,7 @@ def compare_with_model(bag: LogReader, scene: Scene, namespace: str = '/dragon',
     """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
     encode, result = encoders(scene, frame_id), Comparison()
     k = 0
-    for t_ns, recorded in _instants(bag, [f'{namespace}/{name}' for name in encode]):
+    for t_ns, recorded in _instants(bag, namespace, encode):
         while k <= scene.last_tick and scene.run.time_ns(k) < t_ns:
             _missing(result, encode, k)
             k += 1
@@ -84,12 +84,13 @@ def compare_with_model(bag: LogReader, scene: Scene, namespace: str = '/dragon',
     return result
 
 
-def _instants(bag: LogReader, topics: list[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
-    """Yield the messages of each log time by the last part of their topic."""
+def _instants(bag: LogReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
+    """Yield the messages of each log time by the names of their topics in a namespace."""
+    topics = [f'{namespace}/{name}' for name in names]
     for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):
         recorded: dict[str, list[bytes]] = {}
         for message in group:
-            recorded.setdefault(message.topic.rpartition('/')[2], []).append(message.data)
+            recorded.setdefault(message.topic.removeprefix(f'{namespace}/'), []).append(message.data)
         yield t_ns, recorded
 
 
@@ -124,6 +125,8 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -
 
     Quaternions count times the shortest link, speeds as the metres that promise them (``speed_promise_m_s``).
     """
+    if name not in _VIEWS:
+        return inf
     ours, theirs = bytearray(wanted), bytearray(found)
     try:
         expected, got = _VIEWS[name](ours), _VIEWS[name](theirs)
@@ -137,7 +140,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -
         return inf
     if name == 'velocities':
         one = speed_promise_m_s(scene.tier, scene.size_m, scene.length_m / scene.dragon.benches,
-                                conditioning(frame.chain), scene.head.speed_m_s)
+                                conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
         return float(np.max(off)) / one * scene.promise_m if one else inf
     turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)

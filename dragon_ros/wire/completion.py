@@ -49,6 +49,7 @@ def _completer(action: argparse.Action) -> Any:
     if action.dest == 'scene':
         return lambda prefix, **_: [*scene_names(), *FilesCompleter(('yaml', 'yml'))(prefix)]
     if action.dest == 'overrides':
-        keys = [f'{name}.{each.name}' for name, kind in SECTIONS.items() for each in fields(kind)]
-        return lambda **_: [f'{key}=' for key in (*keys, *SINGLES)]
+        keys = {f'{name}.{each.name}' for name, kinds in SECTIONS.items() for kind in kinds.values()
+                for each in fields(kind)}
+        return lambda **_: [f'{key}=' for key in (*sorted(keys), *SINGLES)]
     return (lambda **_: sorted(TIERS)) if action.dest == 'accuracy' else SuppressCompleter()

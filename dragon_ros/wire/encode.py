@@ -12,7 +12,7 @@ Encode = Callable[[Frame], bytes]
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
     """Return, by topic, the functions that turn this scene's frames into bytes; templates are built once, here."""
-    return {channel.name: _BUILDERS[channel.name](scene, frame_id) for channel in live(scene.effects)}
+    return {channel.name: _builder(channel.name)(scene, frame_id) for channel in live(scene.effects)}
 
 
 def _handles(scene: Scene, frame_id: str) -> Encode:
@@ -41,3 +41,11 @@ def _velocities(scene: Scene, frame_id: str) -> Encode:
 _STYLES: dict[str, type[CubesTemplate] | type[TrianglesTemplate]] = {
     'cubes': CubesTemplate, 'triangles': TrianglesTemplate}
 _BUILDERS = {'handles': _handles, 'benches': _benches, 'velocities': _velocities}
+
+
+def _builder(topic: str) -> Callable[[Scene, str], Encode]:
+    """Return the builder of a topic; what only the rarer effects need is imported only for them."""
+    if topic in _BUILDERS:
+        return _BUILDERS[topic]
+    from dragon_ros.wire.encode_effects import BUILDERS
+    return BUILDERS[topic]

@@ -95,7 +95,7 @@ def test_output_goes_to_a_file_when_told(capsys, tmp_path, form):
     (['table', '--set', 'track.pitch_m=-0.5'], 'track.pitch_m'),
     (['contact', '--set', 'dragon.benches=0'], 'dragon.benches'),
     (['contact', '--set', 'track.pitch_m=0.01'], 'locked from the start'),
-    (['contact', '--scene', 'windin'], 'first_contact, winding'),
+    (['contact', '--scene', 'windin'], 'the scenes are first_contact, long'),
     (['contact', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['contcat'], 'did you mean contact'),
     ([], 'usage'),
@@ -131,6 +131,27 @@ def test_help_loads_nothing_that_draws(name):
     code = ('import sys\nfor name in ("matplotlib", "PIL", "rclpy", "argcomplete"): sys.modules[name] = None\n'
             f'from dragon_ros.__main__ import main\nmain(["{name}", "--help"])')
     subprocess.run([sys.executable, '-c', code], capture_output=True, check=True)
+
+
+def test_design_tells_the_turns_length_and_the_largest_speed(capsys):
+    code, out, _ = run(capsys, 'design', 'turn')
+    assert code == 0
+    assert out.startswith('the turn is 13.6212449068 m long')
+    code, out, _ = run(capsys, 'design', 'turn', '--contact', '--set', 'dragon.benches=12')
+    assert 'no benches touch until the whole dragon has left the turn' in out
+    code, out, _ = run(capsys, 'design', 'max-speed', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['handle']) == (0, 3)
+    assert values['speed_m_s'] == pytest.approx(1.2462663582, abs=1e-10)
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'track.kind'),
+    (['max-speed', '--limit', '-1'], '--limit'), (['fast'], 'invalid choice'), ([], 'required')])
+def test_a_design_question_that_has_no_answer_is_told(capsys, arguments, says):
+    code, out, err = run(capsys, 'design', *arguments)
+    assert code == 2
+    assert says in err + out
 
 
 def test_a_closed_pipe_is_no_traceback():

@@ -6,6 +6,7 @@ import sys
 import pytest
 
 from dragon_ros.executables import EXECUTABLES
+from dragon_ros.wire.scenes import scene_names
 
 
 def completions(line, cwd):
@@ -25,9 +26,9 @@ def completions(line, cwd):
 @pytest.mark.parametrize(('line', 'offered'), [
     ('dragon ta', {'table'}),
     ('dragon table --sc', {'--scene'}),
-    ('dragon table --scene ', {'first_contact', 'winding', 'my.yaml'}),
+    ('dragon table --scene ', {*scene_names(), 'my.yaml'}),
     ('dragon table --scene=w', {'--scene=winding'}),
-    ('dragon contact --set tr', {'track.pitch_m=', 'track.start_turns='}),
+    ('dragon contact --set track.pi', {'track.pitch_m=', 'track.pieces='}),
     ('dragon table --accuracy f', {'fine'}),
     ('dragon plot c', {'clearance', 'contact'}),
     ('dragon plot dragon --bag r', {'run.mcap'}),

@@ -53,11 +53,48 @@ def test_an_empty_file_is_the_classic_scene():
     ('&a [*a]', r'f: '),
     ('track: {pitch_m: 1e400}', r'f:1: track.pitch_m'),
     ('1: 2', r'f:1: 1: there is no such key'),
+    ('track: {kind: turn, start_turns: 3}', r'f:1: track.start_turns: there is no such key'),
+    ('track: {kind: turn, ratio: 3}', r'f:1: track: .*bends tighter than'),
+    ('track: {kind: joined}', r'f:1: track.pieces: it is missing; a joined needs it'),
+    ('track: {kind: joined, pieces: 3}', r'f:1: track.pieces: 3 is not a list of pieces'),
+    ('track: {kind: joined, pieces: [3]}', r'f:1: track.pieces.1: it holds 3; write for example'),
+    ('track: {kind: joined, pieces: [{kind: bow}]}', r'f:1: track.pieces.1.kind: .bow. is not known; the kinds are'),
+    ('track: {kind: joined, pieces: [{kind: line}]}', r'f:1: track.pieces.1.length_m: it is missing'),
+    ('track: {kind: joined, pieces: [{kind: line, length: 1}]}', r'f:1: .*did you mean length_m'),
+    ('track: {kind: joined, pieces: [{kind: line, length_m: 1, at_m: 3}]}', r'f:1: .*at_m: 3 is not a place'),
+    ('head: {kind: profile}', r'f:1: head.knots: it is missing'),
+    ('head: {kind: profile, knots: [1, 2]}', r'f:1: head.knots: .* is not a list of pairs'),
+    ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not possible, it is a str'),
+    ('head: {lead: middle}', r'f:1: head.lead: .middle.'),
+    ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
 ])
 def test_bad_scenes_name_file_line_and_key(text, says):
     with pytest.raises(InputError) as error:
         scene_of(parse_document('f', text))
     assert re.match(says, str(error.value)), str(error.value)
+
+
+@pytest.mark.parametrize('text', [
+    'track: {kind: turn, ratio: 1.5, before_m: 3}\nhead: {lead: tail}\nrun: {stop_s: 1}',
+    'head: {kind: profile, ramps: smooth, knots: [[0, 1], [1e1, -2]]}\nrun: {stop_s: 1}',
+    """
+track:
+  kind: joined
+  start_m: 3
+  pieces:
+    - {kind: line, length_m: 5, at_m: [1, 2], heading_deg: 30}
+    - {kind: arc, radius_m: 3, angle_deg: -90}
+    - {kind: spiral, pitch_m: 1.7, from_turns: 2, to_turns: 4, side: left}
+"""])
+def test_every_kind_of_track_and_law_survives_a_round_trip(text):
+    scene = scene_of(parse_document('f', text))
+    assert scene_of(parse_document('again', scene_text(scene))) == scene
+    assert scene_text(scene_of(parse_document('again', scene_text(scene)))) == scene_text(scene)
+
+
+def test_a_kind_can_be_overridden_with_its_keys():
+    scene = load_scene('turning', ['track.ratio=1', 'head.kind=profile', 'head.knots=[[0, 2]]'])
+    assert (scene.track.ratio, scene.head.knots) == (1, ((0, 2),))
 
 
 def test_numbers_that_yaml_takes_for_text_are_numbers():
@@ -75,7 +112,7 @@ def test_overrides_reach_any_key_and_say_where_they_are_wrong():
 
 
 def test_a_scene_that_is_not_there_names_those_that_are():
-    with pytest.raises(MissingError, match='first_contact, winding'):
+    with pytest.raises(MissingError, match='the scenes are first_contact, long'):
         load_scene('windng')
     with pytest.raises(MissingError, match='cannot be read'):
         load_scene('./nowhere.yaml')

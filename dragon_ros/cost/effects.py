@@ -1,0 +1,122 @@
+"""``cost effects``: what each effect adds to a tick, in microseconds and bytes, alone and in each named scene."""
+import csv
+import io
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.core.effects import known
+from dragon_ros.cost.measure import circumstances
+from dragon_ros.cost.prices import ALONE, Price, Whole, price, wholes
+from dragon_ros.wire.scenes import load_scene, scene_names
+
+
+@dataclass(frozen=True)
+class Measured:
+    """All rows of the page."""
+
+    prices: list[Price]
+    wholes: list[Whole]
+
+
+def measure(budget_s: float = 0.3) -> Measured:
+    """Measure everything; progress goes to standard error."""
+    scenes = {ALONE: load_scene('minimal'), **{name: load_scene(name) for name in scene_names()}}
+    jobs = [(effect, name) for effect in known().values() for name in scenes]
+    prices = [price(effect, name, scenes[name], budget_s)
+              for effect, name in tqdm(jobs, desc='cost effects', unit='price', disable=None)]
+    return Measured(prices, wholes(4 * budget_s))
+
+
+def table(rows: Measured) -> str:
+    """Return both tables as Markdown with the circumstances above them."""
+    scenes = list(dict.fromkeys(row.scene for row in rows.prices))
+    lines = [f'{circumstances()}.', '', '| us a tick | bytes | ' + ' | '.join(scenes) + ' |',
+             '|---|---:|' + '---:|' * len(scenes)]
+    for effect in dict.fromkeys(row.effect for row in rows.prices):
+        mine = {row.scene: row for row in rows.prices if row.effect == effect}
+        lines.append(f'| {effect} | {mine[ALONE].size:,} | ' + ' | '.join(_cell(mine[name]) for name in scenes) + ' |')
+    lines += ['', '| a whole tick of the classic scene | us | quartiles | times | of |', '|---|---:|---|---:|---|']
+    lines += [f'| {row.name} | {row.timing.median_s * 1e6:.0f} | {row.timing.low_s * 1e6:.0f} to '
+              f'{row.timing.high_s * 1e6:.0f} | {row.ratio:.3f} | {row.over} |' for row in rows.wholes]
+    return '\n'.join(lines)
+
+
+def _cell(row: Price) -> str:
+    return '-' if row.timing is None else f'{row.timing.median_s * 1e6:.3g}'
+
+
+def summary(rows: Measured) -> str:
+    """Return what belongs into the README: all of it."""
+    return table(rows)
+
+
+def csv_text(rows: Measured) -> str:
+    """Return the rows as CSV, times in seconds."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerow(['what', 'scene', 'bytes', 'median_s', 'low_s', 'high_s', 'calls', 'ratio'])
+    for row in rows.prices:
+        t = row.timing
+        writer.writerow((row.effect, row.scene, row.size, *((t.median_s, t.low_s, t.high_s, t.calls) if t else
+                                                            ('', '', '', '')), ''))
+    for whole in rows.wholes:
+        t = whole.timing
+        writer.writerow((whole.name, f'over {whole.over}', '', t.median_s, t.low_s, t.high_s, t.calls, whole.ratio))
+    return out.getvalue()
+
+
+def picture(rows: Measured) -> Figure:
+    """Return two panels: what each effect adds, and whole ticks."""
+    figure = Figure(figsize=(13, 5.5), layout='constrained')
+    left, right = figure.subplots(1, 2, width_ratios=(3, 2))
+    _price_panel(left, rows.prices)
+    _whole_panel(right, rows.wholes)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def _price_panel(axes: Axes, prices: list[Price]) -> None:
+    names = [row.effect for row in prices if row.scene == ALONE and row.timing]
+    for shift, scene, colour in ((-0.2, ALONE, '#0072B2'), (0.2, 'first_contact', '#E69F00')):
+        mine = {row.effect: row for row in prices if row.scene == scene and row.timing}
+        for n, name in enumerate(names):
+            if name not in mine:
+                continue
+            row = mine[name]
+            assert row.timing is not None
+            us = row.timing.median_s * 1e6
+            axes.barh(n + shift, us, 0.36, color=colour, label=scene if n == 0 else None)
+            size = f', {row.size:,} bytes' if scene == ALONE else ''
+            axes.annotate(f'{us:.3g} us{size}', (max(us, 0.0), n + shift), xytext=(4, 0), textcoords='offset points',
+                          va='center', fontsize=8)
+    axes.set_yticks(range(len(names)), names)
+    axes.invert_yaxis()
+    axes.set(xlabel='added to a tick, computed and encoded (us)', title='What each effect adds')
+    axes.set_xlim(right=1.25 * axes.get_xlim()[1])
+    axes.legend(loc='lower right', fontsize=9)
+
+
+def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
+    shown = {row.name: row for row in rows}
+    for n, row in enumerate(shown.values()):
+        us = row.timing.median_s * 1e6
+        axes.barh(n, us, 0.6, color='#009E73')
+        axes.annotate(f'{us:.0f} us', (us, n), xytext=(4, 0), textcoords='offset points', va='center', fontsize=9)
+    axes.set_yticks(range(len(shown)), list(shown))
+    axes.invert_yaxis()
+    axes.set(xlabel='a whole tick, computed and encoded (us)', title='Whole ticks of the classic dragon')
+    axes.set_xlim(right=1.2 * axes.get_xlim()[1])
+
+
+def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write tables, CSV and pictures into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'effects.md': table(rows) + '\n', 'effects.csv': csv_text(rows)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(rows), folder / 'effects')]

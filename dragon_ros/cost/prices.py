@@ -1,0 +1,150 @@
+"""What each effect adds to a tick, and whole ticks side by side."""
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from itertools import count
+from statistics import median, quantiles
+
+from dragon_ros.core.benches import axes_of
+from dragon_ros.core.effects import NEEDS, Effect, known
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import frame_of, plan, state, tick
+from dragon_ros.cost.measure import Timing
+from dragon_ros.wire.cdr import PoseArrayTemplate
+from dragon_ros.wire.channels import live
+from dragon_ros.wire.encode import Encode, encoders
+from dragon_ros.wire.scenes import load_scene
+
+ALONE = 'alone'
+ALL = ~Effect.NONE
+_LEAST, _MOST = 15, 400         # calls
+_TICKS, _PLACES = 97, 7         # ticks apart, and places along the run: successive calls are of unlike ones
+Call = Callable[[], object]
+
+
+@dataclass(frozen=True)
+class Price:
+    """What an effect adds to a tick of a scene (ALONE: of the classic one with what it needs), and to its bytes.
+
+    ``timing`` is None where the scene refuses the effect, or where nothing is computed for it.
+    """
+
+    effect: str
+    scene: str
+    size: int
+    timing: Timing | None
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole tick of the classic scene, computed and encoded, and its time over that of another, both in turns."""
+
+    name: str
+    timing: Timing
+    ratio: float
+    over: str
+
+
+def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
+    """Return what an effect adds to a scene that has all that it needs, and nothing that needs it.
+
+    Timed is what it alone does: fill its field of a frame that has the others, and encode its topics.
+    """
+    without = scene.effects & ~effect & ~_above(effect) | _below(effect)
+    try:
+        off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
+    except FieldError:
+        return Price(effect.names[0], name, 0, None)
+    encode = encoders(on)
+    encode = {row.name: encode[row.name] for row in live(on.effects) if row.effect is effect}
+    size = sum(len(one(tick(on, 0))) for one in encode.values())
+    return Price(effect.names[0], name, size, _own(effect, off, list(encode.values()), budget_s) if encode else None)
+
+
+def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
+    """Time an effect's own work on frames of a scene that is without it, each of them new."""
+    times = [scene.run.time_ns(k * scene.last_tick // _PLACES) for k in range(_PLACES)]
+    spent: list[float] = []
+    while len(spent) <= _LEAST or (sum(spent) < budget_s and len(spent) < _MOST):
+        t_ns = times[len(spent) % _PLACES]
+        frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
+        start = time.perf_counter()
+        for name, compute in plan(effect):
+            object.__setattr__(frame, name, compute(scene, frame))      # as frame_of does
+        for one in encode:
+            one(frame)
+        spent.append(time.perf_counter() - start)
+    return _timing(spent[1:])
+
+
+def wholes(budget_s: float) -> list[Whole]:
+    """Return whole ticks: everything on, the defaults, nothing on, and a program that knows no effects."""
+    scene = load_scene('minimal')
+    everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
+    rows = [('everything on', worker(everything), 'minimal', worker(scene)),
+            ('winding', worker(defaults), 'minimal', worker(scene)),
+            ('minimal', worker(scene), 'winding with everything on', worker(everything)),
+            ('minimal', worker(scene), 'a build without effects', bare(scene))]
+    out = []
+    for what, call, over, other in rows:
+        first, second = paired(other, call, budget_s)
+        out.append(Whole(what, second, second.median_s / first.median_s, over))
+    return out
+
+
+def worker(scene: Scene) -> Call:
+    """Return a call that computes and encodes one tick of a scene, another each time."""
+    encode, numbers = encoders(scene), count(0, _TICKS)
+    ticks = scene.last_tick + 1
+
+    def work() -> object:
+        frame = tick(scene, next(numbers) % ticks)
+        return [one(frame) for one in encode.values()]
+    return work
+
+
+def bare(scene: Scene) -> Call:
+    """Return a call that does the same for handles alone, written out as if there were no effects."""
+    template, numbers = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon'), count(0, _TICKS)
+    ticks = scene.last_tick + 1
+
+    def work() -> object:
+        t_ns = scene.run.time_ns(next(numbers) % ticks)
+        chain = state(scene, t_ns / NS)
+        return [template.encode(t_ns, chain.p, axes_of(chain))]
+    return work
+
+
+def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing]:
+    """Time two calls in turns."""
+    first(), second()
+    spent: list[tuple[float, float]] = []
+    while len(spent) < _LEAST or (sum(map(sum, spent)) < budget_s and len(spent) < _MOST):
+        spent.append((_time(first), _time(second)))
+    return _timing([one for one, _ in spent]), _timing([other for _, other in spent])
+
+
+def _time(call: Call) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start
+
+
+def _timing(spent: list[float]) -> Timing:
+    low, _, high = quantiles(spent, n=4)
+    return Timing(median(spent), low, high, len(spent))
+
+
+def _below(effect: Effect) -> Effect:
+    """Return what an effect needs, and what that needs."""
+    need = NEEDS.get(effect, Effect.NONE)
+    return need | _below(need) if need else need
+
+
+def _above(effect: Effect) -> Effect:
+    """Return the effects that need an effect."""
+    out = Effect.NONE
+    for other in known().values():
+        out |= other if effect in _below(other) else Effect.NONE
+    return out

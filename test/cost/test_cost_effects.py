@@ -1,0 +1,52 @@
+"""The page ``cost effects``: its prices, its whole ticks and its files."""
+import numpy as np
+
+from dragon_ros.core.effects import Effect
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import tick
+from dragon_ros.cost import effects, prices
+from dragon_ros.cost.measure import Timing
+from dragon_ros.wire import figures
+from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.scenes import load_scene
+
+TIMING = Timing(1e-5, 0.9e-5, 1.1e-5, 20)
+
+
+def test_the_bytes_of_an_effect_are_those_of_its_topics_alone():
+    scene = load_scene('minimal', ['dragon.benches=9'])
+    row = prices.price(Effect.BENCHES, prices.ALONE, scene, 0.0)
+    full = load_scene('minimal', ['dragon.benches=9', 'effects=[benches]'])
+    assert row.size == len(encoders(full)['benches'](tick(full, 0)))
+    assert row.timing.calls >= 15
+
+
+def test_an_effect_is_priced_with_what_it_needs_on_both_sides():
+    row = prices.price(Effect.CLEARANCE, prices.ALONE, load_scene('minimal', ['dragon.benches=9']), 0.0)
+    assert row.size == 12
+
+
+def test_what_a_scene_refuses_and_what_sim_does_not_compute_has_no_price():
+    turning = load_scene('turning', ['dragon.benches=9'])
+    assert prices.price(Effect.ACCELERATIONS, 'turning', turning, 0.0).timing is None
+    assert prices.price(Effect.CLOCK, 'winding', Scene(), 0.0).timing is None
+
+
+def test_a_build_without_effects_makes_the_same_bytes_as_a_scene_with_none():
+    scene = load_scene('minimal', ['dragon.benches=9'])
+    with_effects, without = prices.worker(scene), prices.bare(scene)
+    assert [with_effects() for _ in range(3)] == [without() for _ in range(3)]
+
+
+def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
+    rows = effects.Measured(
+        [prices.Price('benches', scene, 100, TIMING) for scene in (prices.ALONE, 'first_contact')]
+        + [prices.Price('clock', scene, 0, None) for scene in (prices.ALONE, 'first_contact')],
+        [prices.Whole('minimal', TIMING, 0.2, 'everything on')])
+    with np.errstate(all='warn'):
+        paths = effects.write(rows, tmp_path, figures.save)
+    assert [path.name for path in paths] == ['effects.md', 'effects.csv', 'effects.png', 'effects.svg']
+    assert all(path.stat().st_size for path in paths)
+    assert '| benches | 100 | 10 | 10 |' in effects.summary(rows)
+    assert '| clock | 0 | - | - |' in effects.summary(rows)
+    assert '0.200' in effects.summary(rows)

@@ -1,0 +1,352 @@
+"""Make ``dances.json``: 50-digit positions and speeds for every case of ``dragon_ros.cost.dances``, and design figures.
+
+    PYTHONPATH=. python test/data/make_dances.py
+
+It needs mpmath and some minutes, and shares no numerical code with the package: it reads the scene's floats as the
+exact numbers that they are, and lays the pieces out anew. The next handle is found by steps that cannot pass it: a
+place that is g metres short of the chord has no root within g metres of track. Everything is computed twice, the second
+time with more digits, and compared.
+"""
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+from itertools import pairwise
+from pathlib import Path
+from typing import Any
+
+import mpmath
+from make_reference import AGREED, DIGITS, WRITTEN, Handle, Number, joined, note
+from mpmath import mp, mpc, mpf
+
+from dragon_ros.core.head import Head
+from dragon_ros.core.joined import Arc, Joined, Line
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.turn import Turn
+from dragon_ros.cost.dances import dances
+from dragon_ros.cost.problems import Problem
+
+TARGET = Path(__file__).with_name('dances.json')
+GUARD, MORE = 15, 15            # further digits of the first computation, and of the second
+BACK, AHEAD = -1, 1
+
+
+@dataclass
+class Straight:
+    """A line; u is metres from its start."""
+
+    start: Number
+    direction: Number
+    first: Number
+    last: Number
+
+    def at(self, u: Number) -> Number:
+        return self.start + self.direction * u
+
+    def tangent(self, u: Number) -> Number:
+        return self.direction
+
+    def metres(self, u: Number) -> Number:
+        return u
+
+    def after(self, metres: Number) -> Number:
+        return metres
+
+    def fastest(self, u: Number, gap: Number) -> Number:
+        """Return a bound on the metres for each unit of u within ``gap`` metres."""
+        return mp.one
+
+
+@dataclass
+class Round:
+    """An arc; u is metres from its start, ``side`` 1 turns left."""
+
+    start: Number
+    direction: Number
+    radius: Number
+    side: int
+    first: Number
+    last: Number
+
+    def at(self, u: Number) -> Number:
+        return self.start + self.side * 1j * self.radius * self.direction * (1 - mp.expj(self.side * u / self.radius))
+
+    def tangent(self, u: Number) -> Number:
+        return self.direction * mp.expj(self.side * u / self.radius)
+
+    metres, after, fastest = Straight.metres, Straight.after, Straight.fastest
+
+
+@dataclass
+class Winding:
+    """A spiral about ``centre``, turned; u is the polar angle, ``side`` 1 grows leftwards, ``way`` 1 goes outwards."""
+
+    b: Number
+    centre: Number
+    rotation: Number
+    side: int
+    way: int
+    anchor: Number
+    first: Number
+    last: Number
+
+    def at(self, u: Number) -> Number:
+        return self.centre + self.rotation * self.b * u * mp.expj(self.side * u)
+
+    def tangent(self, u: Number) -> Number:
+        return self.way * self.rotation * mp.expj(self.side * u) * mpc(1, self.side * u) / mp.sqrt(1 + u * u)
+
+    def metres(self, u: Number) -> Number:
+        return self.way * self.b * (arc(u) - arc(self.anchor))
+
+    def after(self, metres: Number) -> Number:
+        wanted = arc(self.anchor) + self.way * metres / self.b
+        u = mp.sqrt(2 * wanted)
+        for _ in range(200):
+            step = (arc(u) - wanted) / mp.sqrt(1 + u * u)
+            u -= step
+            if abs(step) < mpf(10) ** (8 - mp.dps):
+                return u
+        raise AssertionError('no place on the spiral')
+
+    def fastest(self, u: Number, gap: Number) -> Number:
+        return self.b * mp.sqrt(1 + (u + gap / self.b) ** 2)
+
+
+def arc(u: Number) -> Number:
+    """Return the arc length from a spiral's centre in units of b."""
+    return (u * mp.sqrt(1 + u * u) + mp.asinh(u)) / 2
+
+
+@dataclass
+class Track:
+    """Pieces, and the distance along the track at u = anchor of each."""
+
+    pieces: list[Any]
+    origins: list[Number]
+
+    def place(self, metres: Number) -> tuple[int, Number]:
+        """Return the piece and u so far along."""
+        k = max([k for k in range(1, len(self.pieces)) if self.origins[k] <= metres], default=0)
+        return k, self.pieces[k].after(metres - self.origins[k])
+
+    def next(self, k: int, u: Number, chord: Number, way: int) -> tuple[int, Number]:
+        """Return the first place behind, or ahead, at the chord's length."""
+        if chord == 0:
+            return k, u
+        here, start = self.pieces[k].at(u), u
+        while True:
+            found = self._on(self.pieces[k], here, start, chord, way)
+            if found is not None:
+                return k, found
+            k += way
+            start = self.pieces[k].last if way == BACK else self.pieces[k].first
+
+    @staticmethod
+    def _on(piece: Any, here: Number, u: Number, chord: Number, way: int) -> Number | None:
+        """Return the first u at the chord's length on a piece, None if it ends before."""
+        end = piece.first if way == BACK else piece.last
+        sense = way * (getattr(piece, 'way', 1))
+        for _ in range(10_000):
+            gap = chord - abs(piece.at(u) - here)
+            if gap < mpf(10) ** -9 * chord:
+                return polished(piece, here, u, chord)
+            step = gap / piece.fastest(u, gap)
+            u += sense * step
+            if end is not None and sense * (u - end) > 0:
+                return None
+        raise AssertionError('the chord is not reached')
+
+
+def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:
+    """Return the root next to u, by Newton."""
+    for _ in range(100):
+        link = piece.at(u) - here
+        slope = piece.tangent(u) * (mp.sqrt(1 + u * u) * piece.b * piece.way if isinstance(piece, Winding) else 1)
+        step = (abs(link) ** 2 - chord * chord) / (2 * (mp.conj(link) * slope).real)
+        u -= step
+        assert abs(step) < mpf(10) ** -6 * chord / abs(slope), 'the root is not next to where it was seen'
+        if abs(step) <= mpf(10) ** (6 - mp.dps) * chord:
+            return u
+    raise AssertionError('no root')
+
+
+def track_of(scene: Scene) -> tuple[Track, Number]:
+    """Return the track and where the head is on it at t = 0."""
+    if isinstance(scene.track, Turn):
+        return turn_of(scene.track), -mpf(scene.track.before_m)
+    if isinstance(scene.track, Spiral):
+        start = 2 * mp.pi * mpf(scene.track.start_turns)
+        spiral = Winding(mpf(scene.track.pitch_m) / (2 * mp.pi), mpc(0), mpc(1), 1, BACK, start, None, mpf(0))
+        return Track([spiral], [mp.zero]), mp.zero
+    assert isinstance(scene.track, Joined)
+    return laid(scene.track), mpf(scene.track.start_m)
+
+
+def turn_of(turn: Turn) -> Track:
+    """Return the S-turn: the arcs turn by 2 gamma, with radii of the ratio and the sum R / sin gamma."""
+    b, radius = mpf(turn.pitch_m) / (2 * mp.pi), mpf(turn.diameter_m) / 2
+    theta = radius / b
+    gamma = mp.atan(theta)
+    second = radius / mp.sin(gamma) / (1 + mpf(turn.ratio))
+    first = mpf(turn.ratio) * second
+    into = Winding(b, mpc(0), mpc(1), 1, BACK, theta, None, theta)
+    out = Winding(b, mpc(0), mpc(-1), 1, AHEAD, theta, theta, None)
+    one = Round(into.at(theta), into.tangent(theta), first, -1, mp.zero, 2 * gamma * first)
+    two = Round(one.at(one.last), one.tangent(one.last), second, 1, mp.zero, 2 * gamma * second)
+    assert abs(two.at(two.last) - out.at(theta)) < radius * mpf(10) ** (5 - mp.dps)
+    assert abs(two.tangent(two.last) - out.tangent(theta)) < mpf(10) ** (5 - mp.dps)
+    return Track([into, one, two, out], [mp.zero, mp.zero, one.last, one.last + two.last])
+
+
+def laid(track: Joined) -> Track:
+    """Return joined pieces in the plane; the first one open to where the head comes from."""
+    pieces: list[Any] = []
+    origins, point, direction = [mp.zero], mpc(0), mpc(1)
+    for spec in track.pieces:
+        first = None if not pieces else mp.zero
+        if isinstance(spec, Line):
+            pieces.append(Straight(point, direction, first, mpf(spec.length_m)))
+        elif isinstance(spec, Arc):
+            radius = mpf(spec.radius_m)
+            pieces.append(Round(point, direction, radius, 1 if spec.angle_deg > 0 else -1, first,
+                                abs(mpf(spec.angle_deg)) * mp.pi / 180 * radius))
+        else:
+            pieces.append(wound(spec, point, direction))
+        piece = pieces[-1]
+        origins.append(origins[-1] + piece.metres(piece.last))
+        point, direction = piece.at(piece.last), piece.tangent(piece.last)
+    return Track(pieces, origins[:-1])
+
+
+def wound(spec: Any, point: Number, direction: Number) -> Winding:
+    """Return a spiral from a point in a direction."""
+    start, last = 2 * mp.pi * mpf(spec.from_turns), 2 * mp.pi * mpf(spec.to_turns)
+    way = AHEAD if last > start else BACK
+    side = 1 if (spec.side == 'left') == (way == AHEAD) else -1
+    bare = Winding(mpf(spec.pitch_m) / (2 * mp.pi), mpc(0), mpc(1), side, way, start, start, last)
+    rotation = direction / bare.tangent(start)
+    return replace(bare, rotation=rotation, centre=point - rotation * bare.at(start))
+
+
+def gone(scene: Scene, t_s: float) -> tuple[Number, Number]:
+    """Return how far the leader has gone and its speed, integrated ramp by ramp."""
+    t, head = mpf(t_s), scene.head
+    if isinstance(head, Head):
+        return mpf(head.speed_m_s) * t, mpf(head.speed_m_s)
+    far, knots = mp.zero, [(mpf(a), mpf(v)) for a, v in head.knots]
+    for (t0, v0), (t1, v1) in pairwise(knots):
+        if t1 <= t:
+            far += (t1 - t0) * (v0 + v1) / 2
+        elif t0 <= t:
+            x, h, dv = (t - t0) / (t1 - t0), t1 - t0, v1 - v0
+            if head.ramps == 'linear':
+                return far + h * (v0 * x + dv * x * x / 2), v0 + dv * x
+            return far + h * (v0 * x + dv * (x**3 - x**4 / 2)), v0 + dv * (3 * x * x - 2 * x**3)
+    return far + (t - knots[-1][0]) * knots[-1][1], knots[-1][1]
+
+
+def chain_at(scene: Scene, t_s: float) -> list[tuple[Number, Number]]:
+    """Return (point, velocity along the head's way) of all handles from head to tail; velocities as complex numbers."""
+    track, start = track_of(scene)
+    far, speed = gone(scene, t_s)
+    links = [mpf(link) for link in scene.dragon.link_lengths_m.tolist()]
+    if scene.head.lead == 'head':
+        return list(followed(track, track.place(start + far), links, BACK, speed))
+    *_, (k, u) = places(track, track.place(start), links, BACK)
+    tail = track.origins[k] + track.pieces[k].metres(u)
+    return list(followed(track, track.place(tail - far), links[::-1], AHEAD, -speed))[::-1]
+
+
+def places(track: Track, place: tuple[int, Number], links: list[Number], way: int) -> Iterator[tuple[int, Number]]:
+    """Yield the places of the handles from the leader on."""
+    yield place
+    for chord in links:
+        place = track.next(*place, chord, way)
+        yield place
+
+
+def followed(track: Track, leader: tuple[int, Number], links: list[Number], way: int,
+             speed: Number) -> Iterator[tuple[Number, Number]]:
+    """Yield point and velocity of the handles from the leader on."""
+    before = None
+    for k, u in places(track, leader, links, way):
+        point, tangent = track.pieces[k].at(u), track.pieces[k].tangent(u)
+        if before is not None and point != before[0]:
+            link = point - before[0]
+            speed *= (mp.conj(link) * before[1]).real / (mp.conj(link) * tangent).real
+        before = point, tangent
+        yield point, speed * tangent
+
+
+def handles_at(problem: Problem, t_s: float, digits: int) -> list[Handle]:
+    """Return the wanted handles at one time, computed with so many digits; ``speed`` is the velocity, x + iy."""
+    mp.dps = digits
+    chain = chain_at(problem.scene, t_s)
+    return [Handle(chain[n][0].real, chain[n][0].imag, chain[n][1]) for n in problem.handles]
+
+
+def reference(problem: Problem) -> list[list[Handle]]:
+    """Return the wanted handles at each time, checked against a finer computation."""
+    states = []
+    for t_s in problem.times_s:
+        note(f'{problem.name} at {t_s!r} s')
+        coarse, fine = (handles_at(problem, t_s, DIGITS + GUARD + more) for more in (0, MORE))
+        small = mpf(10) ** -AGREED
+        for a, b in zip(coarse, fine, strict=True):
+            assert mp.hypot(a.x - b.x, a.y - b.y) <= small * (1 + mp.hypot(b.x, b.y)), (a, b)
+            assert abs(a.speed - b.speed) <= small * (1 + abs(b.speed)), (a, b)
+        states.append(fine)
+    return states
+
+
+def figures() -> dict[str, str]:
+    """Return the answers to the design questions about the contest's turn."""
+    mp.dps = DIGITS + GUARD
+    scene = next(problem.scene for problem in dances() if problem.name == 'turning')
+    track = turn_of(scene.track)
+    length = track.origins[3]
+    links = [mpf(link) for link in scene.dragon.link_lengths_m.tolist()][:3]
+
+    def ratio(metres: Number) -> Number:
+        *_, (_, velocity) = followed(track, track.place(metres), links, BACK, mp.one)
+        return abs(velocity)
+
+    mp.dps = 60
+    where = mp.findroot(lambda x: mp.diff(ratio, x, h=mpf(10) ** -18), (mpf('14.4799'), mpf('14.4800')), tol=1e-30,
+                        solver='secant')
+    top = ratio(where)
+    return {'turn_length_m': mp.nstr(length, WRITTEN), 'max_speed_ratio': mp.nstr(top, WRITTEN),
+            'max_speed_m_s': mp.nstr(2 / top, WRITTEN), 'max_speed_along_m': mp.nstr(where, 15),
+            'max_speed_past_exit_m': mp.nstr(where - length, 14)}
+
+
+def text_of(found: dict[str, list[list[Handle]]], told: dict[str, str]) -> str:
+    """Return the file: JSON with sorted keys, a line for each problem and time."""
+    header = {'script': Path(__file__).name, 'mpmath': mpmath.__version__, 'digits': DIGITS, 'written_digits': WRITTEN}
+    blocks = [f'"{problem.name}": {{"handles": {json.dumps(problem.handles)},\n'
+              f'"states": [\n{joined(vectors_of(state) for state in found[problem.name])}],\n'
+              f'"times_s": {json.dumps(problem.times_s)}}}' for problem in sorted(dances(), key=lambda p: p.name)]
+    return (f'{{"figures": {json.dumps(told, sort_keys=True)},\n"header": {json.dumps(header, sort_keys=True)},\n'
+            f'"problems": {{\n{joined(blocks)}}}}}\n')
+
+
+def vectors_of(handles: list[Handle]) -> str:
+    """Return one time as JSON: positions and velocities as decimal strings."""
+    arrays = {'x': [h.x for h in handles], 'y': [h.y for h in handles], 'vx': [h.speed.real for h in handles],
+              'vy': [h.speed.imag for h in handles]}
+    written = {name: [mp.nstr(value, WRITTEN) for value in row] for name, row in arrays.items()}
+    return json.dumps(written, sort_keys=True)
+
+
+def main() -> None:
+    """Compute, check and write the reference."""
+    told = figures()
+    note(str(told))
+    found = {problem.name: reference(problem) for problem in dances()}
+    TARGET.write_text(text_of(found, told), encoding='ascii')
+    note(f'{TARGET}: {TARGET.stat().st_size} bytes')
+
+
+if __name__ == '__main__':
+    main()

@@ -1,0 +1,45 @@
+"""``design min-pitch`` and ``design fit`` on the command line."""
+import json
+
+import pytest
+
+from dragon_ros.__main__ import main
+
+
+def run(capsys, *arguments):
+    code = main(['design', *arguments])
+    return code, *capsys.readouterr()
+
+
+def test_min_pitch_prints_json_alone_with_the_true_figure(capsys):
+    code, out, err = run(capsys, 'min-pitch', '--largest', '0.5', '--format', 'json')
+    found = json.loads(out)
+    assert (code, err) == (0, '')
+    assert found['high_m'] == pytest.approx(0.4503373930, abs=1e-10)
+    assert (found['benches'], found['radius_m']) == ([0, 19], pytest.approx(4.5726, abs=1e-4))
+
+
+def test_min_pitch_takes_the_dragon_of_a_scene_and_another_circle(capsys):
+    code, out, _ = run(capsys, 'min-pitch', '--set', 'dragon.benches=40', '--diameter', '6', '--within', '1e-6')
+    assert code == 0
+    assert 'the smallest pitch is 0.51338' in out
+
+
+@pytest.mark.parametrize(('side', 'says'), [('24', 'the dragon fits\n'), ('23.8', 'fits off the centre only'),
+                                            ('23.7', 'does not fit')])
+def test_fit_says_whether_it_does(capsys, side, says):
+    code, out, _ = run(capsys, 'fit', '--set', 'run.stop_s=30', '--square', side)
+    assert code == 0
+    assert says in out
+    assert '23.99411132' in out
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['min-pitch', '--largest', '0.1'], 'largest_m'), (['min-pitch', '--diameter', 'nan'], 'diameter_m'),
+    (['min-pitch', '--set', 'track.start_turns=5'], 'start further out'),
+    (['fit', '--square', '-3'], '--square'), (['fit', '--set', 'head.speed_m_s=-1'], 'run.stop_s'),
+])
+def test_what_cannot_be_answered_exits_with_2_and_a_clear_line(capsys, arguments, says):
+    code, out, err = run(capsys, *arguments)
+    assert (code, out) == (2, '')
+    assert says in err
