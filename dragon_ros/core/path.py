@@ -55,11 +55,11 @@ class Spiral:
         with twice their digits, so that none are lost far from the centre or after a long way.
         Raises TrackEndError beyond the centre.
         """
-        if distance_m > self.length_m:
+        if distance_m > self.length_m * (1 + 1e-15):
             raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
                                 f'{self.length_m:.9g} m', distance_m=distance_m, limit_m=self.length_m)
-        if distance_m == 0:
-            return self.start
+        if distance_m == 0 or distance_m >= self.length_m:
+            return Angle(0.0, 0.0) if distance_m else self.start
         return Angle(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:

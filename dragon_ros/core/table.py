@@ -33,7 +33,7 @@ class ShiftTable:
     ``edges`` (M+1,) are the polar angles between the M rows where the second handle can be. In row m its angle less
     ``centre`` + ``centre_lo`` (M,), times ``scale`` (M,), is x in [-1, 1], and ``inverse`` (M, K) are the coefficients
     of u(x), the highest power first. ``places`` and ``motions`` (K, 2 R) are the series of x and y of all R rows, in m,
-    and of their velocities for a unit speed in row 0.
+    and of their velocities for a unit speed in row 0; from row r on the first ``terms[r]`` (R,) terms are enough.
     """
 
     spiral: Spiral
@@ -46,6 +46,7 @@ class ShiftTable:
     inverse: Floats
     places: Floats
     motions: Floats
+    terms: Ints
 
     @property
     def nodes(self) -> int:
@@ -69,11 +70,16 @@ class ShiftTable:
     @cached_property
     def _rows(self) -> tuple[list[float], list['_Row']]:
         """The edges, and each row as a single tick reads it fastest: floats and views."""
-        width = min(2 * self.links_m.size, _TERMS // self.nodes)
         columns = (self.centre.tolist(), self.centre_lo.tolist(), self.scale.tolist(), self.inverse.tolist())
-        return self.edges.tolist(), [
-            _Row(*values, self.places[:, 2 * row:2 * row + width], self.motions[:, 2 * row:2 * row + width])
-            for row, values in enumerate(zip(*columns, strict=True))]
+        rows = [_Row(*values, self._part(self.places, row, 0), self._part(self.motions, row, 0))
+                for row, values in enumerate(zip(*columns, strict=True))]
+        return self.edges.tolist(), rows
+
+    def _part(self, series: Floats, row: int, start: int) -> Floats:
+        """View what one product takes of the series of a chain from ``row`` on, ``start`` columns further."""
+        first = 2 * row + start
+        terms = int(self.terms[first // 2])
+        return series[:terms, first:min(first + _TERMS // terms // 2 * 2, 2 * (row + self.links_m.size))]
 
     @cached_property
     def _orders(self) -> Floats:
@@ -98,7 +104,7 @@ class ShiftTable:
         u = 0.0
         for coefficient in at.inverse:
             u = u * x + coefficient
-        basis = np.cos(self._orders * acos(min(1.0, max(-1.0, u))))
+        basis = np.cos(self._orders[:at.places.shape[0]] * acos(min(1.0, max(-1.0, u))))
         p = np.empty((self.links_m.size + 1, 2))
         p[0, 0], p[0, 1] = point(self.spiral.b_m, theta, low)
         self._sum(self.places, at.places, row, basis, p)
@@ -107,11 +113,12 @@ class ShiftTable:
 
     def _sum(self, series: Floats, first: Floats, row: int, basis: Floats, out: Floats) -> None:
         """Fill ``out`` (N+1, 2) behind its first row with sums of the series from ``row`` on; ``first`` views some."""
-        flat, width = out.reshape(-1), first.shape[1]
-        basis.dot(first, flat[2:2 + width])
-        for start in range(width, flat.size - 2, width):
-            part = flat[2 + start:2 + start + width]
-            basis.dot(series[:, 2 * row + start:2 * row + start + part.size], part)
+        flat, start = out.reshape(-1)[2:], first.shape[1]
+        basis.dot(first, flat[:start])
+        while start < flat.size:
+            part = self._part(series, row, start)
+            basis[:part.shape[0]].dot(part, flat[start:start + part.shape[1]])
+            start += part.shape[1]
 
     def velocities(self, spot: '_Spot', head_speed_m_s: float) -> Floats:
         """Return the velocities (N+1, 2) of a chain that the table placed."""
@@ -162,7 +169,8 @@ class ShiftTable:
         width = 2 * self.links_m.size
         flat = out.reshape(out.shape[0], 2 + width)
         for part, first in _runs(row):
-            np.matmul(basis[part], series[:, 2 * first:2 * first + width], out=flat[part, 2:])
+            terms = int(self.terms[first])
+            np.matmul(basis[part, :terms], series[:terms, 2 * first:2 * first + width], out=flat[part, 2:])
 
 
 def _runs(row: Ints) -> list[tuple[slice, int]]:

@@ -11,7 +11,7 @@ from dragon_ros.core.march import first_guess, step
 from dragon_ros.core.path import Spiral, arc_between, points, tangents
 from dragon_ros.core.rates import along_track
 from dragon_ros.core.table import ShiftTable
-from dragon_ros.core.types import Floats, read_only
+from dragon_ros.core.types import Floats, Ints, read_only
 
 _MOST_NODES = 32
 _MOST_BYTES = 256_000_000
@@ -49,7 +49,7 @@ def table_for(spiral: Spiral, links_m: Floats, second: tuple[float, float], newt
         if 32 * nodes * (count + links_m.size) > _MOST_BYTES:
             return None
         rows = _push(chord, _span(low, delta, nodes), count + links_m.size)
-        table = _table(spiral, links_m, rows, high, newton) if rows else None
+        table = _table(spiral, links_m, rows, high, newton, error_m) if rows else None
         if table is None or _tail_m(table) <= _NOISE * error_m:
             return table
     return None
@@ -125,23 +125,31 @@ def _solve(theta: Floats, square: float, delta: Floats) -> Floats | None:
     return None
 
 
-def _table(spiral: Spiral, links_m: Floats, rows: _Rows, high: float, newton: float) -> ShiftTable:
+def _table(spiral: Spiral, links_m: Floats, rows: _Rows, high: float, newton: float, error_m: float) -> ShiftTable:
     """Return the table of some rows; those from which the last handle is beyond them are for its followers only."""
     nodes = rows.theta.shape[0] - 1
     edges, matrix = rows.theta[-1], _transform(nodes)[1]
-    places = min(int(np.searchsorted(edges, high)), edges.size - links_m.size + 1)
-    count = places + links_m.size - 1
+    few = min(int(np.searchsorted(edges, high)), edges.size - links_m.size + 1)
+    count = few + links_m.size - 1
     theta, low = rows.theta[:-1, :count], rows.low[:-1, :count]
     cos_alpha, cos_beta = along_track(theta, rows.delta[:-1, :count - 1])
     speed = np.cumprod(np.concatenate((np.ones((nodes, 1)), cos_alpha / cos_beta), axis=1), axis=1)
     p, v = points(spiral.b_m, theta, low), -speed[..., None] * tangents(theta)
-    edge, edge_lo = edges[:places + 1], rows.low[-1, :places + 1]
+    edge, edge_lo = edges[:few + 1], rows.low[-1, :few + 1]
     width = (edge[1:] - edge[:-1]) + (edge_lo[1:] - edge_lo[:-1])
-    x = 2 * ((theta[:, :places] - edge[:-1]) + (low[:, :places] - edge_lo[:-1])) / width - 1
+    x = 2 * ((theta[:, :few] - edge[:-1]) + (low[:, :few] - edge_lo[:-1])) / width - 1
     centre, centre_lo = plus(edge[:-1], edge_lo[:-1], 0.5 * width)
-    return ShiftTable(spiral, links_m, newton, *(read_only(array) for array in (
-        edge, centre, centre_lo, 2 / width, _inverses(matrix @ x), matrix @ p.reshape(nodes, -1),
-        matrix @ v.reshape(nodes, -1))))
+    places, motions = matrix @ p.reshape(nodes, -1), matrix @ v.reshape(nodes, -1)
+    return ShiftTable(spiral, links_m, newton, read_only(edge), read_only(centre), read_only(centre_lo),
+                      read_only(2 / width), read_only(_inverses(matrix @ x)), read_only(places), read_only(motions),
+                      _terms(places, float(links_m[1]) * motions, error_m))
+
+
+def _terms(places: Floats, motions: Floats, error_m: float) -> Ints:
+    """Return how many terms the series need from each row on, to be cut at ``error_m``."""
+    size = np.maximum(np.abs(places), np.abs(motions)).reshape(len(places), -1, 2).max(axis=2)
+    needed = len(places) - np.argmax(size[::-1] > error_m, axis=0)
+    return np.maximum.accumulate(needed[::-1])[::-1]
 
 
 def _inverses(series: Floats) -> Floats:

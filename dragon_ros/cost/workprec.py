@@ -24,8 +24,10 @@ from dragon_ros.cost.reference import truth
 _TICK_S = 1.0           # a tick of the classic table, for solvers that integrate
 _EULER_S = (1.0, 0.1, 0.01)
 _BATCH, _MARCHED = 'exact, in batches', ', marched'
-_LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3),
-           'fine, marched': ('left', 7, -11), 'Euler 0.01 s': ('right', -7, -3)}
+_LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left', 7, -11),
+           'Euler 0.01 s': ('right', -7, -3),
+           'exact': ('left', 9, 0), 'fine': ('left', 9, 9), 'standard': ('left', 9, -9),
+           'exact, in batches': ('center', 0, 9)}
 _WRONG_M = 0.01         # a solver without a promise is marked from here
 
 
@@ -227,7 +229,7 @@ def _hard_panel(axes: Axes, rows: list[Row]) -> None:
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
     axes.set(xlabel='largest error / promise (1 is the limit)', title='Hard cases')
-    axes.legend(fontsize=8, loc='upper left')
+    axes.legend(fontsize=8, loc='lower left')
 
 
 def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:

@@ -4,12 +4,15 @@ import time
 
 from dragon_ros.core.errors import FieldError
 
+_MADE_UP_NS = 50_000_000
+
 
 class Pacer:
     """Says when each simulation time is due; ``scale`` 0 means at once.
 
-    A tick that starts later than the one after it was due is an overrun. It is counted, and pacing goes on from
-    there at the steady rate: no burst follows.
+    A tick that starts late is made up for: the next ones follow at once until they are on time again, so that a short
+    stall does not lower the rate. A tick that starts later than the one after it was due, and by more than 50 ms, is
+    an overrun. It is counted, and pacing goes on from there at the steady rate: no burst follows.
     """
 
     def __init__(self, scale: float) -> None:
@@ -47,7 +50,7 @@ class Pacer:
         if not self._scale:
             return
         self.late_ns = late = max(0, self._late_ns(t_ns))
-        if step_ns > 0 and late > step_ns / self._scale:
+        if step_ns > 0 and late > max(step_ns / self._scale, _MADE_UP_NS):
             self.overruns += 1
             self.worst_late_s = max(self.worst_late_s, late / 1e9)
             self._origin = time.monotonic_ns(), t_ns

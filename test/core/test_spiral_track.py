@@ -6,8 +6,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.angle import Angle, from_turns, plus
+from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.head import Head
 from dragon_ros.core.path import Spiral, arc_between, points, tangents
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state
 
 turns = st.floats(0.01, 1000)
 
@@ -69,3 +73,9 @@ def test_whole_turns_are_correct_to_32_digits():
 def test_an_impossible_spiral_is_refused_by_field(field, value):
     with pytest.raises(FieldError, match=f'track.{field}'):
         Spiral(**{field: value})
+
+
+def test_the_end_of_the_track_itself_is_a_place_to_the_last_bit():
+    scene = Scene(dragon=Dragon(3, 0.5, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0))
+    assert scene.end.reason == 'track'
+    assert np.hypot(*state(scene, scene.end.t_s).p[0]) == pytest.approx(0, abs=1e-6)

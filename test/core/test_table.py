@@ -109,3 +109,11 @@ def test_a_head_without_a_place_for_its_link_is_a_lock():
 def test_an_unknown_solver_is_refused():
     with pytest.raises(FieldError, match='table, march'):
         Scene(solver='magic')
+
+
+def test_far_out_fewer_terms_are_summed_and_no_digit_is_lost():
+    long = Scene(dragon=Dragon(3000), run=Run(0, 400))
+    assert long.table.terms[-1] < long.table.terms[0]
+    assert np.all(np.diff(long.table.terms) <= 0)
+    np.testing.assert_allclose(state(long, 1.0).p[-9:], state(replace(long, solver='march'), 1.0).p[-9:], rtol=0,
+                               atol=1e-12)

@@ -54,6 +54,18 @@ def test_a_late_tick_is_an_overrun_and_no_burst_follows(monkeypatch, stop):
     assert paced.worst_late_s == pytest.approx(0.11)
 
 
+def test_a_short_stall_is_made_up_for_at_once(monkeypatch, stop):
+    clock, paced = Clock(monkeypatch, stop), Pacer(1.0)
+    started = []
+    for k in range(100):
+        assert paced.wait(k * MS, stop)
+        started.append(clock.now_ns)
+        clock.now_ns += (30 if k == 10 else 0.1) * MS
+    assert paced.overruns == 0
+    assert started[11] - started[10] == 30 * MS
+    assert started[-1] - started[0] == 99 * MS
+
+
 def test_scale_zero_never_waits_and_stop_always_stops(monkeypatch, stop):
     clock, paced = Clock(monkeypatch, stop), Pacer(0.0)
     assert paced.wait(0, stop)
