@@ -13,6 +13,8 @@ from tqdm import tqdm
 
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Scene
+from dragon_ros.cost import builds
+from dragon_ros.cost.builds import Build, build
 from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
 from dragon_ros.cost.measure import Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
@@ -44,6 +46,7 @@ class Measured:
     stages: list[Stage]
     free: list[Live]
     rates: list[Live]
+    builds: list[Build]
 
 
 def measure(budget_s: float = 0.3) -> Measured:
@@ -51,11 +54,12 @@ def measure(budget_s: float = 0.3) -> Measured:
     ways = [(solver, size) for solver in CHAIN_SOLVERS for size in SIZES]
     stages = [row for solver, size in tqdm(ways, desc='cost scale: stages', unit='size', disable=None)
               for row in _stages(solver, size, budget_s)]
+    built = [build(Scene(dragon=Dragon(size))) for size in SIZES]
     free, rates = [], []
     for benches in tqdm(LIVE, desc='cost scale: processes', unit='size', disable=None):
         free.append(run(benches, 0, max(20, round(_LIVE_TIMES * budget_s * 1e5 / (benches + 200)))))
         rates += highest(benches, _LIVE_TIMES * budget_s, free[-1].reached_hz)
-    return Measured(stages, free, rates)
+    return Measured(stages, free, rates, [row for row in built if row])
 
 
 def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
@@ -86,7 +90,7 @@ def table(rows: Measured) -> str:
         mine = [row for row in rows.stages if row.solver == solver]
         parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g'),
                   _stage_table(f'MB at once ({solver}, exact)', mine, _megabytes, '.3g')]
-    return '\n\n'.join([*parts, _live_table(rows)])
+    return '\n\n'.join([*parts, builds.markdown(rows.builds), _live_table(rows)])
 
 
 def _stage_table(title: str, rows: list[Stage], value: Callable[[Stage], float], form: str) -> str:
@@ -137,6 +141,8 @@ def csv_text(rows: Measured) -> str:
         t = row.timing
         writer.writerow((row.stage, row.solver, row.benches, t.median_s, t.low_s, t.high_s, t.calls, row.peak_bytes,
                          *[''] * 9))
+    for row in rows.builds:
+        writer.writerow(('build', 'table', row.benches, row.seconds, '', '', 2, row.memory_bytes, *[''] * 9))
     for live in [*rows.free, *rows.rates]:
         writer.writerow(('live', '', live.benches, *[''] * 5, live.rate_hz, live.ticks, live.wall_s, live.overruns,
                          live.lost, *(live.usage[role].cores for role in ROLES), live.usage['record'].grown_mb))

@@ -6,6 +6,7 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost import live, scale, ticks
+from dragon_ros.cost.builds import build
 from dragon_ros.cost.measure import Timing
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
@@ -59,6 +60,14 @@ def run(benches, rate_hz, overruns=0, missing=0, wall_s=2.0):
     return live.Live(benches, rate_hz, 100, wall_s, overruns, {'handles': missing}, usage)
 
 
+def test_the_page_says_what_a_table_takes_and_nothing_where_there_is_none():
+    scene = Scene(dragon=Dragon(30))
+    row = build(scene)
+    assert (row.rows, row.terms, row.memory_bytes) == (scene.table.rows, scene.table.nodes, scene.table.memory_bytes)
+    assert row.seconds > 0
+    assert build(Scene(dragon=Dragon(3))) is None
+
+
 def test_a_rate_is_held_only_without_overruns_and_losses():
     assert run(223, 50).held
     assert not run(223, 50, overruns=1).held
@@ -76,7 +85,8 @@ def test_the_search_ends_with_the_highest_rate_that_is_held(monkeypatch, guess_h
 def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     stages = [scale.Stage('march', name, size, timing(1e-6 * size), 100 * size) for size in scale.SIZES
               for name in STAGES]
-    rows = scale.Measured(stages, [run(223, 0)], [run(223, 50), run(223, 70, overruns=3)])
+    rates = [run(223, 50), run(223, 70, overruns=3)]
+    rows = scale.Measured(stages, [run(223, 0)], rates, [build(Scene(dragon=Dragon(30)))])
     with np.errstate(all='warn'):
         paths = scale.write(rows, tmp_path, figures.save)
     assert [path.name for path in paths] == ['scale.md', 'scale.csv', 'scale.png', 'scale.svg']

@@ -139,7 +139,8 @@ def test_without_rviz_it_says_so_and_runs(launch):
     run.wait_for('starts at 0.000 s')
 
 
-@pytest.mark.parametrize(('argument', 'says'), [('scene:=windin', 'first_contact, winding'), ('rate:=0', 'run.rate_hz'),
+@pytest.mark.parametrize(('argument', 'says'), [('scene:=windin', 'the scenes are first_contact'),
+                                                ('rate:=0', 'run.rate_hz'),
                                                 ('at_end:=never', '"never" is not valid')])
 def test_what_cannot_be_ends_everything_with_the_reason(launch, argument, says):
     run = launch(argument, 'headless:=true')
