@@ -108,7 +108,7 @@ class LogWriter:
 
     def flush(self) -> None:
         """Bring what was written so far to the file: a process that is killed then loses nothing of it."""
-        self._file.end_chunk()
+        self._file.flush()
 
     def close(self) -> None:
         """Write the index and close the file; twice does no harm. Raises DiskError where anything is lost by it."""

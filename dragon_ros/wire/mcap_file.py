@@ -2,6 +2,7 @@
 
 The library's writer ends a chunk by its size alone and cannot take back what a full disk cut off. Here its records are
 put together so that a chunk ends when it should; only the Message record, that of the hot path, is packed by hand.
+A full chunk is summed, compressed and written on a thread, while the next one is filled.
 """
 import os
 import struct
@@ -11,7 +12,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import dataclass, field
 from fcntl import LOCK_EX, LOCK_NB, flock
-from functools import reduce
+from functools import partial
 from io import FileIO
 from pathlib import Path
 
@@ -21,10 +22,10 @@ from mcap.opcode import Opcode
 from dragon_ros import __version__
 from dragon_ros.core.errors import DiskError, MissingError
 from dragon_ros.wire.mcap_index import MAGIC, Index, Part, closing, part_of, placed, record_bytes
+from dragon_ros.wire.one_behind import OneBehind
 
 CHUNK_BYTES = 2**20
 COMPRESSIONS = ('zstd', 'lz4', 'none')
-_MOST_BUFFERS = 1000      # that one write takes; Linux has a limit of 1024
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
 
 
@@ -38,7 +39,10 @@ class _Open:
 
 
 class McapFile:
-    """Writes one file. What fails to reach the disk raises DiskError and leaves the file as it was before."""
+    """Writes one file. What fails to reach the disk raises DiskError and leaves the file as it was before.
+
+    The error of a chunk comes with the next call that writes; what was put into the file since is lost with it.
+    """
 
     def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False) -> None:
         """Create the file. Raises MissingError where it cannot be written or would overwrite another."""
@@ -49,14 +53,16 @@ class McapFile:
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self.parts: list[Part] = []
+        self.parts: list[Part] = []         # of what has reached the file
         self._open = _Open()
+        self._thread = OneBehind('chunk')
         self._end = 0
         self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
 
     @property
     def size(self) -> int:
-        """Bytes of the file as if it were ended now, not counting the index: what waits counts uncompressed."""
+        """Bytes of the file as if it were ended now, not counting the index: the open chunk counts uncompressed."""
+        self._settle()
         return self._end + self._open.size
 
     @property
@@ -67,6 +73,7 @@ class McapFile:
     def add_schema(self, name: str, text: bytes) -> int:
         """Write a ros2msg schema and return its number."""
         schema = records.Schema(id=len(self._schemas) + 1, name=name, encoding='ros2msg', data=text)
+        self._settle()
         self._append([record_bytes(schema)])
         self._schemas.append(schema)
         return schema.id
@@ -75,6 +82,7 @@ class McapFile:
         """Write a channel of CDR messages and return its number."""
         channel = records.Channel(id=len(self._channels) + 1, topic=topic, message_encoding='cdr', metadata=metadata,
                                   schema_id=schema)
+        self._settle()
         self._append([record_bytes(channel)])
         self._channels.append(channel)
         return channel.id
@@ -86,35 +94,51 @@ class McapFile:
         chunk.parts += (_MESSAGE.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns), data)
         chunk.size += _MESSAGE.size + len(data)
         if chunk.size >= CHUNK_BYTES:
-            self.end_chunk()
+            self._end_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Write a metadata record behind what came before."""
-        self.end_chunk()
+        self.flush()
         data = record_bytes(records.Metadata(name=name, metadata=values))
         self._append([data], records.MetadataIndex(offset=self._end, length=len(data), name=name))
 
     def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
         """Write an attachment behind what came before."""
-        self.end_chunk()
+        self.flush()
         row = records.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
         data = record_bytes(row)
         self._append([data], records.AttachmentIndex(offset=self._end, length=len(data), log_time=0, create_time=0,
                                                    data_size=len(content), name=name, media_type=media_type))
 
-    def end_chunk(self) -> None:
-        """Write the open chunk, if there is anything in it. What cannot be written is lost, what was before is not."""
-        if not self._open.parts:
-            return
-        done, self._open = self._open, _Open()
+    def flush(self) -> None:
+        """Write the open chunk and wait until it is in the file."""
+        self._end_chunk()
+        self._settle()
+
+    def _end_chunk(self) -> None:
+        """Have the open chunk written, if there is anything in it."""
+        if self._open.parts:
+            done, self._open = self._open, _Open()
+            self._thread.start(partial(self._write_chunk, done))
+
+    def _settle(self) -> None:
+        """Wait until the ended chunks are in the file. After one that is not, nothing may follow: that would be a gap."""
+        try:
+            self._thread.settle()
+        except DiskError:
+            self._open = _Open()
+            raise
+
+    def _write_chunk(self, done: _Open) -> None:
+        """Write a chunk. Few calls on large buffers: each gives the interpreter away and waits to have it back."""
         times = [t_ns for entries in done.index.values() for t_ns, _ in entries]
+        raw = b''.join(done.parts)
         chunk = records.Chunk(compression=self._compression, data=b'',
                               message_start_time=min(times), message_end_time=max(times),
-                              uncompressed_crc=reduce(lambda crc, part: zlib.crc32(part, crc), done.parts, 0),
-                              uncompressed_size=done.size)
-        data = self._compress(done.parts)
-        head, tail, index = placed(chunk, sum(map(len, data)), done.index, self._end)
-        self._append([head, *data, tail], index, {channel: len(rows) for channel, rows in done.index.items()})
+                              uncompressed_crc=zlib.crc32(raw), uncompressed_size=done.size)
+        data = self._compress(raw)
+        head, tail, index = placed(chunk, len(data), done.index, self._end)
+        self._append([head, data, tail], index, {channel: len(rows) for channel, rows in done.index.items()})
         if self._fsync:
             self._sync()
         self._check_there()
@@ -126,12 +150,13 @@ class McapFile:
         """
         try:
             try:
-                self.end_chunk()
+                self.flush()
             finally:
                 self._write_index()
             if self._fsync:
                 self._sync()
         finally:
+            self._thread.close()
             with suppress(OSError):
                 self._file.close()
 
@@ -154,8 +179,7 @@ class McapFile:
     def _append(self, data: list[bytes], index: Index | None = None, counts: dict[int, int] | None = None) -> None:
         """Write at the end, whole or not at all, and note what the index will say of it."""
         try:
-            for first in range(0, len(data), _MOST_BUFFERS):
-                self._write(data[first:first + _MOST_BUFFERS])
+            self._write(data)
         except OSError as error:
             with suppress(OSError):
                 self._file.truncate(self._end)
@@ -188,16 +212,15 @@ class McapFile:
             raise DiskError(f'{self.path}: is no longer there; it was moved or removed while it was written')
 
 
-def _compressor(name: str) -> Callable[[list[bytes]], list[bytes]]:
-    """Return what compresses the parts of a chunk. Level 1 of zstd makes dragons as small as level 3 does."""
+def _compressor(name: str) -> Callable[[bytes], bytes]:
+    """Return what compresses a chunk. Level 1 of zstd makes dragons as small as level 3 does."""
     if name == 'none':
-        return list
+        return bytes        # itself, no copy
     if name == 'lz4':
         import lz4.frame
-        return lambda parts: [lz4.frame.compress(b''.join(parts))]
+        return lz4.frame.compress
     from zstandard import ZstdCompressor
-    compressor = ZstdCompressor(level=1)
-    return lambda parts: [compressor.compress(b''.join(parts))]
+    return ZstdCompressor(level=1).compress
 
 
 def _create(path: Path, overwrite: bool) -> FileIO:
