@@ -8,7 +8,7 @@ from contextlib import suppress
 from typing import Any
 
 from dragon_ros.core.errors import DiskError
-from dragon_ros.nodes import qos, shell
+from dragon_ros.nodes import intake, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.wire import cli, origin
 from dragon_ros.wire.background import BackgroundWriter
@@ -40,8 +40,8 @@ class Recorder(DragonNode):
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
-            self.create_subscription(shell.message_type(channel.type), name, self._take(self._names[name], channel),
-                                     qos.lossless(qos.of_channel(channel)), raw=True)
+            intake.subscribe_raw(self, shell.message_type(channel.type), name, self._take(self._names[name], channel),
+                                 qos.lossless(qos.of_channel(channel)))
 
     def poll(self, keep_going: bool) -> bool:
         """Do what is due beside the messages; return whether the recording has ended."""

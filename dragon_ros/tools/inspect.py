@@ -2,6 +2,7 @@
 import json
 from argparse import Namespace
 from collections.abc import Callable
+from contextlib import suppress
 from dataclasses import asdict
 from functools import partial
 from pathlib import Path
@@ -58,10 +59,12 @@ def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
         'written_by': contents.writers, 'chunks': contents.compressions, 'problems': contents.problems.lines,
         'problem_count': contents.problems.count, 'notes': contents.notes.lines, 'about': {}, 'scene': None}
     try:
-        with LogReader(arguments.bag) as bag:
-            values.update(_dragon(bag, arguments))
+        values.update(_dragon(arguments))
     except DragonError as error:
         values['unread'] = str(error)
+        if isinstance(error, BagError):
+            with suppress(DragonError):
+                values.update(_dragon(arguments, damaged=True))
     values['topics'] = _topics(contents, values.pop('run', None))
     return values, cli.FAILED if contents.problems.count else cli.OK
 
@@ -72,12 +75,20 @@ def _examined(path: Path) -> Contents:
         return examine(path, bar.update)
 
 
-def _dragon(bag: LogReader, arguments: Namespace) -> dict[str, Any]:
-    """Return what the bag tells of its dragon."""
+def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
+    """Return what the bag, or what still holds of a damaged one, tells of its dragon."""
+    with LogReader(arguments.bag, damaged) as bag:
+        return _told(bag, arguments)
+
+
+def _told(bag: LogReader, arguments: Namespace) -> dict[str, Any]:
     scene = scene_of_bag(bag)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
-    out: dict[str, Any] = {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS, 'about': about,
-                           'scene': scene_values(scene) if scene else None, 'run': scene.run if scene else None}
+    out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
+                           'run': scene.run if scene else None}
+    if bag.empty:
+        return out
+    out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
     try:
         namespace = arguments.namespace or namespace_of(bag)
     except InputError:

@@ -43,15 +43,15 @@ class Topic:
 
 
 class LogReader:
-    """Reads a bag that was closed properly, in bounded memory."""
+    """Reads a bag that was closed properly, in bounded memory; of a ``damaged`` one what still holds."""
 
-    def __init__(self, path: Path) -> None:
+    def __init__(self, path: Path, damaged: bool = False) -> None:
         """Open a bag and read its index. Raises MissingError or BagError."""
-        self.path = path
+        self.path, self._damaged = path, damaged
         self._indexes: list[Index] = []
         try:
             for each in files_of(path):
-                self._indexes.append(_index_of(BagFile(each)))
+                self._indexes.append((_readable if damaged else _index_of)(BagFile(each)))
             self._take()
         except BaseException:
             self.close()
@@ -68,9 +68,11 @@ class LogReader:
                 raise BagError(f'{self.path}: topic {topic.name} holds {topic.encoding or "unknown"} messages; '
                                'only cdr can be played')
         spans = [span for index in self._indexes for span in _spans(index)]
-        if not sum(topic.messages for topic in self.topics) or not spans:
+        self.empty = not sum(topic.messages for topic in self.topics) or not spans
+        if self.empty and not self._damaged:
             raise BagError(f'{self.path}: is empty, there is no message in it')
-        self.start_ns, self.end_ns = min(start for start, _ in spans), max(end for _, end in spans)
+        self.start_ns = min((start for start, _ in spans), default=0)
+        self.end_ns = max((end for _, end in spans), default=0)
 
     @property
     def files(self) -> list[Path]:
@@ -149,6 +151,18 @@ def _walked(file: BagFile) -> Index:
     for piece in index.pieces:
         for _ in index.survey(piece):
             pass
+    return index
+
+
+def _readable(file: BagFile) -> Index:
+    """Return what can be read of a damaged file: the chunks before the damage, but for those that do not hold."""
+    index = walked_index(file)
+    pieces, index.pieces = index.pieces, []
+    for piece in pieces:
+        with suppress(BagError):
+            for _ in index.survey(piece):
+                pass
+            index.pieces.append(piece)
     return index
 
 

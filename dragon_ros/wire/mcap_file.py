@@ -122,7 +122,7 @@ class McapFile:
             self._thread.start(partial(self._write_chunk, done))
 
     def _settle(self) -> None:
-        """Wait until the ended chunks are in the file. After one that is not, nothing may follow: that would be a gap."""
+        """Wait until the ended chunks are in the file. Behind one that is lost nothing may follow: there was a gap."""
         try:
             self._thread.settle()
         except DiskError:
@@ -218,7 +218,7 @@ def _compressor(name: str) -> Callable[[bytes], bytes]:
         return bytes        # itself, no copy
     if name == 'lz4':
         import lz4.frame
-        return lz4.frame.compress
+        return lambda raw: bytes(lz4.frame.compress(raw))
     from zstandard import ZstdCompressor
     return ZstdCompressor(level=1).compress
 

@@ -2,6 +2,7 @@
 import resource
 import signal
 import time
+from random import Random
 
 import pytest
 import yaml
@@ -10,6 +11,7 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
+from dragon_ros.__main__ import main
 from dragon_ros.core.scene import Run
 from dragon_ros.wire.cdr import Writer, stamp_of
 from dragon_ros.wire.compare import compare_with_model
@@ -18,12 +20,14 @@ from dragon_ros.wire.origin import scene_in
 from dragon_ros.wire.scenes import load_scene
 
 READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'
+LATCHED = '/dragon/scene', '/dragon/track'
 SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
 
 
-def sim(start, *pairs, speed=1.0):
+def sim(start, *pairs, speed=1.0, readers=1):
     given = [part for pair in pairs for part in ('--set', pair)]
-    return start('sim', '--scene', 'first_contact', *given, '--ros-args', '-p', READERS, '-p', f'time_scale:={speed}')
+    return start('sim', '--scene', 'first_contact', *given, '--ros-args', '-p',
+                 READERS.replace('=1', f'={readers}'), '-p', f'time_scale:={speed}')
 
 
 def streamed(path):
@@ -54,23 +58,44 @@ def poses(t_ns):
     return bytes(writer.finish())
 
 
-@pytest.mark.parametrize('moment', [0.4, 1.3, 2.9])
-def test_a_recorder_that_is_killed_loses_at_most_the_flush_interval(start, tmp_path, moment):
-    bag = tmp_path / 'run.mcap'
-    record = start('record', '--output', bag, '--flush-s', '0.5')
-    publisher = sim(start, 'run.start_s=400')
+def test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired(start, tmp_path, capsys):
+    moments = sorted(Random(7).uniform(0.2, 3.5) for _ in range(6))
+    records = [start('record', '--output', tmp_path / f'{n}.mcap', '--flush-s', '0.5') for n in range(len(moments))]
+    publisher = sim(start, 'run.start_s=400', 'run.stop_s=405', readers=len(moments))
     publisher.wait_for('starts')
-    while not streamed(bag):
-        time.sleep(0.01)
-    time.sleep(moment)
-    heard_ns = 400 * 10**9 + round(max(0.0, moment - 1.0) * 1e9)      # half a second and as much for a busy machine
-    record.signal(signal.SIGKILL)
-    assert record.end() == -signal.SIGKILL, record.text
+    began, heard_ns = time.monotonic(), {}
+    for n, moment in enumerate(moments):
+        time.sleep(max(0.0, began + moment - time.monotonic()))
+        heard_ns[n] = 400 * 10**9 + round((time.monotonic() - began) * 1e9)
+        records[n].signal(signal.SIGKILL)
+    publisher.stop()
+    scene = load_scene('first_contact', ['run.start_s=400', 'run.stop_s=405'])
+    for n, record in enumerate(records):
+        assert record.end() == -signal.SIGKILL, record.text
+        check_killed(tmp_path / f'{n}.mcap', heard_ns[n] - 10**9)     # half a second, and as much for a busy machine
+        check_repaired(tmp_path / f'{n}.mcap', tmp_path / f'whole{n}.mcap', scene, capsys)
+
+
+def check_killed(bag, heard_ns):
+    """Every tick from the first to ``heard_ns`` can be read by the library's stream reader."""
     found = streamed(bag)
     for name in ('handles', 'benches', 'velocities'):
         times = [t_ns for topic, t_ns, _ in found if topic == f'/dragon/{name}']
         assert times == [400 * 10**9 + 20_000_000 * k for k in range(len(times))]
-        assert times[-1] >= heard_ns
+        assert heard_ns <= 400 * 10**9 or times[-1] >= heard_ns
+
+
+def check_repaired(bag, whole, scene, capsys):
+    """What is left is told, repaired, and bit for bit what the model says, up to where it ends."""
+    assert main(['inspect', str(bag)]) == 1
+    if not streamed(bag):
+        return
+    assert main(['inspect', str(bag), '--repair', str(whole)]) == 0
+    assert main(['inspect', str(whole)]) == 0
+    with LogReader(whole) as run:
+        found = compare_with_model(run, scene)
+    assert found.equal == sum(topic.messages for topic in run.topics if topic.name not in LATCHED)
+    assert all('is missing' in fault for fault in found.faults)
 
 
 def test_a_bag_alone_makes_its_run_again(start, tmp_path):

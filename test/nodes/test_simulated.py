@@ -1,10 +1,4 @@
 """The bag that is simulated offline is the one that real nodes record."""
-import json
-import threading
-import time
-
-import pytest
-
 from dragon_ros.__main__ import main
 from dragon_ros.wire.bag_frames import scene_of_bag
 from dragon_ros.wire.log_read import LogReader
@@ -42,25 +36,3 @@ def test_the_scene_recorded_live_and_simulated_offline_give_equal_messages(start
         # What the sender serialised has padding of its own: the fields are compared. The scene tells settings of sim.
         told, expected = (deserialize_message(row[2], kind) for row in (live, offline))
         assert name == 'scene' or told == expected
-
-
-@pytest.mark.parametrize('size', [100_000, 900_000])
-def test_a_recorder_that_is_killed_leaves_a_bag_that_is_repaired_and_holds_what_the_model_says(start, tmp_path, size,
-                                                                                              capsys):
-    path, whole = tmp_path / 'killed.mcap', tmp_path / 'whole.mcap'
-    record = start('record', '--output', path, '--flush-s', '0.05')
-    sim = start('sim', *SCENE[:2], '--ros-args', '-p', READERS, '-p', 'time_scale:=4.0')
-    end = time.monotonic() + 60
-    while not path.exists() or path.stat().st_size < size:
-        assert time.monotonic() < end, record.text + sim.text
-        threading.Event().wait(0.01)
-    record.kill()
-    sim.kill()
-    assert main(['inspect', str(path)]) == 1
-    assert main(['inspect', str(path), '--repair', str(whole)]) == 0
-    assert main(['inspect', str(whole)]) == 0
-    capsys.readouterr()
-    main(['inspect', str(whole), '--check', '--format', 'json'])
-    found = json.loads(capsys.readouterr().out)
-    assert found['equal'] > 3
-    assert all('is missing' in fault for fault in found['faults'])

@@ -185,6 +185,36 @@ def test_a_cut_bag_is_told_and_repaired(capsys, tmp_path, bag):
     assert 'exists already' in err
 
 
+@pytest.mark.parametrize('messages_are_left', [True, False])
+def test_inspect_shows_the_scene_of_a_cut_bag(capsys, tmp_path, bag, messages_are_left):
+    cut = tmp_path / 'cut.mcap'
+    whole = bag.read_bytes()
+    cut.write_bytes(whole[:-5000] if messages_are_left else whole[:whole.index(b'/dragon/handles')])
+    code, out, _ = run(capsys, 'inspect', cut)
+    assert code == 1
+    assert 'scene: 223 benches, pitch 0.55 m, 50 Hz from 412.2 s' in out
+    assert 'was cut off before its end' in out
+    values = json.loads(run(capsys, 'inspect', cut, '--format', 'json')[1])
+    assert values['about']['tier'] == 'exact'
+    assert ('start_s' in values) == messages_are_left
+    if messages_are_left:
+        assert values['first_contact']['benches'] == [0, 8]
+        assert values['start_s'] == 412.2
+
+
+@pytest.mark.parametrize(('override', 'closest_m'), [('dragon.benches=1', None), ('markers=triangles', -0.005462)])
+def test_bags_of_one_bench_and_of_triangles_are_simulated_inspected_and_checked(capsys, tmp_path, override, closest_m):
+    path = tmp_path / 'run.mcap'
+    assert run(capsys, 'simulate', *SCENE, '--set', override, '--output', path)[0] == 0
+    code, out, _ = run(capsys, 'inspect', path, '--check', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['equal'], values['fault_count']) == (0, 3 * TICKS, 0)
+    code, out, _ = run(capsys, 'inspect', path, '--format', 'json')
+    gaps = json.loads(out)['clearance']['gap_m']
+    assert code == 0
+    assert min(gaps, default=None) == (None if closest_m is None else pytest.approx(closest_m, abs=1e-6))
+
+
 @pytest.mark.parametrize(('form', 'read'), [
     ('csv', lambda path: _csv(path)), ('parquet', lambda path: _parquet(path))])
 def test_export_writes_a_row_for_each_tick_and_handle(capsys, tmp_path, bag, form, read):

@@ -16,6 +16,7 @@ from dragon_ros.wire.channels import channels
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.log_write import BagOptions, LogWriter
+from dragon_ros.wire.mcap_file import CHUNK_BYTES
 from dragon_ros.wire.schemas import schema_text, type_hash
 
 SCENE = Scene(run=Run(412, 412.5))
@@ -217,6 +218,25 @@ def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compre
     assert all('a.mcap: cannot be written on: File too large' in error for error in errors)
     assert (tmp_path / 'a.mcap').stat().st_size <= size
     bag.close()
+
+
+@pytest.mark.parametrize('then', [
+    lambda bag: bag.write('/x', bytes(CHUNK_BYTES), 3, 3), lambda bag: bag.write('/y', b'y', 3, 3), LogWriter.flush,
+    lambda bag: bag.describe('a', {}), lambda bag: bag.attach('a', 'text/plain', b''), LogWriter.close],
+    ids=['full chunk', 'new topic', 'flush', 'metadata', 'attachment', 'close'])
+def test_nothing_follows_a_chunk_that_was_lost(tmp_path, then):
+    bag = LogWriter(tmp_path / 'a.mcap', options=BagOptions('none'))
+    for topic in ('/x', '/y'):
+        bag.add_channel(topic, channels()['clearance'])
+    bag.write('/x', b'kept', 0, 0)
+    bag.flush()
+    with small_disk(100_000):
+        bag.write('/x', bytes(CHUNK_BYTES), 1, 1)
+        bag.write('/x', b'would fit', 2, 2)
+        with pytest.raises(DiskError, match='File too large'):
+            then(bag)
+        bag.close()
+    assert read(tmp_path / 'a.mcap') == [('/x', 0, b'kept')]
 
 
 @pytest.mark.parametrize('where', ['a.mcap', 'a'])
