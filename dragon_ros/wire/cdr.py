@@ -82,7 +82,7 @@ class PoseArrayTemplate:
         """Return the bytes for handles at ``p`` (N+1, 2) m and links along ``axis`` (N, 2)."""
         self._stamp[:] = stamp_of(t_ns)
         self._place[:] = plane(p)
-        self._turn[:-1] = plane(half_turns(axis))
+        self._turn[:-1] = turns_of(axis)
         self._turn[-1] = self._turn[-2]
         return bytes(self._data)
 
@@ -126,10 +126,28 @@ def half_turns(axis: Floats) -> Floats:
     return out
 
 
+class _Turns:
+    """Half turns as complex numbers (N,), computed once for all messages of a tick: they share one read-only array."""
+
+    def __init__(self) -> None:
+        self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)
+
+    def of(self, axis: Floats) -> Array:
+        """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2), each as one number."""
+        known, turns = self._last
+        if axis is not known or axis.flags.writeable:
+            turns = plane(half_turns(axis))
+            self._last = axis, turns
+        return turns
+
+
 def plane(points: Floats) -> Array:
     """View x and y (N, 2) as complex numbers (N,): numpy moves pairs in one loop then."""
     out: Array = np.ascontiguousarray(points).view(np.complex128)[:, 0]
     return out
+
+
+turns_of = _Turns().of
 
 
 def strided(data: bytes | bytearray, kind: str, offset: int, stride: int, rows: int, columns: int) -> Array:

@@ -6,7 +6,7 @@ from typing import NamedTuple
 import numpy as np
 
 from dragon_ros.core.types import Array, Floats
-from dragon_ros.wire.cdr import Writer, half_turns, plane, stamp_of, strided
+from dragon_ros.wire.cdr import Writer, plane, stamp_of, strided, turns_of
 
 CUBE, LINE_LIST, TRIANGLE_LIST = 1, 5, 11
 BENCH_HEIGHT_M = 0.1
@@ -92,7 +92,7 @@ class CubesTemplate:
         """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
         self._stamp[:] = stamp_of(t_ns)
         self._place[:] = plane(centre)
-        self._turn[:] = plane(half_turns(axis))
+        self._turn[:] = turns_of(axis)
         return bytes(self._data)
 
 

@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.cdr import PoseArrayTemplate, half_turns
+from dragon_ros.wire.cdr import PoseArrayTemplate, half_turns, turns_of
 from dragon_ros.wire.cdr_markers import CubesTemplate
 from dragon_ros.wire.cdr_read import MessageError, Reader, read_multi_array, read_pose_array
 from dragon_ros.wire.cdr_read_markers import read_marker_array
@@ -100,6 +100,17 @@ def test_quaternions_turn_x_onto_the_axis(vectors):
     axis = np.array(vectors) / np.hypot(*np.array(vectors).T)[:, None]
     z, w = half_turns(axis).T
     np.testing.assert_allclose(np.stack((w * w - z * z, 2 * w * z), 1), axis, atol=1e-15)
+
+
+def test_turns_that_are_kept_are_those_of_the_axis_asked_for():
+    ahead, left = np.array([[1.0, 0.0]]), np.array([[0.0, 1.0]])
+    left.flags.writeable = False
+    assert turns_of(left) is turns_of(left)
+    assert turns_of(ahead).tolist() == [1j]
+    ahead[:] = -1.0, 0.0
+    assert turns_of(ahead).tolist() == [1.0]        # may be written to, so nothing is kept
+    assert turns_of(left).tolist() == pytest.approx([np.sqrt(0.5) * (1 + 1j)])
+
 
 
 @pytest.mark.parametrize('name', ['handles', 'benches', 'velocities'])
