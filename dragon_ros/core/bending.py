@@ -38,62 +38,108 @@ class _Slopes:
 
 
 @dataclass(frozen=True)
-class _Motion:
-    """Handles (M, K+1): angle, p, a; links (M, K): turning and its rate."""
+class Spans:
+    """Links (M, K): handles at theta and outer, what is between them, F_delta's inverse, and ratio = 1 + d1."""
+
+    theta: Ball
+    delta: Ball
+    outer: Ball
+    sin: Ball
+    cos: Ball
+    less: Ball
+    inverse: Ball
+
+    @property
+    def both(self) -> Ball:
+        """2 theta + delta."""
+        return self.theta + self.outer
+
+    @property
+    def area(self) -> Ball:
+        """Theta (theta + delta)."""
+        return self.theta * self.outer
+
+    @property
+    def delta_1(self) -> Ball:
+        """d1, of a chord that does not change."""
+        return -(self.both * self.less * self.inverse)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Handles (M, K+1): angle, p, a, and ``turned``: p less what is common to all; links (M, K): turning and its rate.
+
+    What is common to all is left out of the links' turning too: only differences count there.
+    """
 
     theta: Ball
     p: Ball
     a: Ball
+    turned: Ball
     w: Ball
     w_rate: Ball
 
 
-def bend(theta: Ball, delta: Ball, chord: Floats, arm: Floats) -> Floats:
+def spans(theta: Ball, delta: Ball) -> Spans:
+    """Return links between handles (M, K+1) that span delta (M, K)."""
+    sin, cos, less = delta.trig()
+    theta, outer = theta[:, :-1], theta[:, 1:]
+    return Spans(theta, delta, outer, sin, cos, less, (delta + theta * less + theta * outer * sin).inverse())
+
+
+def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
     """Return bounds (M, K-2, 2) of second derivatives on M stretches, in units of b per square radian.
 
     ``theta`` (M, K+1) are all angles that handles have on a stretch, ``delta`` (M, K) all that links span, ``chord``
-    (K,) their lengths and ``arm`` (K,) the half diagonals of the benches in units of b. The bounds are those of the
-    corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs. Infinite where nothing
-    is known: close to a lock.
+    and ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of
+    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs. Infinite where
+    nothing is known: close to a lock.
     """
     with np.errstate(all='ignore'):
-        moving = _motion(theta, _slopes(theta, delta, chord))
-        lead = _acceleration(moving.theta, moving.p, moving.a, moving.w[:, :1], moving.w_rate[:, :1])
-        in_lead = 0.5 * (lead[:, :1] + lead[:, 1:2] + lead[:, 2:-1] + lead[:, 3:])
-        others = [_acceleration(moving.theta[:, handle], moving.p[:, handle], moving.a[:, handle], moving.w[:, 2:],
-                                moving.w_rate[:, 2:])
-                  for handle in (slice(0, 1), slice(1, 2), slice(2, -1), slice(3, None))]
-        in_other = 0.5 * (others[0] + others[1] + others[2] + others[3])
-        spin = np.hypot((moving.w_rate[:, 2:] - moving.w_rate[:, :1]).most, (moving.w[:, 2:] - moving.w[:, :1]).most**2)
-        out: Floats = np.stack((in_lead + arm[2:] * spin, in_other + arm[0] * spin), axis=-1)
+        return corners(_motion(theta, _slopes(theta, delta, chord)), arm)
+
+
+def corners(moving: Motion, arm: Floats, growth: float = 0.0) -> Floats:
+    """Return bounds as ``bend`` does; arms grow by ``growth`` of their length for each unit, steadily."""
+    with np.errstate(all='ignore'):
+        in_lead, in_other = _middles(moving, slice(0, 1)), _middles(moving, slice(2, None))
+        dw, dw_rate = moving.w[:, 2:] - moving.w[:, :1], moving.w_rate[:, 2:] - moving.w_rate[:, :1]
+        spin = np.hypot(dw_rate.most, dw.most**2) + 2 * growth * dw.most
+        out: Floats = np.stack((in_lead + arm[:, 2:] * spin, in_other + arm[:, :1] * spin), axis=-1)
     return np.where(np.isfinite(out), out, np.inf)
 
 
-def _acceleration(theta: Ball, p: Ball, a: Ball, w: Ball, w_rate: Ball) -> Floats:
-    v = p - w
-    outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - w_rate)
+def _middles(moving: Motion, frame: slice) -> Floats:
+    """Return bounds of how middles of benches accelerate as seen from the middle of bench 0, in the frame of some."""
+    handles = slice(0, 1), slice(1, 2), slice(2, -1), slice(3, None)
+    one, two, three, four = (_acceleration(moving, frame, handle) for handle in handles)
+    return 0.5 * (one + two + three + four)
+
+
+def _acceleration(moving: Motion, frame: slice, handle: slice) -> Floats:
+    theta, p, a = moving.theta[:, handle], moving.p[:, handle], moving.a[:, handle]
+    v = moving.turned[:, handle] - moving.w[:, frame]
+    outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - moving.w_rate[:, frame])
     return np.hypot(outwards.most, across.most)
 
 
-def _motion(theta: Ball, slopes: _Slopes) -> _Motion:
+def _motion(theta: Ball, slopes: _Slopes) -> Motion:
     p, a = _handles(slopes)
     turned = slopes.psi_1 + 1
-    return _Motion(theta, p, a, p[:, :-1] * turned, a[:, :-1] * turned + p[:, :-1].squared() * slopes.psi_2)
+    return Motion(theta, p, a, p, p[:, :-1] * turned, a[:, :-1] * turned + p[:, :-1].squared() * slopes.psi_2)
 
 
-def _slopes(theta: Ball, delta: Ball, chord: Floats) -> _Slopes:
+def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
     """Differentiate F = c^2 / 2 and the link's direction."""
-    sin, cos, less = delta.trig()
-    outer, theta = theta[:, 1:], theta[:, :-1]
-    both, area = theta + outer, theta * outer
-    inverse = (delta + theta * less + area * sin).inverse()
-    one = -(both * less * inverse)
-    two = -((2 * less + 2 * (less + both * sin) * one + (1 + 2 * theta * sin + area * cos) * one.squared()) * inverse)
+    link = spans(theta, delta)
+    theta, sin, cos, less, both, one = link.theta, link.sin, link.cos, link.less, link.both, link.delta_1
+    two = -((2 * less + 2 * (less + both * sin) * one + (1 + 2 * theta * sin + link.area * cos) * one.squared())
+            * link.inverse)
     rest = delta - theta * one
     psi_1 = sin * rest + 0.5 * both * delta * one
     psi_2 = (cos * one * rest - theta * sin * two + 0.5 * (2 + one) * delta * one
              + 0.5 * both * (one.squared() + delta * two))
-    share, joined = 1 / (chord * chord), chord == 0
+    share, joined = chord.squared().inverse(), chord.most == 0
     slopes = _Slopes(one, two, 0.5 * one + share * psi_1, 0.5 * two + share * psi_2)
     return _with_joined(slopes, theta, joined) if np.any(joined) else slopes
 

@@ -7,7 +7,8 @@ larger (Vogt 1914). So only the handles beyond it are looked at.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil, inf
+from itertools import pairwise
+from math import ceil, exp, inf
 
 import numpy as np
 
@@ -15,13 +16,16 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.led import Led
 from dragon_ros.core.march import Effort
 from dragon_ros.core.placed import BACK
+from dragon_ros.core.rising import Looks, looks_at, tops
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.types import Floats
 from dragon_ros.core.walk_chain import chain_on
 
 _SPACING_M = 0.1        # of the first looks
-_CLOSER = 8             # looks for one, where there may be a summit
+_AT_ONCE = 32           # looks
+_CLOSER = 4             # looks for one, where there may be a summit
 _SAME = 1e-12           # speeds within this, in parts, are the same
+_FINEST = 1e-14         # of the leader's way: closer looks are the same
 _PRECISE = Effort(1e-8)
 _MOST = 2_000_000
 
@@ -31,8 +35,7 @@ class Fastest:
     """The largest speed of any handle over the leader's: which (the first of equals) and when.
 
     ``gone_m`` is what the leader has gone since t = 0 then, ``along_m`` its distance along the track (of a turn: from
-    the entry). No handle exceeds ``bound`` anywhere on the run, if between two looks speeds change no more than the
-    most that they do from look to look there and next to it: tested, not derived.
+    the entry). No handle exceeds ``bound`` anywhere on the run: proved (``rising``).
     """
 
     ratio: float
@@ -66,33 +69,33 @@ class _Search:
     def __init__(self, led: Led, progress: Callable[[int], object]) -> None:
         self.led, self.looks, self._tell = led, 0, progress
 
-    def ratios(self, gone_m: float) -> Floats:
-        """Return the speeds of the handles that can be the fastest over the leader's, with the leader first."""
-        self.looks += 1
-        led, leader = self.led, self.led.leader((gone_m, 0.0))
-        links = led.links_m
+    def look(self, places: Floats) -> Looks:
+        """Return looks at the handles that can be the fastest up to the last place, with the leader first."""
+        self.looks += places.size
+        self._tell(places.size)
+        led, links = self.led, self.led.links_m
         if led.way == BACK and led.walk.winds_in:
-            beyond = max(0.0, led.walk.distance_of(leader)[0] - led.walk.end_of_first_m)
+            head = led.walk.distance_of(led.leader((float(places[-1]), 0.0)))[0]
+            beyond = max(0.0, head - led.walk.end_of_first_m)
             links = links[:2 + ceil(beyond / max(float(np.min(links)), 1e-3))]
-        v = chain_on(led.walk, links, leader, led.way, _PRECISE).velocities(1.0)
-        speed: Floats = np.hypot(v[:, 0], v[:, 1])
-        return speed if led.way == BACK else speed[::-1]
+        return looks_at([chain_on(led.walk, links, led.leader((place, 0.0)), led.way, _PRECISE)
+                         for place in places.tolist()], places, led.way)
 
     def best(self, low: float, high: float) -> Fastest:
-        """Return the summit over a stretch of the leader's way: stretches that may hold a higher one are cut up."""
-        summit, place, bound = 0.0, low, 0.0
-        low = min(high, max(low, self._out_m))
-        work = [(low, high, max(3, ceil((high - low) / _SPACING_M) + 1))]
+        """Return the summit over a stretch of the leader's way: parts that may hold a higher one are cut up."""
+        low, bound, best = min(high, max(low, self._out_m)), 0.0, (0.0, low, 0)
+        ends = np.linspace(low, high, max(1, ceil((high - low) / _SPACING_M / _AT_ONCE)) + 1).tolist()
+        work = [(*pair, _AT_ONCE) for pair in pairwise(ends)]
         while work:
-            scanned = [self._scan(*stretch) for stretch in work]
-            top, at = max((float(np.max(tops)), float(places[np.argmax(tops)])) for places, tops, _ in scanned)
-            summit, place = max((summit, place), (top, at))
+            seen = [self.look(np.linspace(start, stop, count + 1, dtype=np.float64)) for start, stop, count in work]
+            best = max(best, *(_summit(looks) for looks in seen))
             work = []
-            for places, _, above in scanned:
-                higher = above > summit * (1 + _SAME)
+            for looks in seen:
+                above, places = tops(looks), looks.gone_m
+                higher = (above > best[0] + _SAME) & (np.diff(places) > _FINEST * (1 + np.abs(places[1:])))
                 bound = max(bound, float(np.max(above[~higher], initial=0.0)))
-                work += [(float(places[n]), float(places[n + 1]), _CLOSER + 1) for n in np.flatnonzero(higher)]
-        return self._told(place, max(bound, summit))
+                work += [(float(places[n]), float(places[n + 1]), _CLOSER) for n in np.flatnonzero(higher)]
+        return self._told(*best, max(bound, best[0]))
 
     @property
     def _out_m(self) -> float:
@@ -100,20 +103,15 @@ class _Search:
         first = self.led.way == BACK and self.led.walk.winds_in
         return self.led.walk.end_of_first_m - self.led.start_m if first else -inf
 
-    def _scan(self, low: float, high: float, count: int) -> tuple[Floats, Floats, Floats]:
-        """Return places, the largest ratio at each, and bounds between them."""
-        places: Floats = np.linspace(low, high, count, dtype=np.float64)
-        tops = np.array([np.max(self.ratios(place)) for place in places.tolist()])
-        self._tell(count)
-        rise = np.abs(np.diff(tops))
-        steep = np.max(np.stack((rise, np.append(rise[1:], 0.0), np.insert(rise[:-1], 0, 0.0))), axis=0)
-        return places, tops, np.maximum(tops[1:], tops[:-1]) + steep
-
-    def _told(self, place: float, bound: float) -> Fastest:
-        ratios = self.ratios(place)
-        ratio = float(np.max(ratios))
-        handle = int(np.argmax(ratios >= ratio * (1 - _SAME)))
+    def _told(self, top: float, place: float, handle: int, bound: float) -> Fastest:
         if self.led.way != BACK:
             handle = self.led.links_m.size - handle
         along = self.led.walk.distance_of(self.led.leader((place, 0.0)))[0]
-        return Fastest(ratio, handle, place, along, bound, self.looks)
+        return Fastest(exp(top), handle, place, along, exp(bound), self.looks)
+
+
+def _summit(looks: Looks) -> tuple[float, float, int]:
+    """Return the log of the largest speed seen, where the leader was, and which handle it was, from the leader on."""
+    row = int(np.argmax(np.max(looks.log, axis=1)))
+    top = float(np.max(looks.log[row]))
+    return top, float(looks.gone_m[row]), int(np.argmax(looks.log[row] > top - _SAME))

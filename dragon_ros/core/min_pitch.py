@@ -1,11 +1,11 @@
 """The smallest pitch at which the head comes in to a circle without any contact on the way, between proved bounds.
 
 Contact need not be monotone in the pitch: benches also slip past each other. What is sought is the largest pitch that
-has a contact on the way, and the plane of (place of the head, pitch) is searched by branch and bound, from the largest
+has a contact on the way, and the plane of (radius of the head, pitch) is searched by branch and bound, from the largest
 pitch down. A touching pair anywhere is a bound from below. A cell of the plane is clear, and with it every pitch and
-place in it, where each pair has an edge from which it is apart at all four corners by more than what the corners' paths
-can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8, as ``stretches`` does along the way alone. For B stands twice the larger
-second derivative at the corners; a test samples inside.
+radius in it, where each pair has an edge from which it is apart at all four corners by more than what the benches'
+corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and
+B2 bound second derivatives by radius and scale on the whole cell, which is proved (``bending``, ``bending_by_scale``).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,14 +13,16 @@ from math import asin, ceil, log, pi, sqrt
 
 import numpy as np
 
+from dragon_ros.core.ball import between
+from dragon_ros.core.bending import bend
+from dragon_ros.core.bending_by_scale import bend_by_scale
 from dragon_ros.core.checks import number
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Floats
-from dragon_ros.core.winding import Sights, sights, windings
+from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.winding import Windings, separations, windings
 
-_SAFETY = 2.0
 _WAY_M, _STEP = 2.0, 0.05   # the largest cell: metres of the head's way, and part of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
 _BENT = 1.09                # no spiral's curvature exceeds 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
@@ -91,11 +93,11 @@ def min_pitch(dragon: Dragon | None = None, diameter_m: float = 9.0, start_turns
     body = _Search(task, 1, high_m, progress)
     body.run()
     if body.touch:
-        x, pitch_m, bench = body.touch
+        radius_m, pitch_m, bench = body.touch
         raise DragonError(f'min-pitch: the body may touch itself at a pitch of {pitch_m:.9g} m, {bench} benches apart '
-                          f'at radius {sqrt(2 * x):.6g} m, where the head does not; such dragons are not covered')
-    x, low_m, bench = head.touch
-    return MinPitch(low_m, high_m, (0, bench), sqrt(2 * x), largest_m, head.states + body.states)
+                          f'at radius {radius_m:.6g} m, where the head does not; such dragons are not covered')
+    radius_m, low_m, bench = head.touch
+    return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)
 
 
 def _task(dragon: Dragon, diameter_m: float, start_turns: float, largest_m: float, within_m: float) -> Task:
@@ -107,6 +109,9 @@ def _task(dragon: Dragon, diameter_m: float, start_turns: float, largest_m: floa
     number('largest_m', largest_m, above=radius_m / start_turns, high=1e6)
     number('within_m', within_m, low=2e-11, high=1.0)
     longest = float(np.max(dragon.link_lengths_m))
+    if not np.all(dragon.link_lengths_m):
+        raise FieldError('dragon.hole_inset_m', dragon.hole_inset_m, 'links of no length are not covered',
+                         'give a smaller one')
     if _BENT * longest >= 2 * radius_m:
         raise FieldError('diameter_m', diameter_m, f'a link is {longest:.6g} m long', 'give a larger circle')
     return Task(dragon, radius_m, start_turns, largest_m, within_m)
@@ -115,8 +120,8 @@ def _task(dragon: Dragon, diameter_m: float, start_turns: float, largest_m: floa
 class _Search:
     """Branch and bound of one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
 
-    Cells are columns (4, n): x from, x to, scale from, scale to, as in ``winding``; a larger scale is a smaller pitch.
-    ``touch`` is (x, pitch in m, bench) of the contact with the largest pitch that was met.
+    Cells are columns (4, n): radius in m from, to, scale from, to, as in ``winding``; a larger scale: a smaller pitch.
+    ``touch`` is (radius in m, pitch in m, bench) of the contact with the largest pitch that was met.
     """
 
     def __init__(self, task: Task, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
@@ -151,8 +156,8 @@ class _Search:
         way_m, strips = min(_WAY_M, 0.5 * task.radius_m), []
         for small, large in zip(scales[:-1].tolist(), scales[1:].tolist(), strict=True):
             outer = 0.5 * task.widest_m(2 * pi / small, self.first) ** 2
-            x = np.linspace(inner, max(inner, outer), 2 + int((outer - inner) * small / way_m))
-            strips.append(np.stack((x[:-1], x[1:], np.full(x.size - 1, small), np.full(x.size - 1, large))))
+            r = np.sqrt(2 * np.linspace(inner, max(inner, outer), 2 + int((outer - inner) * small / way_m)))
+            strips.append(np.stack((r[:-1], r[1:], np.full(r.size - 1, small), np.full(r.size - 1, large))))
         return np.concatenate(strips, axis=1)
 
     def _halves(self, cells: Floats) -> Floats:
@@ -160,9 +165,11 @@ class _Search:
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
         seen = self._look(places[0], places[1])
-        self._note(places, seen)
-        apart = seen.apart[where.reshape(4, -1)]
-        sag = _sags(cells, np.max(seen.bend[where.reshape(4, -1)], axis=0))
+        separation = separations(self.task.dragon, self.first, seen)
+        self._note(places, separation)
+        ends = where.reshape(4, -1)
+        apart, sag = separation[ends], self._sags(cells, seen, ends)
+        self._check_rest(cells, seen, ends)
         low = np.min(apart, axis=0) - np.sum(sag, axis=-1)
         pair = np.argmin(np.max(low, axis=-1), axis=1)
         each = np.arange(pair.size)
@@ -170,38 +177,57 @@ class _Search:
         unclear = (low[each, pair, edge] <= self._tolerance_m * cells[3]) & (cells[2] < self._best)
         return _halved(cells, apart[:, each, pair, edge], sag[each, pair, edge], unclear)
 
-    def _look(self, x: Floats, scale: Floats) -> Sights:
-        """Return what is seen; benches that are further behind than those are shown to be further out."""
-        self.states += x.size
-        self._tell(x.size)
-        dragon, radius = self.task.dragon, sqrt(2 * float(np.max(x)))
-        around = 2 * pi * (radius + 2 * pi / float(np.min(scale)))
+    def _look(self, radius_m: Floats, scale: Floats) -> Windings:
+        """Return a little more than the turn behind each place."""
+        self.states += scale.size
+        self._tell(scale.size)
+        dragon = self.task.dragon
+        around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
         follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / max(dragon.body_link_m, 1e-3 * around)))
-        seen = sights(dragon, self.first, windings(dragon, self.first, follow, x, scale, self._effort))
-        margin = 2 * _WAY_M / radius        # more than the radius changes within a cell
-        if follow < dragon.benches - self.first and np.any(seen.clearance < seen.reach + margin):
-            raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')
-        return seen
+        return windings(dragon, self.first, follow, radius_m, scale, self._effort)
 
-    def _note(self, places: Floats, seen: Sights) -> None:
+    def _sags(self, cells: Floats, seen: Windings, ends: Ints) -> Floats:
+        """Return how far corners of benches can sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
+        benches = slice(self.first, self.first + seen.delta.shape[1])
+        dragon, scale = self.task.dragon, cells[2:, :, None]
+        arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
+        link = dragon.link_lengths_m[benches]
+        chord = between(scale[0] * link, scale[1] * link)
+        theta = between(seen.theta[ends[0]], seen.theta[ends[3]])
+        delta = between(seen.delta[ends[1]], seen.delta[ends[2]])
+        by_radius = bend(theta, delta, chord, arm) * (scale[1] * (cells[1] - cells[0])[:, None])[..., None] ** 2
+        by_scale = bend_by_scale(theta, delta, chord, arm) * (scale[1] / scale[0] - 1)[..., None] ** 2
+        out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 1, 1, 0, 0, 1, 1]] / 8
+        return out
+
+    def _check_rest(self, cells: Floats, seen: Windings, ends: Ints) -> None:
+        """Refuse cells in which a bench further behind than those seen could come near.
+
+        In metres the leading bench is within its rear handle's radius, which is largest at the larger radius and pitch,
+        and its overhang. The last link's line lies (l^2 - (delta / scale)^2) / (2 l tan(delta / 2)) from the centre: no
+        less than for the largest delta and smallest scale. Links further behind lie further out (docs/contact.md).
+        """
+        dragon, count = self.task.dragon, seen.delta.shape[1]
+        if count == dragon.benches - self.first:
+            return
+        overhang = 0.5 * (dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
+        reach = seen.theta[ends[2], 1] / cells[2] + np.hypot(overhang, 0.5 * dragon.width_m)
+        link, most = dragon.body_link_m, seen.delta[ends[1], -1]
+        line = (link * link - (most / cells[2]) ** 2) / (2 * link * np.tan(0.5 * most)) - 0.5 * dragon.width_m
+        if np.any(line <= reach):
+            raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')
+
+    def _note(self, places: Floats, separation: Floats) -> None:
         """Keep the touching place with the largest pitch; the head is never further out than where it starts."""
-        x, scale = places
-        outer = np.inf if self.first else 0.5 * (2 * pi * self.task.turns / scale) ** 2
-        gap = np.max(seen.apart, axis=-1)
-        touching = np.flatnonzero(np.any(gap <= -self._tolerance_m * scale[:, None], axis=1) & (x <= outer))
+        radius_m, scale = places
+        outer = np.inf if self.first else 2 * pi * self.task.turns / scale
+        gap = np.max(separation, axis=-1)
+        touching = np.flatnonzero(np.any(gap <= -self._tolerance_m * scale[:, None], axis=1) & (radius_m <= outer))
         if touching.size:
             n = touching[np.argmin(scale[touching])]
             if scale[n] < self._best or self.touch is None:
                 self._best = min(self._best, float(scale[n]))
-                self.touch = float(x[n]), 2 * pi / float(scale[n]), int(np.argmin(gap[n])) + 2
-
-
-def _sags(cells: Floats, bend: Floats) -> Floats:
-    """Return how far the corners of benches can sag in cells, by x and by scale, for eight edges, (n, K, 8, 2)."""
-    size = np.stack((cells[1] - cells[0], cells[3] - cells[2]), axis=-1)
-    sag = _SAFETY / 8 * bend * (size * size)[:, None, None]
-    out: Floats = sag[:, :, [0, 0, 1, 1, 0, 0, 1, 1]]
-    return out
+                self.touch = float(radius_m[n]), 2 * pi / float(scale[n]), int(np.argmin(gap[n])) + 2
 
 
 def _halved(cells: Floats, corner: Floats, sag: Floats, which: Floats) -> Floats:

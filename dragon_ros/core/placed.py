@@ -48,8 +48,12 @@ class Placed(Protocol):
         """Return metres in the head's way for each unit of u (negative where u falls)."""
         ...
 
-    def metres(self, u: float) -> float:
+    def metres(self, u: Any) -> Any:
         """Return the way from the anchor to u, positive in the head's way."""
+        ...
+
+    def curvature(self, u: Any) -> Any:
+        """Return the curvature in 1/m, positive where the head's way turns left; monotone along the piece."""
         ...
 
     def after(self, metres: float, lo: float = 0.0) -> Angle:
@@ -87,9 +91,13 @@ class PlacedLine:
         """Return metres for each unit of u."""
         return 1.0
 
-    def metres(self, u: float) -> float:
+    def metres(self, u: Any) -> Any:
         """Return the way from the start to u."""
         return u
+
+    def curvature(self, u: Any) -> Any:
+        """Return 0."""
+        return np.zeros_like(u)
 
     def after(self, metres: float, lo: float = 0.0) -> Angle:
         """Return u so many metres from the start."""
@@ -134,9 +142,13 @@ class PlacedArc:
         """Return metres for each unit of u."""
         return self.radius_m
 
-    def metres(self, u: float) -> float:
+    def metres(self, u: Any) -> Any:
         """Return the way from the start to u."""
         return self.radius_m * u
+
+    def curvature(self, u: Any) -> Any:
+        """Return the signed curvature."""
+        return np.full_like(u, self.side / self.radius_m)
 
     def after(self, metres: float, lo: float = 0.0) -> Angle:
         """Return u so many metres from the start."""
@@ -192,9 +204,15 @@ class PlacedSpiral:
         """Return metres for each radian."""
         return self.way * self.spiral.b_m * sqrt(1 + u * u)
 
-    def metres(self, u: float) -> float:
+    def metres(self, u: Any) -> Any:
         """Return the way from the anchor to u."""
-        return -self.way * self.spiral.distance_to(u)
+        start = self.spiral.start.hi
+        return -self.way * self.spiral.b_m * arc_between(start, start - u)
+
+    def curvature(self, u: Any) -> Any:
+        """Return the signed curvature; 0 infinitely far out."""
+        square = 1 + u * u
+        return self.side * self.way / self.spiral.b_m * (1 + 1 / square) / np.sqrt(square)
 
     def after(self, metres: float, lo: float = 0.0) -> Angle:
         """Return u so many metres from the anchor."""
@@ -220,6 +238,6 @@ def metres_between(piece: Placed, a: float, b: float) -> float:
     if isinstance(piece, PlacedSpiral):
         outer, inner = max(a, b), min(a, b)
         return float(piece.spiral.b_m * arc_between(outer, outer - inner))
-    return abs(piece.metres(b) - piece.metres(a))
+    return float(abs(piece.metres(b) - piece.metres(a)))
 
 

@@ -79,9 +79,10 @@ def _there(gap: Floats, behind: Ints) -> Array:
 
 def _sag(a: View, b: View, sizes: Sizes) -> Floats:
     """Return how far corners leave straight lines, (M, K-2, 2) in metres: in the leading bench's frame, and others'."""
-    arm = np.hypot(sizes.half_length_m, sizes.half_width_m) / sizes.b_m
+    arm = np.hypot(sizes.half_length_m, sizes.half_width_m)[None] / sizes.b_m
+    chord = sizes.links_m[None] / sizes.b_m
     length = (a.lead - b.lead)[:, None, None]
-    most = bend(between(a.theta, b.theta), between(a.delta, b.delta), sizes.links_m / sizes.b_m, arm)
+    most = bend(between(a.theta, b.theta), between(a.delta, b.delta), between(chord, chord), arm)
     out: Floats = most * (sizes.b_m * length * length / 8)
     return out
 

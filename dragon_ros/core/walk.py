@@ -4,10 +4,11 @@ The next handle is the first place behind at the chord's length. The largest cur
 (else the track is refused): then the chord grows along the track until it is reached, there is one such place within
 ``chord.reach_m``, it moves on as the handle before it moves on, and no link ever locks.
 """
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import inf
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -73,7 +74,7 @@ class Walk:
     def _distance(self, k: int, u: float) -> float:
         if abs(u) == inf:
             return inf if k else -inf
-        return self.origins_m[k] + self.pieces[k].metres(u)
+        return float(self.origins_m[k] + self.pieces[k].metres(u))
 
     def distance_of(self, place: Place) -> tuple[float, float]:
         """Return the distance of a place along the way, as (hi, lo)."""
@@ -187,6 +188,30 @@ class Walk:
         """The spiral of the first piece, where it winds in from afar: all that reaches it stays on it."""
         first = self.pieces[0]
         return first.spiral if isinstance(first, PlacedSpiral) and first.way == BACK and first.first == inf else None
+
+    @cached_property
+    def bends(self) -> tuple[Floats, Floats]:
+        """Smallest and largest signed curvature in 1/m on all pieces from one to another, (P, P) each."""
+        ends = np.array([piece.curvature(np.array([piece.first, piece.last])) for piece in self.pieces])
+        count = range(len(self.pieces))
+        rows = [[ends[min(i, j):max(i, j) + 1] for j in count] for i in count]
+        return (np.array([[np.min(part) for part in row] for row in rows]),
+                np.array([[np.max(part) for part in row] for row in rows]))
+
+    def distances(self, piece: Ints, u: Floats) -> Floats:
+        """Return the distances of many places along the way."""
+        return self._each(piece, u, lambda k, u: self.origins_m[k] + self.pieces[k].metres(u))
+
+    def curvatures(self, piece: Ints, u: Floats) -> Floats:
+        """Return the signed curvatures at many places in 1/m."""
+        return self._each(piece, u, lambda k, u: self.pieces[k].curvature(u))
+
+    @staticmethod
+    def _each(piece: Ints, u: Floats, value: Callable[[int, Floats], Any]) -> Floats:
+        out: Floats = np.empty(u.shape)
+        for k in np.unique(piece).tolist():
+            out[piece == k] = value(k, u[piece == k])
+        return out
 
     def points(self, piece: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
         """Return coordinates and unit tangents in the head's way, shapes (..., 2)."""

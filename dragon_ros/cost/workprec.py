@@ -17,6 +17,7 @@ from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.types import Floats
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
+from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import Timing, circumstances, timed
 from dragon_ros.cost.problems import Problem, problems
 from dragon_ros.cost.reference import truth
@@ -62,14 +63,19 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     return [job() for job in tqdm(jobs, desc='cost accuracy', unit='row', disable=None)]
 
 
+def _hard() -> tuple[Problem, ...]:
+    """Return the hard cases of single spirals, then those of joined tracks and of dances."""
+    return (*problems(), *dances())
+
+
 def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
-    for problem in problems():
+    for problem in _hard():
         for tier in TIERS:
             if tier != 'paper' or problem.name == 'classic':
                 yield lambda problem=problem, tier=tier: _tier_row(problem, tier, 'table', budget_s)
             if tier != 'paper' and problem.scene.table:
                 yield lambda problem=problem, tier=tier: _tier_row(problem, tier, 'march', budget_s)
-        if problem.name != 'long':
+        if problem.name != 'long' and problem.scene.led is None:     # the others know one spiral only
             for name in SOLVERS:
                 yield lambda problem=problem, name=name: _baseline_row(problem, name, budget_s)
         if problem.name == 'classic':
@@ -174,7 +180,7 @@ def summary(rows: list[Row]) -> str:
     """Return the classic scene's part of the table, and how the promises fared."""
     broken = [row for row in rows if row.verdict == 'BROKEN']
     kept = sum(row.verdict == 'kept' for row in rows)
-    return (table([row for row in rows if row.problem == 'classic']) + f'\n\nOn all {len(problems())} hard cases '
+    return (table([row for row in rows if row.problem == 'classic']) + f'\n\nOn all {len(_hard())} hard cases '
             f'{kept} promises are kept and {len(broken)} broken; every row is in `docs/cost/accuracy.md`.')
 
 
@@ -193,7 +199,7 @@ def csv_text(rows: list[Row]) -> str:
 
 def picture(rows: list[Row]) -> Figure:
     """Return the work-precision diagram: the classic scene, and the tiers on all hard cases."""
-    figure = Figure(figsize=(13, 6), layout='constrained')
+    figure = Figure(figsize=(13, 8), layout='constrained')
     classic, hard = figure.subplots(1, 2)
     mine = [row for row in rows if row.problem == 'classic' and row.timing and np.isfinite(row.error_m)]
     for row in mine:
@@ -217,7 +223,7 @@ def picture(rows: list[Row]) -> Figure:
 
 def _hard_panel(axes: Axes, rows: list[Row]) -> None:
     """Draw, for each tier, the error of every hard case as a share of its promise."""
-    names = [problem.name for problem in problems()]
+    names = [problem.name for problem in _hard()]
     styles = {'preview': ('v', '#56B4E9'), 'standard': ('^', '#009E73'), 'fine': ('D', '#E69F00'),
               'exact': ('o', '#0072B2')}
     for tier, (marker, colour) in styles.items():

@@ -44,9 +44,10 @@ def ends(dragon, *places):
 def bound(dragon, start, stop):
     a, b = ends(dragon, start, stop)
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)
-    return [bend(between(a.theta[None], b.theta[None]), between(a.delta[None], b.delta[None]), dragon.link_lengths_m,
-                 arm)[0], np.stack(bends_of(hull(a.theta, b.theta), hull(a.delta, b.delta), dragon.link_lengths_m, arm),
-                                   axis=-1)]
+    chord = dragon.link_lengths_m[None]
+    return [bend(between(a.theta[None], b.theta[None]), between(a.delta[None], b.delta[None]), between(chord, chord),
+                 arm[None])[0],
+            np.stack(bends_of(hull(a.theta, b.theta), hull(a.delta, b.delta), dragon.link_lengths_m, arm), axis=-1)]
 
 
 def largest(dragon, start, stop, count=7):
