@@ -1,4 +1,4 @@
-"""How much room a run takes: the largest x, -x, y and -y that any corner of any bench reaches, between proved bounds.
+"""How much room a run takes: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
 
 On a stretch of length h of the head's way a coordinate of a corner exceeds the larger of its values at the two ends by
 at most A h^2 / 8, A the largest second derivative; for A stands twice the larger at the ends, as in ``stretches``. It

@@ -1,4 +1,4 @@
-"""The smallest pitch at which the head comes in to a circle without any contact on the way, between proved bounds.
+"""The smallest pitch at which the head comes in to a circle without any contact on the way, between bounds.
 
 Contact need not be monotone in the pitch: benches also slip past each other. What is sought is the largest pitch that
 has a contact on the way, and the plane of (radius of the head, pitch) is searched by branch and bound, from the largest

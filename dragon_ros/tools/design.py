@@ -1,4 +1,4 @@
-"""``design``: questions about what to build, each a subcommand with one proved answer."""
+"""``design``: questions about what to build, each a subcommand with one answer and its bounds."""
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable

@@ -11,7 +11,7 @@ from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.head import Head
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state, tick
+from dragon_ros.core.step import state, states, tick, velocity_of
 from dragon_ros.core.tiers import EXACT, tier_for
 
 
@@ -115,3 +115,10 @@ def test_effects_have_the_names_of_the_scene_file():
     assert effects_of(['velocity', 'benches']).names == ['velocity', 'benches']
     with pytest.raises(FieldError, match='velocity, benches'):
         effects_of(['sparkles'])
+
+
+def test_the_papers_speeds_at_many_instants_are_those_at_each():
+    scene, times = Scene(accuracy='paper'), [0.0, 300.0, 412.0]
+    together = velocity_of(scene, states(scene, times), times)
+    for t_s, one in zip(times, together, strict=True):
+        assert np.array_equal(one, velocity_of(scene, state(scene, t_s), t_s))

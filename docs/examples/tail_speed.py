@@ -1,0 +1,37 @@
+"""A subscriber of one's own: prints how fast the tail is, once each second of simulation."""
+from contextlib import suppress
+
+import rclpy
+from geometry_msgs.msg import PoseArray
+from rclpy.executors import ExternalShutdownException
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+
+
+class TailSpeed(Node):
+    """Takes the tail's way from one message to the next, over the time between their stamps."""
+
+    def __init__(self) -> None:
+        """Subscribe to the handles."""
+        super().__init__('tail_speed', namespace='/dragon')
+        self.before: tuple[float, float, float] | None = None
+        self.told = -1
+        # Reliable, as sim publishes; deep enough for a reader that is busy for a while.
+        self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
+
+    def on_handles(self, message: PoseArray) -> None:
+        """Print the speed where a new second has begun."""
+        stamp, tail = message.header.stamp, message.poses[-1].position
+        now = stamp.sec + 1e-9 * stamp.nanosec, tail.x, tail.y
+        if self.before and now[0] > self.before[0] and stamp.sec != self.told:
+            t_s, x, y = self.before
+            speed = ((tail.x - x) ** 2 + (tail.y - y) ** 2) ** 0.5 / (now[0] - t_s)
+            print(f'{now[0]:8.2f} s: the tail is at {speed:.4f} m/s', flush=True)
+            self.told = stamp.sec
+        self.before = now
+
+
+if __name__ == '__main__':
+    rclpy.init()
+    with suppress(KeyboardInterrupt, ExternalShutdownException):    # Ctrl-C
+        rclpy.spin(TailSpeed())

@@ -1,0 +1,171 @@
+"""Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
+
+``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails where one is stale.
+"""
+import argparse
+import re
+import sys
+from collections.abc import Callable, Iterable
+from math import inf
+from pathlib import Path
+from typing import Any
+
+ROOT = Path(__file__).resolve().parents[1]
+sys.path.insert(0, str(ROOT))
+
+from dragon_ros.core.effects import MEANINGS, NEEDS  # noqa: E402
+from dragon_ros.core.scene import Scene  # noqa: E402
+from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
+from dragon_ros.executables import EXECUTABLES  # noqa: E402
+from dragon_ros.nodes import params  # noqa: E402
+from dragon_ros.wire import config  # noqa: E402
+from dragon_ros.wire.channels import Channel, channels  # noqa: E402
+from dragon_ros.wire.scene_schema import scene_schema  # noqa: E402
+from dragon_ros.wire.scenes import scene_names  # noqa: E402
+
+DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md')
+_MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
+_GONE = '-'
+
+
+def main(argv: list[str]) -> int:
+    """Renew or check all documents; return the exit code."""
+    options = argparse.ArgumentParser(description=__doc__.split('\n')[0])
+    options.add_argument('--check', action='store_true', help='change nothing; exit code 1 where a table is stale')
+    check = options.parse_args(argv).check
+    stale = [path for path in DOCUMENTS if renewed(path) != path.read_text(encoding='utf-8')]
+    for path in stale:
+        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon python docs/make_tables.py" if check else "renewed"}')
+        if not check:
+            path.write_text(renewed(path), encoding='utf-8')
+    return int(check and bool(stale))
+
+
+def renewed(path: Path) -> str:
+    """Return a document with its tables as they must be. Raises KeyError for a mark with another name."""
+    return _MARKED.sub(lambda found: f'{found[1]}{TABLES[found[2]]()}\n{found[3]}', path.read_text(encoding='utf-8'))
+
+
+def names_of(path: Path) -> list[str]:
+    """Return the names of the tables in a document."""
+    return [found[1] for found in _MARKED.findall(path.read_text(encoding='utf-8'))]
+
+
+def table(head: str, rows: Iterable[Iterable[str]]) -> str:
+    """Return a Markdown table; ``head`` has its columns between bars."""
+    lines = [f'| {head} |', '|' + '---|' * (head.count('|') + 1)]
+    return '\n'.join([*lines, *(f'| {" | ".join(cell.replace("|", chr(92) + "|") for cell in row)} |' for row in rows)])
+
+
+def executables() -> str:
+    """Return the executables with what each is for."""
+    return table('name | what it does', ((f'`{name}`', one.help) for name, one in EXECUTABLES.items()))
+
+
+def topics() -> str:
+    """Return the topics with type, publisher, effect and meaning."""
+    return table('topic | type | from | effect | what', (
+        (f'`{name}`', one.type.replace('/msg/', '/'), one.publisher,
+         f'`{one.effect.names[0]}`' if one.effect else '', one.meaning + (', latched' if _says_late(one) else ''))
+        for name, one in channels().items()))
+
+
+def _says_late(channel: Channel) -> bool:
+    return channel.latched and 'latched' not in channel.meaning
+
+
+def qualities() -> str:
+    """Return the quality of service of each topic."""
+    return table('topic | reliability | durability | depth', (
+        (f'`{name}`', one.reliability, one.durability, str(one.depth)) for name, one in channels().items()))
+
+
+def parameters(rows: tuple[params.Parameter, ...]) -> str:
+    """Return the parameters of a node."""
+    return table('parameter | default | may be | live | what', (
+        (f'`{one.name}`', f'`{one.default!r}`', _limits(one), 'yes' if one.live else '', one.text) for one in rows))
+
+
+def _limits(one: params.Parameter) -> str:
+    if one.choices:
+        return ', '.join(f'`{choice}`' for choice in one.choices)
+    return f'{one.low:g} to {one.high:g}' if one.low is not None and one.high is not None else ''
+
+
+def scenes() -> str:
+    """Return the scenes of the package with the first sentence of each file."""
+    return table('scene | what', ((f'`{name}`', _first_sentence(name)) for name in scene_names()))
+
+
+def _first_sentence(name: str) -> str:
+    """Return the first sentence of the comment that a scene file begins with."""
+    lines = (config.folder() / 'scenes' / f'{name}.yaml').read_text(encoding='utf-8').splitlines()
+    end = next((number for number, line in enumerate(lines) if not line.startswith('#')), len(lines))
+    return re.split(r'(?<=\.)\s', ' '.join(line.lstrip('# ') for line in lines[:end]))[0]
+
+
+def keys() -> str:
+    """Return the keys of a scene file with their defaults."""
+    return table('section | kind | keys and defaults | what', _key_rows(scene_schema()['properties']))
+
+
+def _key_rows(parts: dict[str, Any]) -> Iterable[tuple[str, str, str, str]]:
+    for name, part in parts.items():
+        for one in part.get('oneOf', [part]):
+            yield (f'`{name}`', *_kind_row(one))
+        pieces = [p for one in part.get('oneOf', []) for p in _pieces(one)]
+        yield from ((f'`{name}.pieces`', *_kind_row(piece)) for piece in pieces)
+
+
+def _pieces(one: dict[str, Any]) -> list[dict[str, Any]]:
+    found: list[dict[str, Any]] = one['properties'].get('pieces', {}).get('items', {}).get('oneOf', [])
+    return found
+
+
+def _kind_row(one: dict[str, Any]) -> tuple[str, str, str]:
+    """Return (kind, keys with defaults, what) of a section or of a single key."""
+    what = one['description'].replace('``', '`')
+    if 'properties' not in one:
+        return '', _default(one), what
+    fields = dict(one['properties'])
+    kind = fields.pop('kind', {}).get('const', '')
+    return f'`{kind}`' if kind else '', ', '.join(f'`{key}`{_default(row, ": ")}' for key, row in fields.items()), what
+
+
+def _default(row: dict[str, Any], before: str = '') -> str:
+    if 'default' not in row:
+        return ' (must be given)' if before else ''
+    value = row['default']
+    text = f'[{", ".join(value)}]' if isinstance(value, list) else _GONE if value is None else str(value)
+    return f'{before}{text}'
+
+
+def effects() -> str:
+    """Return the effects with their topics and needs."""
+    named = {effect: [name for name, one in channels().items() if one.effect == effect] for effect in MEANINGS}
+    return table('effect | topic | needs | what', (
+        (f'`{effect.names[0]}`', ', '.join(f'`{name}`' for name in named[effect] or ['/clock']),
+         f'`{NEEDS[effect].names[0]}`' if effect in NEEDS else '', text) for effect, text in MEANINGS.items()))
+
+
+def tiers() -> str:
+    """Return the tiers with what they promise, and how far the classic dragon is worked out for it."""
+    return table('tier | largest position error | shift table: series cut at | march: Newton stops at a step of',
+                 (_tier_row(tier, Scene()) for tier in reversed(TIERS.values())))
+
+
+def _tier_row(tier: Tier, scene: Scene) -> tuple[str, str, str, str]:
+    if tier.promise_m == inf:
+        return f'`{tier.name}`', 'none is promised: up to 14 m', _GONE, _GONE
+    grows = ' up to 20 m from the centre, in proportion beyond' if tier.name == 'exact' else ''
+    return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(scene.size_m):.1e} m',
+            f'{tier.effort(scene.size_m, scene.length_m).newton:.1e} of its angle')
+
+
+TABLES: dict[str, Callable[[], str]] = {
+    'executables': executables, 'topics': topics, 'qualities': qualities, 'scenes': scenes, 'keys': keys,
+    'effects': effects, 'tiers': tiers, 'sim': lambda: parameters(params.SIM),
+    'monitor': lambda: parameters(params.MONITOR), 'replay': lambda: parameters(params.REPLAY)}
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))

@@ -1,0 +1,187 @@
+"""The documents are true: every command in them runs, every link leads somewhere, every table is the code's."""
+import importlib.util
+import re
+import shlex
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from dragon_ros.wire.domain import free_domain, local_environment
+
+ROOT = Path(__file__).parents[1]
+DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
+COMMANDED = [path for path in DOCUMENTS if path.parent.name != 'cost']
+LONGEST_S = 50
+
+# What a document's command begins with, what is run in its place (None: nothing), and why. Longer ones come first.
+SUBSTITUTES = {
+    './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
+    './dragon test': (None, 'these are the tests'),
+    './dragon check': (None, 'these are the tests'),
+    './dragon python docs/make_tables.py': (None, 'it would write; a test below checks the tables'),
+    './dragon python docs/examples/tail_speed.py': (None, 'test/nodes/test_examples.py runs it beside a sim'),
+    './dragon view': ('view --help', 'it serves until Ctrl-C; test/tools/test_view.py plays the page'),
+    './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
+    './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0',
+                                        'the same run, without its 20 s'),
+    './dragon table --contest': (None, 'half a minute on a busy machine; test/tools/test_contest_files.py writes them'),
+    './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
+                                       'a shorter run, and a certificate that is checked sooner'),
+    './dragon cost': ('cost --help', 'it measures for minutes; test/cost measures each page in small'),
+    './dragon plot animation --start': ('plot animation --start 411.8 --stop 412 --pace 2 --output run.html',
+                                        'the same in small'),
+    './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '
+                                       '--output run.gif', 'the same in small'),
+    './dragon plot speeds': ('plot speeds --time 0,60 --dpi 30 --output speeds.png', 'in small, out of docs/pictures'),
+    './dragon plot dragon --time 60,240 --dpi': ('plot dragon --time 60 --dpi 30 --output dragon.png',
+                                                 'in small, out of docs/pictures'),
+    './dragon plot contact --dpi': ('plot contact --dpi 30 --output contact.png', 'in small, out of docs/pictures'),
+    './dragon plot clearance --dpi': ('plot clearance --set run.start_s=400 --dpi 30 --output clearance.png',
+                                      'in small, out of docs/pictures'),
+    'python3 test/tools/browser.py': (None, 'takes Chromium; test/tools/test_view.py drives it'),
+    'pip install': (None, 'reaches for the network'),
+    'cd ~/ros2_ws': (None, 'takes a ROS 2 install'),
+    'rosdep': (None, 'takes a ROS 2 install'),
+    'colcon': (None, 'takes a ROS 2 install; test/test_architecture.py builds with colcon where it is'),
+    'ros2': (None, 'takes a ROS 2 install; test/nodes/test_launch.py launches'),
+    'export': (None, 'for the reader\'s shell; each test has a domain of its own'),
+}
+
+# A shell block with the indented lines below it, or an indented block.
+_BLOCK = re.compile(r'^```sh\n(.*?)^```\n(?:\n((?:    [^\n]*\n)+))?|((?:^    [^\n]*\n)+)', re.DOTALL | re.MULTILINE)
+
+
+def blocks(path):
+    """Yield (commands, lines shown below them) of each shell block and of each indented block of commands."""
+    text = re.sub(r'^```(?!sh\n)\w+\n.*?^```\n', '', path.read_text(), flags=re.DOTALL | re.MULTILINE)
+    for found in _BLOCK.finditer(text):
+        fenced, shown, indented = found.groups()
+        lines = [line.strip() for line in (fenced or indented).splitlines()]
+        commands = [line for line in lines if line and (fenced or line.startswith(('./dragon', 'python3 ')))]
+        if commands:
+            yield commands, [line.strip() for line in (shown or '').splitlines()]
+
+
+def planned(command):
+    """Return the arguments of dragon_ros to run for a command, or None; KeyError where it is not known how."""
+    bare = ' '.join(shlex.split(command, comments=True))
+    for start in sorted(SUBSTITUTES, key=len, reverse=True):
+        if bare.startswith(start):
+            instead = SUBSTITUTES[start][0]
+            return None if instead is None else shlex.split(instead)
+    name, *arguments = shlex.split(command, comments=True)
+    if name != './dragon':
+        raise KeyError(f'{command}: no test knows how to run it; add it to SUBSTITUTES with the reason')
+    return arguments
+
+
+def run(arguments, folder):
+    environment = {**local_environment(free_domain()), 'ROS_LOG_DIR': str(folder / 'log')}
+    return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True,
+                          timeout=LONGEST_S, check=False)
+
+
+def write_files(path, folder):
+    """Write each YAML block that begins with a file's name, as its reader is told to."""
+    for name, text in re.findall(r'^```yaml\n# (\w+\.yaml)\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
+        (folder / name).write_text(text)
+
+
+@pytest.mark.parametrize('path', COMMANDED, ids=lambda path: path.name if path.parent == ROOT else str(
+    path.relative_to(ROOT)))
+def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path):
+    pytest.importorskip('rclpy')
+    write_files(path, tmp_path)
+    for commands, shown in blocks(path):
+        output = ''
+        for command in commands:
+            arguments = planned(command)
+            if arguments is None:
+                continue
+            done = run(['-m', 'dragon_ros', *arguments], tmp_path)
+            output += done.stdout + done.stderr
+            refused = path.name == 'faq.md' and shown
+            assert done.returncode == (2 if refused else 0), f'{command}\n{output}'
+            assert 'Traceback' not in output, output
+            for figure in re.findall(r'\d+\.\d{6,}', command.partition('#')[2]):
+                assert figure in done.stdout, f'{command}\n{output}'
+        for line in shown if output else []:
+            assert _steady(line) in _steady(output), f'{commands}: {line!r} is not in\n{output}'
+
+
+def _steady(text):
+    """Return a text without how long something took, and with its blanks as one."""
+    return re.sub(r'\s+', ' ', re.sub(r'in \d+\.\d+ s', 'in S', text))
+
+
+@pytest.mark.parametrize('path', COMMANDED, ids=lambda path: path.name)
+def test_every_python_program_in_a_document_runs(path, tmp_path):
+    for text in re.findall(r'^```python\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
+        if 'rclpy' in text:
+            pytest.importorskip('rclpy')
+        done = run(['-c', text], tmp_path)
+        assert done.returncode == 0, done.stderr
+
+
+def test_every_substitute_stands_for_a_command_of_a_document():
+    commands = [' '.join(shlex.split(command, comments=True)) for path in COMMANDED
+                for lines, _ in blocks(path) for command in lines]
+    unused = [start for start in SUBSTITUTES if not any(command.startswith(start) for command in commands)]
+    assert not unused
+    assert len(commands) > 40
+
+
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: str(path.relative_to(ROOT)))
+def test_every_link_of_a_document_leads_to_a_file_and_a_heading(path):
+    for target in re.findall(r'\]\(([^)\s]+)\)', path.read_text()):
+        if '://' in target:
+            continue
+        name, _, heading = target.partition('#')
+        file = path.parent / name if name else path
+        assert file.exists(), f'{path.name}: {target}'
+        assert not heading or heading in headings(file), f'{path.name}: {target}'
+
+
+def headings(path):
+    """Return the headings of a document as links write them."""
+    lines = re.findall(r'^#+ (.*)$', path.read_text(), re.MULTILINE)
+    return [re.sub(r'[^\w\- ]', '', line.lower()).replace(' ', '-') for line in lines]
+
+
+def test_every_document_can_be_reached_from_the_readme():
+    reached, ahead = set(), [ROOT / 'README.md']
+    while ahead:
+        path = ahead.pop()
+        reached.add(path)
+        names = re.findall(r'\]\(([^)#\s]+\.md)', path.read_text())
+        ahead += [file for name in names if (file := (path.parent / name).resolve()) not in reached]
+    assert set(COMMANDED) <= reached
+
+
+@pytest.fixture(scope='module')
+def tables():
+    spec = importlib.util.spec_from_file_location('make_tables', ROOT / 'docs' / 'make_tables.py')
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
+
+
+def test_the_tables_of_the_documents_are_those_of_the_code(tables, capsys):
+    assert tables.main(['--check']) == 0, capsys.readouterr().out
+
+
+def test_every_table_stands_in_one_document(tables):
+    assert sorted(name for path in tables.DOCUMENTS for name in tables.names_of(path)) == sorted(tables.TABLES)
+
+
+def test_a_stale_table_is_found_and_renewed(tables, tmp_path, monkeypatch, capsys):
+    copy = tmp_path / 'README.md'
+    copy.write_text((ROOT / 'README.md').read_text().replace('| `winding` |', '| `unwound` |'))
+    monkeypatch.setattr(tables, 'DOCUMENTS', (copy,))
+    monkeypatch.setattr(tables, 'ROOT', tmp_path)
+    assert tables.main(['--check']) == 1
+    assert 'README.md: stale' in capsys.readouterr().out
+    assert tables.main([]) == 0
+    assert copy.read_text() == (ROOT / 'README.md').read_text()
