@@ -25,6 +25,9 @@ class BagReel:
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
         self._queue, self._last_ns = outlet.Queue(), start_ns
+        self._messages: Iterator[Message]
+        self._next: Message | None
+        self._starts: bool
         self._go_to(start_ns)
 
     def next_ns(self) -> int | None:
@@ -80,7 +83,7 @@ class BagReel:
 
     def _go_to(self, t_ns: int) -> None:
         self._from_ns, self._starts = t_ns, True
-        self._messages: Iterator[Message] = iter(self._bag.messages(list(self._publishers), t_ns))
+        self._messages = iter(self._bag.messages(list(self._publishers), t_ns))
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
