@@ -34,6 +34,10 @@ class BagReel:
         """Return the log time of the next messages; None at the end."""
         return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
 
+    def last_ns(self) -> int:
+        """Return the time at which what is played ends."""
+        return self._end_ns
+
     def show(self) -> None:
         """Publish the messages of the next log time, and move on."""
         assert self._next is not None
