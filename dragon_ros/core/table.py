@@ -58,6 +58,11 @@ class ShiftTable:
         """Number of images of the span."""
         return int(self.places.shape[1] // 2)
 
+    @property
+    def memory_bytes(self) -> int:
+        """What the arrays of the table take."""
+        return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
+
     @cached_property
     def _chord(self) -> float:
         return float(self.links_m[0] / self.spiral.b_m)
