@@ -46,7 +46,7 @@ SUBSTITUTES = {
     'rosdep': (None, 'takes a ROS 2 install'),
     'colcon': (None, 'takes a ROS 2 install; test/test_architecture.py builds with colcon where it is'),
     'ros2': (None, 'takes a ROS 2 install; test/nodes/test_launch.py launches'),
-    'export': (None, 'for the reader\'s shell; each test has a domain of its own'),
+    'export': (None, "for the reader's shell; each test has a domain of its own"),
 }
 
 # A shell block with the indented lines below it, or an indented block.

@@ -11,10 +11,11 @@ import numpy as np
 
 from dragon_ros.core.contact import Witness, gaps, witness
 from dragon_ros.core.contact_anywhere import Follower
+from dragon_ros.core.end import End
 from dragon_ros.core.head import Head
 from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.root import illinois
-from dragon_ros.core.scene import End, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Stretch
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats, Ints

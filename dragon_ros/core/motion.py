@@ -8,10 +8,9 @@ from itertools import accumulate
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.path import tangents
-from dragon_ros.core.rates import speeds, velocities
+from dragon_ros.core.rates import speeds
 from dragon_ros.core.types import Floats
 
 
@@ -94,22 +93,4 @@ def carried(start: Floats, ratio: Floats, added: Floats) -> Floats:
     out[..., 0] = start
     for m in range(ratio.shape[-1]):
         out[..., m + 1] = ratio[..., m] * out[..., m] + added[..., m]
-    return out
-
-
-def fastest_points(b_m: float, chain: SpiralChain, benches: Benches, head_speed: float | Floats) -> Floats:
-    """Return a bound on the speed of any point of each bench, shape (..., N), in units of the head's speed.
-
-    A rigid bench's point moves at most as fast as its faster handle plus |omega| times its distance from it. A bench
-    whose handles coincide turns with the track.
-    """
-    v = velocities(chain, head_speed)
-    handle = np.hypot(v[..., 0], v[..., 1])
-    difference = np.diff(v, axis=-2)
-    joined = chain.links_m == 0
-    inner = chain.theta[..., :-1]
-    omega = np.where(joined, handle[..., :-1] * curvature(b_m, inner),
-                     np.hypot(difference[..., 0], difference[..., 1]) / np.where(joined, 1.0, chain.links_m))
-    overhang = np.hypot(benches.half_length - 0.5 * chain.links_m, benches.half_width)
-    out: Floats = np.maximum(handle[..., 1:], handle[..., :-1]) + omega * overhang
     return out

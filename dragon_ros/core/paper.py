@@ -63,7 +63,7 @@ def _head(spiral: Spiral, speed_m_s: float, steps: int) -> tuple[float, float]:
     for _ in range(steps):
         rho = spiral.b_m * theta
         if rho <= abs(speed_m_s) * STEP_S:
-            raise TrackEndError('the paper\'s head steps over the centre; ask for an earlier time')
+            raise TrackEndError("the paper's head steps over the centre; ask for an earlier time")
         theta -= speed_m_s * STEP_S / rho
     return theta, rho
 

@@ -9,7 +9,8 @@ import numpy as np
 from dragon_ros.core.checks import choice, number
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import Effect, check_needs
-from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
+from dragon_ros.core.end import End, beyond
+from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Joined, wound
 from dragon_ros.core.led import Led
@@ -64,15 +65,6 @@ class Run:
     def tick_at(self, t_ns: int) -> int:
         """Return the number of the tick at ``t_ns``, or of the last one before it."""
         return ceil((t_ns - self.start_ns + 1) / self._period_ns) - 1
-
-
-@dataclass(frozen=True)
-class End:
-    """Where a scene ends: time, why ('stop', 'lock' or 'track') and the link that locks."""
-
-    t_s: float
-    reason: str
-    link: int | None = None
 
 
 @dataclass(frozen=True)
@@ -215,7 +207,7 @@ class Scene:
             raise FieldError('run.stop_s', None, 'the leader never reaches an end',
                              'say when to stop')
         if limit.t_s < self.run.start_s:
-            raise self.beyond(self.run.start_s)
+            raise self._beyond(self.run.start_s)
         return limit
 
     @cached_property
@@ -230,7 +222,7 @@ class Scene:
         """Raise FieldError or ModelEnd where the model has no state at ``t_s``."""
         number('t_s', t_s, low=0.0)
         if self.limit is not None and t_s > self.limit.t_s:
-            raise self.beyond(t_s)
+            raise self._beyond(t_s)
 
     def check_times(self, times_s: Floats) -> None:
         """Raise as ``check_time`` does for the first of many times without a state."""
@@ -238,17 +230,10 @@ class Scene:
         for t_s in times_s[~((times_s >= 0) & (times_s <= last) & np.isfinite(times_s))][:1].tolist():
             self.check_time(t_s)
 
-    def beyond(self, t_s: float) -> ModelEnd:
-        """Return the error for a time after the model's end."""
+    def _beyond(self, t_s: float) -> ModelEnd:
         limit = self.limit
         assert limit is not None
         if self.led:
-            return TrackEndError(f't_s: {t_s:.9g} s is beyond the end of the scene: the track ends for a handle '
-                                 f'at {limit.t_s:.6f} s; ask for an earlier time', t_s=t_s, limit_s=limit.t_s)
-        why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
-        kind = TrackEndError if limit.reason == 'track' else ChainLockError
+            return beyond(t_s, limit, None)
         gone = min(self.spiral.length_m, self.head.travelled_m(limit.t_s)[0])
-        radius = self.spiral.b_m * self.spiral.inward(gone).hi
-        return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
-                    f'radius {radius:.6f} m; ask for an earlier time', t_s=t_s, limit_s=limit.t_s, link=limit.link,
-                    radius_m=radius)
+        return beyond(t_s, limit, self.spiral.b_m * self.spiral.inward(gone).hi)

@@ -4,6 +4,7 @@ import io
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -66,10 +67,10 @@ def measure(budget_s: float = 0.3) -> Measured:
     """Measure everything; progress goes to standard error."""
     classic, wider = Scene(), Scene(dragon=Dragon(width_m=0.301))
     jobs: list[Callable[[], list[Search] | list[Check]]] = [lambda: _found(budget_s, classic)]
-    jobs += [lambda step_s=step_s: _scanned(step_s, classic) for step_s in _STEPS_S]
+    jobs += [partial(_scanned, step_s, classic) for step_s in _STEPS_S]
     jobs += [lambda: _polished(_WANTED_S, classic), lambda: _found(budget_s, wider, _WIDER, WIDER_S),
              lambda: _polished(_WANTED_S[-1:], wider, _WIDER, WIDER_S)]
-    jobs += [lambda size=size: checks_of(size, budget_s) for size in SIZES]
+    jobs += [partial(checks_of, size, budget_s) for size in SIZES]
     rows = [row for job in tqdm(jobs, desc='cost contact', unit='part', disable=None) for row in job()]
     return Measured([row for row in rows if isinstance(row, Search)], [row for row in rows if isinstance(row, Check)])
 

@@ -1,6 +1,7 @@
 """How one check of all benches for contact grows with their number: three ways, and all that the monitor does."""
 from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from itertools import count
 
 import numpy as np
@@ -50,9 +51,13 @@ def checks_of(size: int, budget_s: float) -> list[Check]:
     looks = {way: _look(benches, *pairs()) for way, pairs in ways.items()}
     least = min(gap for _, gap in looks.values())
     out = [Check(way, size, looks[way][0], _agree(looks[way][1], least, reach),
-                 timed(lambda pairs=pairs: _look(benches, *pairs()), budget_s, 3))
+                 timed(partial(_looked, benches, pairs), budget_s, 3))
            for way, pairs in ways.items()]
     return [*out, _watched(chain.p, benches, least, budget_s)]
+
+
+def _looked(benches: Benches, pairs: Callable[[], tuple[Ints, Ints]]) -> tuple[int, float]:
+    return _look(benches, *pairs())
 
 
 def _agree(gap: float, least: float, reach: float) -> bool:

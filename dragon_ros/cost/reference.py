@@ -35,17 +35,6 @@ class Truth:
         out: Floats = np.hypot(off[:, 0], off[:, 1])
         return out
 
-    def velocity_error(self, time: int, v: Floats) -> Floats:
-        """Return the errors of velocities (handles, 2) in m/s, where the truth has velocities."""
-        off = (v - self.high[time, :, 2:]) - self.low[time, :, 2:]
-        out: Floats = np.hypot(off[:, 0], off[:, 1])
-        return out
-
-    def speed_error(self, time: int, speed: Floats) -> Floats:
-        """Return the absolute errors of signed speeds (handles,) in m/s."""
-        out: Floats = np.abs((speed - self.high[time, :, 2]) - self.low[time, :, 2])
-        return out
-
 
 @lru_cache(maxsize=1)
 def _everything() -> dict[str, Any]:

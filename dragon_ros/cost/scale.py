@@ -141,8 +141,8 @@ def csv_text(rows: Measured) -> str:
         t = row.timing
         writer.writerow((row.stage, row.solver, row.benches, t.median_s, t.low_s, t.high_s, t.calls, row.peak_bytes,
                          *[''] * 9))
-    for row in rows.builds:
-        writer.writerow(('build', 'table', row.benches, row.seconds, '', '', 2, row.memory_bytes, *[''] * 9))
+    for one in rows.builds:
+        writer.writerow(('build', 'table', one.benches, one.seconds, '', '', 2, one.memory_bytes, *[''] * 9))
     for live in [*rows.free, *rows.rates]:
         writer.writerow(('live', '', live.benches, *[''] * 5, live.rate_hz, live.ticks, live.wall_s, live.overruns,
                          live.lost, *(live.usage[role].cores for role in ROLES), live.usage['record'].grown_mb))

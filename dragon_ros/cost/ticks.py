@@ -6,6 +6,7 @@ import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 from statistics import median, quantiles
 
@@ -61,10 +62,14 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     return [Row(exact.solver, exact.tier, _OBJECTS, before), *rows]
 
 
+def _all_of(calls: list[Callable[[], object]]) -> list[object]:
+    return [call() for call in calls]
+
+
 def _row(solver: str, tier: str, messages: dict[str, Timing], budget_s: float) -> Row:
     scene = replace(Scene(), accuracy=tier)
     calls = [stages_of(scene, solver, t_s) for t_s in _TIMES_S]
-    stages = {name: timed(lambda name=name: [call[name]() for call in calls], budget_s, 5).shared_by(len(calls))
+    stages = {name: timed(partial(_all_of, [call[name] for call in calls]), budget_s, 5).shared_by(len(calls))
               for name in STAGES}
     if 'bytes publish' in messages:
         stages['publish'] = messages['bytes publish']

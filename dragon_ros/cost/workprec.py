@@ -3,6 +3,7 @@ import csv
 import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -72,16 +73,16 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
     for problem in _hard():
         for tier in TIERS:
             if tier != 'paper' or problem.name == 'classic':
-                yield lambda problem=problem, tier=tier: _tier_row(problem, tier, 'table', budget_s)
+                yield partial(_tier_row, problem, tier, 'table', budget_s)
             if tier != 'paper' and problem.scene.table:
-                yield lambda problem=problem, tier=tier: _tier_row(problem, tier, 'march', budget_s)
+                yield partial(_tier_row, problem, tier, 'march', budget_s)
         if problem.name != 'long' and problem.scene.led is None:     # the others know one spiral only
             for name in SOLVERS:
-                yield lambda problem=problem, name=name: _baseline_row(problem, name, budget_s)
+                yield partial(_baseline_row, problem, name, budget_s)
         if problem.name == 'classic':
-            yield lambda problem=problem: _batch_row(problem, budget_s)
+            yield partial(_batch_row, problem, budget_s)
             for step_s in _EULER_S:
-                yield lambda problem=problem, step_s=step_s: _euler_row(problem, step_s)
+                yield partial(_euler_row, problem, step_s)
 
 
 def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:

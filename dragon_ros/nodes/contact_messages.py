@@ -61,8 +61,8 @@ def point_of(event: Event) -> PointStamped:
 def level_of(report: Report | None, warn_below_m: float) -> bytes:
     """Return ERROR for contact, WARN for a clearance below ``warn_below_m``, else OK."""
     if report is None or (not report.count and report.clearance_m >= warn_below_m):
-        return DiagnosticStatus.OK
-    return DiagnosticStatus.ERROR if report.count else DiagnosticStatus.WARN
+        return bytes(DiagnosticStatus.OK)
+    return bytes(DiagnosticStatus.ERROR if report.count else DiagnosticStatus.WARN)
 
 
 def health_of(name: str, report: Report | None, warn_below_m: float, dropped: int) -> DiagnosticStatus:

@@ -26,6 +26,9 @@ class Reel(Protocol):
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end."""
 
+    def last_ns(self) -> int:
+        """Return the time of the last frame."""
+
     def show(self) -> None:
         """Publish the next frame, and move on."""
 
@@ -52,7 +55,8 @@ class Player:
         """Offer the services; play from the moment when ``ready()`` is true."""
         self.pacer, self.paused, self.done = Pacer(time_scale), False, False
         self._node, self._reel, self._ready = node, reel, ready
-        self._waiting, self._owed, self._told = True, 0, time.monotonic()
+        self._waiting, self._owed = True, 0
+        self._note_place()
         self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
         for name in ('pause', 'resume', 'reset', 'step', 'seek'):
             node.create_service(Trigger, f'~/{name}', self._service(getattr(self, name)))
@@ -100,6 +104,7 @@ class Player:
         def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
             try:
                 response.success, response.message = True, act()
+                self._note_place()
             except DragonError as error:
                 response.success, response.message = False, str(error)
             return response
@@ -193,8 +198,22 @@ class Player:
 
     def _tell(self) -> None:
         """Log the progress each second, where somebody follows it."""
-        if time.monotonic() - self._told >= _TELL_S and logs.progress_wanted() and not self.stands():
-            self._told, pacer = time.monotonic(), self.pacer
+        if time.monotonic() - self._told_s >= _TELL_S and logs.progress_wanted() and not self.stands():
+            pacer, left_s = self.pacer, self._left_s()
+            left = '' if left_s is None else f', {left_s:.0f} s left'
             self._node.get_logger().info(
-                f'{self._reel.place()}, {pacer.overruns} overruns',
-                data={'t_s': (pacer.last_ns or 0) / NS, 'overruns': pacer.overruns, 'time_scale': pacer.scale})
+                f'{self._reel.place()}{left}, {pacer.overruns} overruns',
+                data={'t_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
+                      'time_scale': pacer.scale})
+            self._note_place()
+
+    def _left_s(self) -> float | None:
+        """Return the wall time until the end at the speed since it was last noted; None where it did not move on."""
+        t_ns = self.pacer.last_ns
+        if t_ns is None or self._told_ns is None or t_ns <= self._told_ns:
+            return None
+        wall_s = time.monotonic() - self._told_s
+        return round(wall_s * (self._reel.last_ns() - t_ns) / (t_ns - self._told_ns), 3)
+
+    def _note_place(self) -> None:
+        self._told_s, self._told_ns = time.monotonic(), self.pacer.last_ns

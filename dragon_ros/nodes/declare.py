@@ -45,8 +45,10 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
     choices = f'one of {", ".join(parameter.choices)}' if parameter.choices else ''
     out = ParameterDescriptor(name=parameter.name, description=parameter.text, read_only=not parameter.live,
                               additional_constraints=choices)
-    if parameter.low is not None and isinstance(parameter.default, float):
-        out.floating_point_range = [FloatingPointRange(from_value=float(parameter.low), to_value=float(parameter.high))]
-    elif parameter.low is not None:
-        out.integer_range = [IntegerRange(from_value=int(parameter.low), to_value=int(parameter.high), step=1)]
+    low, high = parameter.low, parameter.high
+    if low is not None and high is not None:
+        if isinstance(parameter.default, float):
+            out.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        else:
+            out.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
     return out

@@ -23,6 +23,10 @@ class Frames:
         """Return the time of the next frame; None at the end."""
         return self._time_ns(self.k) if self.k < self.count else None
 
+    def last_ns(self) -> int:
+        """Return the time of the last frame."""
+        return self._time_ns(self.count - 1)
+
     def take(self) -> Frame:
         """Return the next frame, and move on."""
         k, self.k = self.k, self.k + 1
@@ -40,7 +44,7 @@ class Frames:
 
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError where the run has no frame at or before ``t_ns``, or has ended long before."""
-        first, last = self._time_ns(0), self._time_ns(self.count - 1)
+        first, last = self._time_ns(0), self.last_ns()
         end = max(last, round(self._scene.end.t_s * NS)) if self._last is None else last
         if not first <= t_ns <= end:
             raise FieldError('seek_s', t_ns / NS, f'the run goes from {first / NS:.9g} s to {end / NS:.9g} s',

@@ -1,5 +1,4 @@
 """Publishing bytes: who listens, and holding back where readers are slower than the publisher."""
-import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -31,14 +30,6 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
     """Return whether every topic has its wanted subscribers."""
     return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
-
-
-def wait_for_readers(wanted: Iterable[tuple[Publisher, int]], stop: threading.Event) -> bool:
-    """Wait until every topic has its wanted subscribers; False if told to stop."""
-    while not readers_are_there(wanted):
-        if stop.wait(0.02):
-            return False
-    return not stop.is_set()
 
 
 class Queue:
@@ -87,14 +78,6 @@ class Feed:
         if self._latched or self.publisher.get_subscription_count():
             queue.put(self.publisher, self._encode(frame))
             self.published += 1
-
-
-def publish(publisher: Publisher, data: bytes, stop: threading.Event) -> None:
-    """Publish; where the queue of a lossless publisher is full, wait for its readers."""
-    queue = Queue()
-    queue.put(publisher, data)
-    while not queue.flush() and not stop.is_set():
-        pass
 
 
 def drain(publishers: Iterable[Publisher]) -> None:

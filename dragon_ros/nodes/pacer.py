@@ -1,5 +1,4 @@
 """Pacing by a steady clock: due times follow from simulation time, never from a sum of waits."""
-import threading
 import time
 
 from dragon_ros.core.errors import FieldError
@@ -54,13 +53,6 @@ class Pacer:
             self.overruns += 1
             self.worst_late_s = max(self.worst_late_s, late / 1e9)
             self._origin = time.monotonic_ns(), t_ns
-
-    def wait(self, t_ns: int, stop: threading.Event) -> bool:
-        """Wait until ``t_ns`` is due and start it; return False if told to stop."""
-        if (delay := self.delay_ns(t_ns)) and stop.wait(delay / 1e9):
-            return False
-        self.start(t_ns)
-        return not stop.is_set()
 
     def _late_ns(self, t_ns: int) -> int:
         now = time.monotonic_ns()

@@ -28,9 +28,13 @@ def lossless(qos: QoSProfile) -> QoSProfile:
 
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:
-    """Return the profile that a bag has for a topic; where it says nothing, reliable and volatile."""
+    """Return the profile that a bag has for a topic; where it says nothing, reliable and volatile.
+
+    rosbag2 wrote numbers before it wrote names.
+    """
     def policy(key: str, allowed: tuple[str, ...], numbers: dict[int, str]) -> str:
-        given = numbers.get(qos.get(key), str(qos.get(key)).lower())    # rosbag2 wrote numbers before it wrote names
+        named = qos.get(key)
+        given = numbers.get(named, str(named).lower()) if isinstance(named, int) else str(named).lower()
         return given if given in allowed else allowed[0]
     depth = qos.get('depth')
     return profile(policy('reliability', ('reliable', 'best_effort'), {1: 'reliable', 2: 'best_effort'}),

@@ -25,11 +25,18 @@ class BagReel:
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
         self._queue, self._last_ns = outlet.Queue(), start_ns
+        self._messages: Iterator[Message]
+        self._next: Message | None
+        self._starts: bool
         self._go_to(start_ns)
 
     def next_ns(self) -> int | None:
         """Return the log time of the next messages; None at the end."""
         return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
+
+    def last_ns(self) -> int:
+        """Return the time at which what is played ends."""
+        return self._end_ns
 
     def show(self) -> None:
         """Publish the messages of the next log time, and move on."""
@@ -80,7 +87,7 @@ class BagReel:
 
     def _go_to(self, t_ns: int) -> None:
         self._from_ns, self._starts = t_ns, True
-        self._messages: Iterator[Message] = iter(self._bag.messages(list(self._publishers), t_ns))
+        self._messages = iter(self._bag.messages(list(self._publishers), t_ns))
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:

@@ -101,7 +101,7 @@ class Sim(DragonNode):
     def _also(self) -> Iterator[Callable[[Frame], None]]:
         """Yield what else is told of each frame."""
         if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
-            clock = SimulationTime(self, self._frames.next_ns())
+            clock = SimulationTime(self, self.scene.run.start_ns)
             yield lambda frame: clock.tell(frame.t_ns)
         if self.setting['publish_tf']:
             yield Ends(self, self.setting['frame_id']).tell

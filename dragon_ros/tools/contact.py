@@ -27,7 +27,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the intervals that prove that nothing touched before, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
-                         help='check a certificate with none of the solver\'s code (no scene options)')
+                         help="check a certificate with none of the solver's code (no scene options)")
     cli.add_output_options(options)
     return cli.guarded('contact', partial(_run, options.parse_args(argv)))
 

@@ -2,13 +2,14 @@
 import os
 import random
 import socket
+from collections.abc import Sequence
 
 _PORTS = 7400, 250, 10      # DDS-RTPS 9.6.1: base, gain of a domain, first unicast port
 
 
-def free_domain() -> int:
-    """Return a domain (1 to 101) in which no participant of this host has its first port."""
-    domains = random.SystemRandom().sample(range(1, 102), 101)
+def free_domain(among: Sequence[int] = range(1, 102)) -> int:
+    """Return a domain in which no participant of this host has its first port."""
+    domains = random.SystemRandom().sample(among, len(among))
     return next((domain for domain in domains if _is_free(domain)), domains[0])
 
 

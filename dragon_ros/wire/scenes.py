@@ -4,8 +4,6 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
-import yaml
-
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import effects_of
 from dragon_ros.core.errors import FieldError, InputError, MissingError
@@ -179,8 +177,3 @@ def _override(document: Document, text: str) -> None:
             raise InputError(f'{place}: {section} is not a section', field=key)
     target[last] = parsed
     document.places[key] = place
-
-
-def scene_text(scene: Scene) -> str:
-    """Return the scene as a complete scene file."""
-    return yaml.safe_dump(scene_values(scene), sort_keys=False)

@@ -43,7 +43,8 @@ def worst_errors(problem, tier, effort=None, solver='march'):
         position = max(position, off / position_promise_m(scene.tier, scene.size_m, condition))
         allowed = speed_promise_m_s(scene.tier, scene.size_m, scene.length_m / scene.dragon.benches, condition,
                                     scene.head.speed_m_s)
-        v_off = np.max(known.speed_error(number, signed_speeds(chain, scene.head.speed_m_s)[handles]))
+        found = signed_speeds(chain, scene.head.speed_m_s)[handles]
+        v_off = np.max(np.abs(found - known.high[number, :, 2] - known.low[number, :, 2]))
         speed = max(speed, v_off / allowed if allowed else float(v_off > 0))
     return position, speed, spent
 

@@ -77,8 +77,9 @@ class Process:
 
 @pytest.fixture
 def domain(monkeypatch):
-    """A domain of the test's own, also for nodes in this process."""
-    number = free_domain()
+    """A domain of the test's own, also for nodes in this process; tests side by side choose from different ones."""
+    worker, workers = os.environ.get('PYTEST_XDIST_WORKER', 'gw0'), os.environ.get('PYTEST_XDIST_WORKER_COUNT', '1')
+    number = free_domain(range(1 + int(worker.removeprefix('gw')), 102, int(workers)))
     for key, value in local_environment(number).items():
         monkeypatch.setenv(key, value)
     return number

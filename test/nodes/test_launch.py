@@ -15,7 +15,7 @@ from rcl_interfaces.srv import GetParameters
 from dragon_ros.wire.log_read import LogReader
 
 ROOT = Path(__file__).parents[2]
-LAUNCH = '''
+LAUNCH = """
 import sys
 from launch import LaunchDescription, LaunchService
 from launch.actions import IncludeLaunchDescription
@@ -24,7 +24,7 @@ service = LaunchService()
 service.include_launch_description(LaunchDescription([IncludeLaunchDescription(
     PythonLaunchDescriptionSource(sys.argv[1]), launch_arguments=[one.split(':=', 1) for one in sys.argv[2:]])]))
 sys.exit(service.run())
-'''
+"""
 STAND_IN = '#!/bin/sh\necho "rviz2 runs with $*"\ncat "$2"\nexec sleep 1000\n'
 
 

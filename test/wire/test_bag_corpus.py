@@ -20,7 +20,7 @@ FOLDER = Path(__file__).parents[1] / 'data' / 'corpus'
 CORPUS = {path.stem: path for path in sorted(FOLDER.glob('*.mcap'))}
 EXPECTED = {name: words for name, (_, words) in runpy.run_path(str(FOLDER / 'make_corpus.py'))['CORPUS'].items()}
 GOOD = [name for name in CORPUS if name.startswith('good')]
-_LIMITED = '''
+_LIMITED = """
 import resource, sys
 from pathlib import Path
 from dragon_ros.core.errors import InputError
@@ -36,7 +36,7 @@ for name in sys.argv[2:]:
             read()
         except InputError:
             pass
-'''
+"""
 
 
 def read(path):

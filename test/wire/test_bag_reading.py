@@ -21,7 +21,7 @@ from dragon_ros.wire.documents import parse_document
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.log_read import LogReader, qos_of
 from dragon_ros.wire.log_write import BagOptions, LogWriter
-from dragon_ros.wire.scenes import scene_text
+from dragon_ros.wire.scenes import scene_values
 
 SCENE = Scene(run=Run(412, 412.5))
 
@@ -218,7 +218,7 @@ def test_a_bad_scene_in_a_bag_is_refused_in_words_that_name_bag_and_key(tmp_path
 
 def test_the_scene_of_a_bag_is_read_from_its_attachment_where_there_is_no_metadata(tmp_path):
     with LogWriter(tmp_path / 'a.mcap') as bag:
-        bag.attach('scene.yaml', 'application/yaml', scene_text(SCENE).encode())
+        bag.attach('scene.yaml', 'application/yaml', yaml.safe_dump(scene_values(SCENE)).encode())
         bag.add_channel('/x', channels()['clearance'])
         bag.write('/x', bytes(12), 1, 1)
     with LogReader(tmp_path / 'a.mcap') as bag:

@@ -19,7 +19,7 @@ def parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespa
     from rclpy.utilities import remove_ros_args
     try:
         rest: list[str] = remove_ros_args([options.prog, *argv])[1:]
-    except Exception as error:  # rcl raises its own types for bad --ros-args
+    except Exception as error:  # noqa: BLE001 - rcl raises its own types for bad --ros-args
         options.exit(cli.BAD_INPUT, f'{options.prog}: {" ".join(str(error).split())}\n')
     return options.parse_args(rest)
 
