@@ -19,6 +19,7 @@ from dragon_ros.tools.bag_rows import values_of
 from dragon_ros.tools.table import COLUMNS, handles_of
 from dragon_ros.wire import cli
 from dragon_ros.wire.bag_frames import BagFrame, frames, namespace_of
+from dragon_ros.wire.files import whole_or_none
 from dragon_ros.wire.log_read import LogReader
 
 _TICKS = 64         # that Parquet takes at a time
@@ -158,12 +159,8 @@ def _stacked(archive: zipfile.ZipFile, name: str, rows: int, values: Iterator[Ar
 def _created(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
     """Create a file; one that was not written to its end is removed."""
     try:
-        with path.open('wb' if overwrite else 'xb') as file:
-            try:
-                yield file
-            except BaseException:
-                path.unlink(missing_ok=True)
-                raise
+        with whole_or_none(path, overwrite) as file:
+            yield file
     except FileExistsError:
         raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
     except OSError as error:

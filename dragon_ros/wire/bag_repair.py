@@ -15,6 +15,7 @@ from dragon_ros.wire.bag_chunk import Row, chunk_head, first_bytes, records_in
 from dragon_ros.wire.bag_file import BagError, BagFile, Place
 from dragon_ros.wire.bag_folder import files_of
 from dragon_ros.wire.bag_index import Index, Piece, summary_index, walked_index
+from dragon_ros.wire.files import whole_or_none
 from dragon_ros.wire.tally import Tally
 
 
@@ -64,12 +65,8 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
 def _created(output: Path) -> Iterator[IO[bytes]]:
     """Create a file; what was not written to its end is removed."""
     try:
-        with output.open('xb') as out:
-            try:
-                yield out
-            except BaseException:
-                output.unlink(missing_ok=True)
-                raise
+        with whole_or_none(output, overwrite=False) as out:
+            yield out
     except FileExistsError:
         raise MissingError(f'{output}: exists already; give another --repair') from None
     except OSError as error:
