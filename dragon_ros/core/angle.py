@@ -16,14 +16,12 @@ class Angle(NamedTuple):
     lo: float
 
 
-def from_turns(turns: float) -> Angle:
+def from_turns(turns: float | Fraction) -> Angle:
     """Return 2 pi turns, correct to 32 digits."""
     exact = _TWO_PI * Fraction(turns)
     hi = float(exact)
     return Angle(hi, float(exact - Fraction(hi)))
 
-
-TURN = from_turns(1.0)
 
 
 def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:

@@ -15,7 +15,7 @@ import numpy as np
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.path import Spiral, points
+from dragon_ros.core.path import TINY, Spiral, points
 from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats, read_only
 
@@ -84,8 +84,8 @@ def locked(spiral: Spiral, link: int, theta: float, chord: float) -> ChainLockEr
 
 
 def first_guess(theta: float, chord: float) -> float:
-    """Return about the angle that a chord spans, from a circle as wide as the spiral there."""
-    return 2 * asin(min(1.0, chord / (2 * theta + pi)))
+    """Return about the angle that a chord spans, from a circle as wide as the spiral half that angle further out."""
+    return 2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
 
 
 def step(theta: float, chord: float, guess: float, tolerance: float) -> tuple[float, int]:

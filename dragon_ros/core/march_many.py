@@ -10,7 +10,7 @@ from dragon_ros.core.angle import plus
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.march import Effort, chain_of, first_guess, locked, step
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.path import TINY, Spiral
 from dragon_ros.core.types import Floats
 
 
@@ -43,7 +43,7 @@ def head_steps(spiral: Spiral, theta: Floats, chord: float, tolerance: float) ->
 
 def _first_guesses(theta: Floats, chord: float) -> Floats:
     """Return ``first_guess`` of many."""
-    out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + pi)))
+    out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
     return out
 
 
@@ -53,7 +53,7 @@ def _guesses(theta: Floats, delta: Floats, start: int, i: int, chord: float) -> 
         return _first_guesses(theta[i], chord)
     square = delta[i - 3:i] * (2 * theta[i - 3:i] + delta[i - 3:i])
     ahead = np.maximum(3 * (square[2] - square[1]) + square[0], 0.0)
-    predicted: Floats = ahead / (theta[i] + np.sqrt(theta[i] ** 2 + ahead) + 1e-300)
+    predicted: Floats = ahead / (theta[i] + np.sqrt(theta[i] ** 2 + ahead) + TINY)
     return predicted
 
 

@@ -4,6 +4,7 @@ Places on the track are polar angles, counted from the centre outwards, so they 
 """
 from collections.abc import Callable
 from dataclasses import dataclass
+from fractions import Fraction
 from functools import cached_property
 from math import asinh, cos, pi, sin, sqrt
 from math import log as log_of
@@ -11,13 +12,13 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.angle import TURN, Angle, from_turns, plus, product
+from dragon_ros.core.angle import Angle, from_turns, plus, product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import TrackEndError
 from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats
 
-_TINY = 1e-300
+TINY = 1e-300       # keeps a quotient of nothing by nothing at nothing
 
 
 @dataclass(frozen=True)
@@ -72,28 +73,35 @@ class Spiral:
             return places[:, 0], places[:, 1]
         return self._corrected(_almost_turned(self.start.hi, arc), distance_m, distance_lo_m)
 
-    def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any) -> tuple[Any, Any]:
-        """Return the place after an angle turned that is right to 1e-9, made right to the last digit."""
-        root = _functions(turned)[0]
-        missing = self._missing(turned, distance_m, distance_lo_m) / root(1 + (self.start.hi - turned) ** 2)
-        return plus(*plus(*self.start, -turned), -missing)
+    @cached_property
+    def _per_b(self) -> Angle:
+        """1 / b in 1/m."""
+        return from_turns(1 / Fraction(self.pitch_m))
 
-    def _missing(self, turned: Any, distance_m: Any, distance_lo_m: Any) -> Any:
-        """Return the arc, in units of b, that ``turned`` falls short of the distance.
+    @cached_property
+    def _outer(self) -> tuple[float, float]:
+        """At the start: w = sqrt(1 + theta^2) and theta / (w + theta)."""
+        theta = self.start.hi
+        w = sqrt(1 + theta * theta)
+        return w, theta / (theta + w)
+
+    def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any) -> tuple[Any, Any]:
+        """Return the place after an angle turned that is right to 1e-9, made right to the last digit.
 
         2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need many digits.
         """
-        theta, inner, root = self.start.hi, self.start.hi - turned, _functions(turned)[0]
-        rest = theta / (theta + sqrt(1 + theta * theta)) - inner / (inner + root(1 + inner * inner))
-        both, both_lo = plus(2 * theta, 2 * self.start.lo, -turned)
+        (theta, theta_lo), (w_outer, rest), (per_b, per_b_lo) = self.start, self._outer, self._per_b
+        root, asinh_of, _ = _functions(turned)
+        inner = theta - turned
+        w_inner = root(1 + inner * inner)
+        asinh_between = asinh_of(turned * (theta + inner) / (theta * w_inner + inner * w_outer + TINY))
+        both, both_lo = plus(2 * theta, 2 * theta_lo, -turned)
         squares, squares_lo = product(turned, both)
-        squares_lo += turned * both_lo + rest + _asinh_between(theta, turned)
-        scaled, scaled_lo = product(distance_m, TURN.hi)
-        scaled_lo += distance_m * TURN.lo + distance_lo_m * TURN.hi
-        wanted = scaled / self.pitch_m
-        back, back_lo = product(wanted, self.pitch_m)
-        wanted_lo = ((scaled - back) - back_lo + scaled_lo) / self.pitch_m
-        return (wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo)
+        squares_lo += turned * both_lo + (rest - inner / (inner + w_inner)) + asinh_between
+        wanted, wanted_lo = product(distance_m, per_b)
+        wanted_lo += distance_m * per_b_lo + distance_lo_m * per_b
+        missing = (wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo)
+        return plus(*plus(theta, theta_lo, -turned), -missing / w_inner)
 
     def distance_to(self, theta: float) -> float:
         """Return the arc length from the start inwards to polar angle ``theta``, in metres."""
@@ -109,14 +117,18 @@ class Spiral:
         low, high = (0.0, theta) if arc >= 0 else (-2 * sqrt(-2 * arc) - 1.0, 0.0)
 
         def beyond(turned: float) -> tuple[float, float]:
-            return arc_between(theta, turned) - arc, sqrt(1 + (theta - turned) ** 2)
+            between, slope = _arc_and_slope(theta, turned)
+            return between - arc, slope
 
         return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
 
 
-def _functions(x: Any) -> tuple[Callable[[Any], Any], Callable[[Any], Any]]:
-    """Return square root and asinh for a float or for an array."""
-    return (np.sqrt, np.arcsinh) if isinstance(x, np.ndarray) else (sqrt, asinh)
+_FLOATS, _ARRAYS = (sqrt, asinh, log_of), (np.sqrt, np.arcsinh, np.log)
+
+
+def _functions(x: Any) -> tuple[Callable[[Any], Any], Callable[[Any], Any], Callable[[Any], Any]]:
+    """Return square root, asinh and logarithm for a float or for an array."""
+    return _ARRAYS if isinstance(x, np.ndarray) else _FLOATS
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
@@ -126,11 +138,12 @@ def _is_smooth(theta: float, arc: Any) -> Any:
 
 def _almost_turned(theta: float, arc: Any) -> Any:
     """Return about the angle turned over an arc (in units of b): one Newton step from theta^2 + log theta = 2 S + c."""
-    root, _ = _functions(arc)
-    inner = root(theta * theta - 2 * arc)
-    log = (np.log if isinstance(arc, np.ndarray) else log_of)(theta / inner)
-    turned = (2 * arc - log) / (theta + root(inner * inner + log))
-    return turned - (arc_between(theta, turned) - arc) / root(1 + (theta - turned) ** 2)
+    root, _, log = _functions(arc)
+    squared = theta * theta - 2 * arc
+    bent = log(theta / root(squared))
+    turned = (2 * arc - bent) / (theta + root(squared + bent))
+    between, w_inner = _arc_and_slope(theta, turned)
+    return turned - (between - arc) / w_inner
 
 
 def arc_between(theta: float, turned: Any) -> Any:
@@ -138,17 +151,16 @@ def arc_between(theta: float, turned: Any) -> Any:
 
     Each difference of the closed form is written as ``turned`` times a positive factor.
     """
-    inner, root = theta - turned, _functions(turned)[0]
-    w_outer, w_inner = sqrt(1 + theta * theta), root(1 + inner * inner)
-    along = turned * w_outer + inner * turned * (theta + inner) / (w_outer + w_inner)
-    return 0.5 * (along + _asinh_between(theta, turned))
+    return _arc_and_slope(theta, turned)[0]
 
 
-def _asinh_between(theta: float, turned: Any) -> Any:
-    """Return asinh(theta) - asinh(theta - turned)."""
-    inner, (root, asinh_of) = theta - turned, _functions(turned)
-    product = theta * root(1 + inner * inner) + inner * sqrt(1 + theta * theta)
-    return asinh_of(turned * (theta + inner) / (product + _TINY))
+def _arc_and_slope(theta: float, turned: Any) -> tuple[Any, Any]:
+    """Return ``arc_between`` and its slope by ``turned``, sqrt(1 + (theta - turned)^2)."""
+    root, asinh_of, _ = _functions(turned)
+    inner, w_outer = theta - turned, sqrt(1 + theta * theta)
+    w_inner, change = root(1 + inner * inner), turned * (theta + inner)
+    along = turned * w_outer + inner * change / (w_outer + w_inner)
+    return 0.5 * (along + asinh_of(change / (theta * w_inner + inner * w_outer + TINY))), w_inner
 
 
 def point(b_m: float, theta: float, theta_lo: float) -> tuple[float, float]:

@@ -9,7 +9,7 @@ from bisect import bisect_right
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
-from math import acos, hypot, inf
+from math import acos, copysign, hypot, inf
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,8 +71,8 @@ class ShiftTable:
     def _rows(self) -> tuple[list[float], list['_Row']]:
         """The edges, and each row as a single tick reads it fastest: floats and views."""
         columns = (self.centre.tolist(), self.centre_lo.tolist(), self.scale.tolist(), self.inverse.tolist())
-        rows = [_Row(*values, self._part(self.places, row, 0), self._part(self.motions, row, 0))
-                for row, values in enumerate(zip(*columns, strict=True))]
+        rows = [_Row(*values, self._part(self.places, row, 0), self._part(self.motions, row, 0),
+                     self._orders[:self.terms[row]]) for row, values in enumerate(zip(*columns, strict=True))]
         return self.edges.tolist(), rows
 
     def _part(self, series: Floats, row: int, start: int) -> Floats:
@@ -99,37 +99,37 @@ class ShiftTable:
         row = bisect_right(edges, second) - 1
         if not 0 <= row < len(rows):
             return None
-        at = rows[row]
-        x = ((second - at.centre) + (second_lo - at.centre_lo)) * at.scale
+        centre, centre_lo, scale, inverse, series, _, orders = rows[row]
+        x = ((second - centre) + (second_lo - centre_lo)) * scale
         u = 0.0
-        for coefficient in at.inverse:
+        for coefficient in inverse:
             u = u * x + coefficient
-        basis = np.cos(self._orders[:at.places.shape[0]] * acos(min(1.0, max(-1.0, u))))
-        p = np.empty((self.links_m.size + 1, 2))
-        p[0, 0], p[0, 1] = point(self.spiral.b_m, theta, low)
-        self._sum(self.places, at.places, row, basis, p)
-        p.flags.writeable = False
-        return TableChain(p, self.links_m, evaluations, _Spot(self, row, basis, theta, delta))
+        basis = orders * acos(u if -1.0 <= u <= 1.0 else copysign(1.0, u))
+        np.cos(basis, basis)
+        flat = self._sums(self.places, series, row, basis)
+        flat[0], flat[1] = point(self.spiral.b_m, theta, low)
+        return TableChain(_closed(flat), self.links_m, evaluations, _Spot(self, row, basis, theta, delta))
 
-    def _sum(self, series: Floats, first: Floats, row: int, basis: Floats, out: Floats) -> None:
-        """Fill ``out`` (N+1, 2) behind its first row with sums of the series from ``row`` on; ``first`` views some."""
-        flat, start = out.reshape(-1)[2:], first.shape[1]
-        basis.dot(first, flat[:start])
+    def _sums(self, series: Floats, first: Floats, row: int, basis: Floats) -> Floats:
+        """Return room for the head's pair and the sums of the series from ``row`` on; ``first`` views some of them."""
+        flat = np.empty(2 * self.links_m.size + 2)
+        start = 2 + first.shape[1]
+        np.matmul(basis, first, flat[2:start])
         while start < flat.size:
-            part = self._part(series, row, start)
-            basis[:part.shape[0]].dot(part, flat[start:start + part.shape[1]])
+            part = self._part(series, row, start - 2)
+            np.matmul(basis[:part.shape[0]], part, flat[start:start + part.shape[1]])
             start += part.shape[1]
+        return flat
 
     def velocities(self, spot: '_Spot', head_speed_m_s: float) -> Floats:
         """Return the velocities (N+1, 2) of a chain that the table placed."""
-        out = np.empty((self.links_m.size + 1, 2))
-        x, y = tangent(spot.head)
-        out[0, 0], out[0, 1] = -head_speed_m_s * x, -head_speed_m_s * y
-        first = self._rows[1][spot.row].motions
-        second = head_speed_m_s * speed_ratio(spot.head, spot.delta) / hypot(*spot.basis.dot(first[:, :2]).tolist())
-        self._sum(self.motions, first, spot.row, spot.basis * second, out)
-        out.flags.writeable = False
-        return out
+        _, row, basis, head, delta = spot
+        flat = self._sums(self.motions, self._rows[1][row].motions, row, basis)
+        behind = flat[2:]
+        behind *= head_speed_m_s * speed_ratio(head, delta) / hypot(flat[2], flat[3])
+        x, y = tangent(head)
+        flat[0], flat[1] = -head_speed_m_s * x, -head_speed_m_s * y
+        return _closed(flat)
 
     def place_many(self, theta: Floats, theta_lo: Floats) -> 'TableChains | None':
         """Return the chains behind many heads (S,) in one; None where any second handle is outside the table."""
@@ -173,6 +173,13 @@ class ShiftTable:
             np.matmul(basis[part, :terms], series[:terms, 2 * first:2 * first + width], out=flat[part, 2:])
 
 
+def _closed(flat: Floats) -> Floats:
+    """Return the pairs (N+1, 2) that lie in ``flat``, closed for writing."""
+    out = flat.reshape(-1, 2)
+    out.setflags(write=False)
+    return out
+
+
 def _runs(row: Ints) -> list[tuple[slice, int]]:
     """Return runs of states in one row, as (slice, row), none longer than a batch."""
     ends = [0, *(np.flatnonzero(np.diff(row)) + 1).tolist(), row.size]
@@ -189,6 +196,7 @@ class _Row(NamedTuple):
     inverse: list[float]
     places: Floats
     motions: Floats
+    orders: Floats      # of the terms
 
 
 class _Spot(NamedTuple):
