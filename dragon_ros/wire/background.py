@@ -78,7 +78,8 @@ class BackgroundWriter:
                 if not self._jobs and not self._closing:
                     self._changed.wait(max(0.0, due - time.monotonic()))
                 jobs, self._jobs = self._jobs, deque()
-            for size, write in jobs:
+            while jobs:
+                size, write = jobs.popleft()        # what is written is no longer held
                 self._do(write)
                 with self._changed:
                     self._waiting -= size

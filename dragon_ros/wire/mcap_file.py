@@ -2,40 +2,28 @@
 
 The library's writer ends a chunk by its size alone and cannot take back what a full disk cut off. Here its records are
 put together so that a chunk ends when it should; only the Message record, that of the hot path, is packed by hand.
-A full chunk is summed, compressed and written on a thread, while the next one is filled.
+A full chunk is compressed and written on a thread, while the next one is filled; two buffers take turns.
 """
 import os
-import struct
 import zlib
-from collections import defaultdict
 from collections.abc import Callable
 from contextlib import suppress
-from dataclasses import dataclass, field
 from fcntl import LOCK_EX, LOCK_NB, flock
 from functools import partial
 from io import FileIO
 from pathlib import Path
 
 from mcap import records
-from mcap.opcode import Opcode
 
 from dragon_ros import __version__
 from dragon_ros.core.errors import DiskError, MissingError
-from dragon_ros.wire.mcap_index import MAGIC, Index, Part, closing, part_of, placed, record_bytes
+from dragon_ros.wire.mcap_chunk import CHUNK_BYTES, OpenChunk
+from dragon_ros.wire.mcap_index import MAGIC, around, closing, record_bytes
+from dragon_ros.wire.mcap_parts import Parts, Stored
 from dragon_ros.wire.one_behind import OneBehind
 
-CHUNK_BYTES = 2**20
 COMPRESSIONS = ('zstd', 'lz4', 'none')
-_MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
-
-
-@dataclass
-class _Open:
-    """The chunk that is being filled."""
-
-    parts: list[bytes] = field(default_factory=list)
-    size: int = 0
-    index: dict[int, list[tuple[int, int]]] = field(default_factory=lambda: defaultdict(list))
+_Bytes = bytes | memoryview
 
 
 class McapFile:
@@ -53,8 +41,8 @@ class McapFile:
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self.parts: list[Part] = []         # of what has reached the file
-        self._open = _Open()
+        self.parts = Parts()        # of what has reached the file
+        self._open, self._other = OpenChunk(), OpenChunk()
         self._thread = OneBehind('chunk')
         self._end = 0
         self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
@@ -89,26 +77,26 @@ class McapFile:
 
     def add_message(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
         """Put one message into the open chunk; a full chunk is written."""
-        chunk = self._open
-        chunk.index[channel].append((t_ns, chunk.size))
-        chunk.parts += (_MESSAGE.pack(Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns), data)
-        chunk.size += _MESSAGE.size + len(data)
-        if chunk.size >= CHUNK_BYTES:
+        self._open.add(channel, data, t_ns, sequence, publish_ns)
+        if self._open.size >= CHUNK_BYTES:
             self._end_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Write a metadata record behind what came before."""
         self.flush()
         data = record_bytes(records.Metadata(name=name, metadata=values))
-        self._append([data], records.MetadataIndex(offset=self._end, length=len(data), name=name))
+        start = self._append([data])
+        self.parts.others.append((start, records.MetadataIndex(offset=start, length=len(data), name=name)))
 
     def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
         """Write an attachment behind what came before."""
         self.flush()
         row = records.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
         data = record_bytes(row)
-        self._append([data], records.AttachmentIndex(offset=self._end, length=len(data), log_time=0, create_time=0,
-                                                   data_size=len(content), name=name, media_type=media_type))
+        start = self._append([data])
+        self.parts.others.append((start, records.AttachmentIndex(
+            offset=start, length=len(data), log_time=0, create_time=0, data_size=len(content), name=name,
+            media_type=media_type)))
 
     def flush(self) -> None:
         """Write the open chunk and wait until it is in the file."""
@@ -117,28 +105,29 @@ class McapFile:
 
     def _end_chunk(self) -> None:
         """Have the open chunk written, if there is anything in it."""
-        if self._open.parts:
-            done, self._open = self._open, _Open()
-            self._thread.start(partial(self._write_chunk, done))
+        if self._open.size:
+            self._settle()
+            done, self._open = self._open, self._other
+            self._other = done
+            self._open.clear()
+            self._thread.start(partial(self._write_chunk, done, zlib.crc32(done.data)))
 
     def _settle(self) -> None:
         """Wait until the ended chunks are in the file. Behind one that is lost nothing may follow: there was a gap."""
         try:
             self._thread.settle()
         except DiskError:
-            self._open = _Open()
+            self._open.clear()
             raise
 
-    def _write_chunk(self, done: _Open) -> None:
+    def _write_chunk(self, done: OpenChunk, crc: int) -> None:
         """Write a chunk. Few calls on large buffers: each gives the interpreter away and waits to have it back."""
-        times = [t_ns for entries in done.index.values() for t_ns, _ in entries]
-        raw = b''.join(done.parts)
-        chunk = records.Chunk(compression=self._compression, data=b'',
-                              message_start_time=min(times), message_end_time=max(times),
-                              uncompressed_crc=zlib.crc32(raw), uncompressed_size=done.size)
-        data = self._compress(raw)
-        head, tail, index = placed(chunk, len(data), done.index, self._end)
-        self._append([head, data, tail], index, {channel: len(rows) for channel, rows in done.index.items()})
+        data, times_ns = self._compress(done.data), done.times_ns()
+        chunk = records.Chunk(compression=self._compression, data=b'', message_start_time=times_ns[0],
+                              message_end_time=times_ns[1], uncompressed_crc=crc, uncompressed_size=done.size)
+        head, tail = around(chunk, len(data), done.index)
+        start = self._append([head, data, tail])
+        self.parts.add(Stored(start, len(data), done.size, *times_ns, done.counts()))
         if self._fsync:
             self._sync()
         self._check_there()
@@ -164,20 +153,20 @@ class McapFile:
         full: DiskError | None = None
         while True:
             try:
-                self._append([closing(self._schemas, self._channels, self.parts, self._end)])
+                self._append([closing(self._schemas, self._channels, self.parts, self._compression, self._end)])
                 break
             except DiskError as error:
                 if not self.parts:
                     raise
                 full = error
-            self._end = self.parts.pop().start
+            self._end = self.parts.pop()
             self._file.truncate(self._end)
             self._file.seek(self._end)
         if full:
             raise full
 
-    def _append(self, data: list[bytes], index: Index | None = None, counts: dict[int, int] | None = None) -> None:
-        """Write at the end, whole or not at all, and note what the index will say of it."""
+    def _append(self, data: list[_Bytes]) -> int:
+        """Write at the end, whole or not at all; return where it starts."""
         try:
             self._write(data)
         except OSError as error:
@@ -186,11 +175,11 @@ class McapFile:
                 self._file.seek(self._end)
             raise DiskError(f'{self.path}: cannot be written on: {error.strerror}; what was written before is kept'
                             ) from None
-        if index is not None:
-            self.parts.append(part_of(self._end, index, counts or {}))
+        start = self._end
         self._end += sum(map(len, data))
+        return start
 
-    def _write(self, data: list[bytes]) -> None:
+    def _write(self, data: list[_Bytes]) -> None:
         """Write buffers where the file stands; a disk that is almost full takes only a part at first."""
         done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
         if done < whole:
@@ -212,10 +201,10 @@ class McapFile:
             raise DiskError(f'{self.path}: is no longer there; it was moved or removed while it was written')
 
 
-def _compressor(name: str) -> Callable[[bytes], bytes]:
+def _compressor(name: str) -> Callable[[memoryview], _Bytes]:
     """Return what compresses a chunk. Level 1 of zstd makes dragons as small as level 3 does."""
     if name == 'none':
-        return bytes        # itself, no copy
+        return lambda raw: raw
     if name == 'lz4':
         import lz4.frame
         return lambda raw: bytes(lz4.frame.compress(raw))

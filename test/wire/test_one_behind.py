@@ -32,3 +32,11 @@ def test_an_error_is_told_once_and_what_comes_with_it_is_not_started():
     thread.settle()
     thread.close()
     assert not done
+
+
+def test_a_job_has_been_taken_up_when_start_returns():
+    thread = OneBehind('x')
+    for _ in range(100):
+        thread.start(lambda: None)
+        assert thread._pool._work_queue.empty()
+    thread.close()
