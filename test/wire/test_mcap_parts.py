@@ -77,7 +77,8 @@ class Recording:
 
     def go_on(self, ticks):
         """Take so many ticks; return the bytes held when they are in the file."""
-        for self.tick in range(self.tick + 1, self.tick + ticks + 1):
+        for _ in range(ticks):
+            self.tick += 1
             t_ns, source_ns = RUN.time_ns(self.tick), 10**18 + self.tick * 10**7
             self.ledger.stamp(t_ns)
             self.clock.mark(source_ns, t_ns)
