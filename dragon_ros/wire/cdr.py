@@ -4,6 +4,8 @@ The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every
 counted from the end of the 4-byte encapsulation header. Padding is zero.
 """
 import struct
+from collections.abc import Callable
+from io import BytesIO
 
 import numpy as np
 
@@ -64,30 +66,70 @@ def stamp_of(t_ns: int) -> tuple[int, int]:
     return t_ns // NS, t_ns % NS
 
 
-class PoseArrayTemplate:
+def stamp_number(t_ns: int) -> int:
+    """Return a stamp's two fields as the one number that they are in memory."""
+    seconds, rest_ns = stamp_of(t_ns)
+    return seconds | rest_ns << 32
+
+
+class Rows:
+    """Equal rows of fields in a message: how many, where the first starts, how far apart, what is in each."""
+
+    def __init__(self, count: int, start: int, stride: int, fields: dict[str, tuple[str, int]]) -> None:
+        """``fields`` has the numpy type of each field and its offset in the row."""
+        kinds, offsets = zip(*fields.values(), strict=True)
+        self._dtype = np.dtype({'names': list(fields), 'formats': kinds, 'offsets': offsets})
+        self._count, self._start, self._stride = count, start, stride
+
+    def of(self, data: memoryview) -> Array:
+        """View the rows of a message."""
+        out: Array = np.ndarray((self._count,), self._dtype, data, self._start, (self._stride,))
+        return out
+
+
+class Template:
+    """The bytes of a message, laid out once and patched in place for each tick.
+
+    They are handed out as they are and copied only if somebody still holds them when the next are made: the buffer of
+    BytesIO sees to that, and copying some megabytes takes longer than patching them. Python keeps the hash of bytes:
+    who wants that of a message must hold the message as long.
+    """
+
+    def __init__(self, data: bytearray) -> None:
+        """Start from a message as laid out."""
+        self._message = BytesIO(bytes(data))
+
+    def patched(self, patch: Callable[[memoryview], None]) -> bytes:
+        """Return the bytes after a patch, which keeps no view of them."""
+        with self._message.getbuffer() as data:
+            patch(data)
+        return self._message.getvalue()
+
+
+class PoseArrayTemplate(Template):
     """geometry_msgs/PoseArray of all handles."""
 
     def __init__(self, handles: int, frame_id: str) -> None:
         """Lay the message out for a number of handles."""
         writer = Writer()
-        stamp = writer.header(frame_id)
+        self._stamp = writer.header(frame_id)
         writer.put('I', handles)
-        poses = writer.room('d', 7 * handles)
-        self._data = writer.finish()
-        self._stamp = np.frombuffer(self._data, '<u4', 2, stamp)
-        self._place = strided(self._data, '<c16', poses, 56, handles, 1)[:, 0]
-        self._turn = strided(self._data, '<c16', poses + 40, 56, handles, 1)[:, 0]
+        self._poses = Rows(handles, writer.room('d', 7 * handles), 56, {'place': ('<c16', 0), 'turn': ('<c16', 40)})
+        super().__init__(writer.finish())
 
     def encode(self, t_ns: int, p: Floats, axis: Floats) -> bytes:
         """Return the bytes for handles at ``p`` (N+1, 2) m and links along ``axis`` (N, 2)."""
-        self._stamp[:] = stamp_of(t_ns)
-        self._place[:] = plane(p)
-        self._turn[:-1] = turns_of(axis)
-        self._turn[-1] = self._turn[-2]
-        return bytes(self._data)
+        return self.patched(lambda data: self._patch(data, t_ns, p, axis))
+
+    def _patch(self, data: memoryview, t_ns: int, p: Floats, axis: Floats) -> None:
+        struct.pack_into('<II', data, self._stamp, *stamp_of(t_ns))
+        poses, turns = self._poses.of(data), turns_of(axis)
+        poses['place'] = plane(p)
+        poses['turn'][:-1] = turns
+        poses['turn'][-1] = turns[-1]
 
 
-class VelocitiesTemplate:
+class VelocitiesTemplate(Template):
     """std_msgs/Float64MultiArray: rows are handles, columns vx, vy, speed in m/s (or others of that kind)."""
 
     def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
@@ -98,15 +140,17 @@ class VelocitiesTemplate:
             writer.text(label)
             writer.put('I', size, stride)
         writer.put('I', 0, 3 * handles)
-        values = writer.room('d', 3 * handles)
-        self._data = writer.finish()
-        self._values = np.frombuffer(self._data, '<f8', 3 * handles, values).reshape(handles, 3)
+        self._rows = Rows(handles, writer.room('d', 3 * handles), 24, {'velocity': ('<c16', 0), 'speed': ('<f8', 16)})
+        super().__init__(writer.finish())
 
     def encode(self, velocity_m_s: Floats) -> bytes:
         """Return the bytes for velocities (N+1, 2) in m/s."""
-        self._values[:, :2] = velocity_m_s
-        np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1], out=self._values[:, 2])
-        return bytes(self._data)
+        return self.patched(lambda data: self._patch(data, velocity_m_s))
+
+    def _patch(self, data: memoryview, velocity_m_s: Floats) -> None:
+        rows = self._rows.of(data)
+        rows['velocity'] = plane(velocity_m_s)
+        np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1], out=rows['speed'])
 
 
 def float64_of(value: float) -> bytes:
@@ -150,7 +194,8 @@ def plane(points: Floats) -> Array:
 turns_of = _Turns().of
 
 
-def strided(data: bytes | bytearray, kind: str, offset: int, stride: int, rows: int, columns: int) -> Array:
+def strided(data: bytes | bytearray | memoryview, kind: str, offset: int, stride: int, rows: int,
+            columns: int) -> Array:
     """Return a (rows, columns) view of equal fields that stand ``stride`` bytes apart."""
     width = np.dtype(kind).itemsize
     out: Array = np.ndarray((rows, columns), kind, data, offset, (stride, width))

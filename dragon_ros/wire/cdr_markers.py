@@ -1,12 +1,11 @@
 """Benches as the bytes of a MarkerArray, in either style: a template built once, patched in place by numpy."""
+import struct
 from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-import numpy as np
-
 from dragon_ros.core.types import Array, Floats
-from dragon_ros.wire.cdr import Writer, plane, stamp_of, strided, turns_of
+from dragon_ros.wire.cdr import Rows, Template, Writer, plane, stamp_number, stamp_of, strided, turns_of
 
 CUBE, LINE_LIST, TRIANGLE_LIST = 1, 5, 11
 BENCH_HEIGHT_M = 0.1
@@ -71,7 +70,7 @@ def put_marker(writer: Writer, look: Look, frame_id: str, t_ns: int = 0) -> Plac
     return Places(stamp, pose, points)
 
 
-class CubesTemplate:
+class CubesTemplate(Template):
     """visualization_msgs/MarkerArray with one CUBE a bench; z = 0 is the middle of the benches."""
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
@@ -81,22 +80,25 @@ class CubesTemplate:
         looks = [Look(BENCH, bench, CUBE, (length_m, width_m, BENCH_HEIGHT_M), _BODY if bench else _HEAD)
                  for bench, length_m in enumerate(lengths_m.tolist())]
         places = [put_marker(writer, look, frame_id) for look in looks]
-        self._data = writer.finish()
-        stride = places[1].stamp - places[0].stamp if len(places) > 1 else len(self._data)
+        super().__init__(writer.finish())
+        stride = places[1].stamp - places[0].stamp if len(places) > 1 else 0
         assert all(after.stamp - before.stamp == stride for before, after in pairwise(places))
-        self._stamp = strided(self._data, '<u4', places[0].stamp, stride, len(places), 2)
-        self._place = strided(self._data, '<c16', places[0].pose, stride, len(places), 1)[:, 0]
-        self._turn = strided(self._data, '<c16', places[0].pose + 40, stride, len(places), 1)[:, 0]
+        start, pose = places[0].stamp, places[0].pose - places[0].stamp
+        self._markers = Rows(len(places), start, stride, {
+            'stamp': ('<u8', 0), 'place': ('<c16', pose), 'turn': ('<c16', pose + 40)})
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
         """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
-        self._stamp[:] = stamp_of(t_ns)
-        self._place[:] = plane(centre)
-        self._turn[:] = turns_of(axis)
-        return bytes(self._data)
+        return self.patched(lambda data: self._patch(data, t_ns, centre, axis))
+
+    def _patch(self, data: memoryview, t_ns: int, centre: Floats, axis: Floats) -> None:
+        markers = self._markers.of(data)
+        markers['stamp'] = stamp_number(t_ns)
+        markers['place'] = plane(centre)
+        markers['turn'] = turns_of(axis)
 
 
-class TrianglesTemplate:
+class TrianglesTemplate(Template):
     """visualization_msgs/MarkerArray with the tops of all benches as one TRIANGLE_LIST and one LINE_LIST of edges.
 
     Corners are numbered counterclockwise from the front left one.
@@ -110,24 +112,31 @@ class TrianglesTemplate:
         faces = put_marker(writer, Look(BENCH, 0, TRIANGLE_LIST, (1.0, 1.0, 1.0), _BODY, 6 * benches,
                                         (_HEAD,) * 2 + (_BODY,) * 2 * (benches - 1)), frame_id)
         edges = put_marker(writer, Look(EDGES, 0, LINE_LIST, (_EDGE_WIDTH_M, 0.0, 0.0), _BLACK, 8 * benches), frame_id)
-        self._data = writer.finish()
-        self._stamps = [np.frombuffer(self._data, '<u4', 2, marker.stamp) for marker in (faces, edges)]
         self._half_length, self._half_width = 0.5 * lengths_m, 0.5 * width_m
-        self._points: list[list[Array]] = [[], [], [], []]      # of each corner, where it is among the points
-        for start, corners, z_m in ((faces.points, _FACES, 0.0), (edges.points, _EDGES, _ABOVE_M)):
-            each = 24 * len(corners)
-            for n, corner in enumerate(corners):
-                strided(self._data, '<f8', start + 24 * n + 16, each, benches, 1)[:] = 0.5 * BENCH_HEIGHT_M + z_m
-                self._points[corner].append(strided(self._data, '<c16', start + 24 * n, each, benches, 1)[:, 0])
+        self._stamps = (faces.stamp, edges.stamp)
+        data = writer.finish()
+        self._points = [(corners, _points(memoryview(data), benches, start, len(corners), 0.5 * BENCH_HEIGHT_M + z_m))
+                        for start, corners, z_m in ((faces.points, _FACES, 0.0), (edges.points, _EDGES, _ABOVE_M))]
+        super().__init__(data)
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
         """Return the bytes for benches at ``centre`` (N, 2) m along ``axis`` (N, 2)."""
-        for stamp in self._stamps:
-            stamp[:] = stamp_of(t_ns)
         middle, forward = plane(centre), plane(axis)
         along, side = self._half_length * forward, 1j * self._half_width * forward
         front, rear = middle + along, middle - along
-        for points, corner in zip(self._points, (front + side, rear + side, rear - side, front - side), strict=True):
-            for point in points:
-                point[:] = corner
-        return bytes(self._data)
+        places = (front + side, rear + side, rear - side, front - side)
+        return self.patched(lambda data: self._patch(data, t_ns, places))
+
+    def _patch(self, data: memoryview, t_ns: int, places: tuple[Array, ...]) -> None:
+        for stamp in self._stamps:
+            struct.pack_into('<II', data, stamp, *stamp_of(t_ns))
+        for corners, points in self._points:
+            benches = points.of(data)
+            for n, corner in enumerate(corners):
+                benches[f'place {n}'] = places[corner]
+
+
+def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -> Rows:
+    """Lay ``each`` points a bench out, all at one height, and return where their places are."""
+    strided(data, '<f8', start + 16, 24, each * benches, 1)[:] = z_m
+    return Rows(benches, start, 24 * each, {f'place {n}': ('<c16', 24 * n) for n in range(each)})

@@ -1,4 +1,6 @@
 """Bytes: against the real rmw serialiser, by golden hex, round trip and damage."""
+import tracemalloc
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -204,6 +206,33 @@ def test_stamps_that_no_clock_shows_are_refused(sec, nanosec):
         message.header.stamp.sec, message.header.stamp.nanosec = sec, nanosec
     with pytest.raises(MessageError, match='stamp'):
         read_pose_array(edit('handles', change=change))
+
+
+@pytest.mark.parametrize('markers', ['cubes', 'triangles'])
+def test_a_message_that_is_held_stays_as_it_was(markers):
+    scene = Scene(dragon=Dragon(20), run=Run(400, 413), markers=markers)
+    frames, encode = [tick(scene, k) for k in range(3)], encoders(scene)
+    held = [{name: encode[name](frame) for name in encode} for frame in frames]
+    viewed = [{name: memoryview(encode[name](frame)) for name in encode} for frame in frames]
+    for frame, data, view in zip(frames, held, viewed, strict=True):
+        assert data == view == {name: fresh(frame) for name, fresh in encoders(scene).items()}
+
+
+@pytest.mark.parametrize('name', ['handles', 'benches', 'velocities'])
+def test_a_message_that_nobody_holds_is_not_copied(name):
+    scene = Scene(dragon=Dragon(2000), run=Run(400, 413))
+    frame, encode = tick(scene, 0), encoders(scene)[name]
+    size = len(encode(frame))
+    tracemalloc.start()
+    try:
+        encode(frame)
+        once = tracemalloc.get_traced_memory()[1]
+        held = encode(frame), encode(frame)
+        twice = tracemalloc.get_traced_memory()[1]
+    finally:
+        tracemalloc.stop()
+    assert held[0] is not held[1]
+    assert once < 0.5 * size < size < twice
 
 
 def test_templates_are_patched_not_rebuilt():
