@@ -4,12 +4,13 @@ from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+from dragon_ros.core.checks import number
 from dragon_ros.core.errors import MissingError
 from dragon_ros.wire import cli, figures
 
 PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'contact': 'dragon_ros.cost.contacts',
          'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
-         'bag': 'dragon_ros.cost.bags', 'effects': 'dragon_ros.cost.effects'}
+         'bag': 'dragon_ros.cost.bags', 'effects': 'dragon_ros.cost.effects', 'memory': 'dragon_ros.cost.memory'}
 
 
 def main(argv: list[str]) -> int:
@@ -19,9 +20,12 @@ def main(argv: list[str]) -> int:
     options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers; '
                          'contact: the first contact against looking every so often, and growth with benches; '
                          'tick: where the time of one tick goes; scale: growth of each stage, and rates held over DDS; '
-                         'bag: throughput and size of bags by compression; effects: what each effect adds to a tick')
+                         'bag: throughput and size of bags by compression; effects: what each effect adds to a tick; '
+                         'memory: that of a recorder over a long run')
     options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER', help='where it goes (cost)')
     options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds for each timing (0.3)')
+    options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
+                         help='length of the run of memory (10)')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')
     return cli.guarded('cost', partial(_run, options.parse_args(argv)))
 
@@ -32,7 +36,8 @@ def _run(arguments: Namespace) -> int:
     except ImportError as error:
         raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
                            ) from None
-    rows = page.measure(arguments.budget)
+    minutes = number('--minutes', arguments.minutes, low=0.05, high=1e4)
+    rows = page.measure(60 * minutes if arguments.page == 'memory' else arguments.budget)
     try:
         paths = page.write(rows, arguments.output, figures.save)
     except OSError as error:

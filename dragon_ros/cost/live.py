@@ -67,7 +67,7 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
     """Run so many ticks at a rate (0: as fast as the readers follow) with monitor and recorder."""
     rate = rate_hz or 50.0
     stop_s = _START_S + (ticks - 1) / rate
-    with TemporaryDirectory() as name, _processes(Path(name)) as start:
+    with TemporaryDirectory() as name, processes(Path(name)) as start:
         bag = Path(name) / 'run.mcap'
         start('monitor')
         start('record', '--output', str(bag))
@@ -75,9 +75,9 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
               f'run.stop_s={stop_s!r}', '--ros-args', '-p', f'start_s:={_START_S}', '-p', f'rate_hz:={rate}',
               '-p', f'time_scale:={1.0 if rate_hz else 0.0}', '-p', _READERS)
         wall_s, usage = _watched(start)
-        _ended(start.running['record'])
+        ended(start.running['record'])
         start.running['monitor'].send_signal(signal.SIGINT)
-        _ended(start.running['monitor'])
+        ended(start.running['monitor'])
         overruns, seen = (_number(*which) for which in ((_OVERRUNS, start.text()), (_SEEN, start.text('monitor'))))
         with LogReader(bag) as reader:
             counts = {topic.name.removeprefix('/dragon/'): topic.messages for topic in reader.topics}
@@ -96,7 +96,7 @@ def highest(benches: int, seconds: float, guess_hz: float) -> list[Live]:
     return [tried[n] for n in sorted(tried)]
 
 
-class _Start:
+class Start:
     """Starts ``python -m dragon_ros NAME ...`` in one domain; what they print goes to files."""
 
     def __init__(self, folder: Path) -> None:
@@ -104,6 +104,7 @@ class _Start:
         self._folder, self._environment = folder, {**local_environment(free_domain()), 'PYTHONUNBUFFERED': '1'}
 
     def __call__(self, name: str, *arguments: str) -> 'subprocess.Popen[bytes]':
+        """Start one and return it."""
         with (self._folder / f'{name}.log').open('wb') as log:
             self.running[name] = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], stdout=log,
                                                   stderr=log, stdin=subprocess.DEVNULL, env=self._environment)
@@ -115,8 +116,9 @@ class _Start:
 
 
 @contextmanager
-def _processes(folder: Path) -> Iterator[_Start]:
-    start = _Start(folder)
+def processes(folder: Path) -> Iterator[Start]:
+    """Start processes that end with the block."""
+    start = Start(folder)
     try:
         yield start
     finally:
@@ -128,15 +130,15 @@ def _processes(folder: Path) -> Iterator[_Start]:
             process.kill()
 
 
-def _watched(start: _Start) -> tuple[float, dict[str, Usage]]:
+def _watched(start: Start) -> tuple[float, dict[str, Usage]]:
     """Wait until sim has run; return its wall time from the first tick on, and the usage of each process meanwhile."""
     deadline = time.monotonic() + _LONGEST_S
     while 'starts ' not in start.text():
-        _alive(start, deadline)
+        alive(start, deadline)
         time.sleep(_POLL_S)
     began, first = time.monotonic(), {name: _look(child.pid) for name, child in start.running.items()}
     while 'published: ' not in start.text():
-        _alive(start, deadline)
+        alive(start, deadline)
         time.sleep(_POLL_S)
     span, last = time.monotonic() - began, {name: _look(child.pid) for name, child in start.running.items()}
     return span, {name: Usage((last[name][0] - first[name][0]) / span, last[name][1], last[name][1] - first[name][1])
@@ -150,15 +152,17 @@ def _look(pid: int) -> tuple[float, float]:
     return times.user + times.system, process.memory_info().rss / 1e6
 
 
-def _alive(start: _Start, deadline: float) -> None:
+def alive(start: Start, deadline: float) -> None:
+    """Raise DragonError where a process has failed or the deadline of ``time.monotonic`` has passed."""
     for name, child in start.running.items():
         if child.poll():
             raise DragonError(f'{name} ended with exit code {child.returncode}: {start.text(name)[-500:]}')
     if time.monotonic() > deadline:
-        raise DragonError(f'sim did not end within {_LONGEST_S:g} s')
+        raise DragonError('sim did not end in time')
 
 
-def _ended(process: 'subprocess.Popen[bytes]') -> None:
+def ended(process: 'subprocess.Popen[bytes]') -> None:
+    """Wait for the end of a process. Raises DragonError where it does not come."""
     try:
         process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:

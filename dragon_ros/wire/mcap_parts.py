@@ -10,6 +10,11 @@ _COUNT = struct.Struct('<HQ')           # channel, messages; of each channel, be
 _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without its compression's name), MessageIndex
 
 
+def packed_bytes(topics: int) -> int:
+    """Return what is kept of a chunk with messages of so many topics."""
+    return _CHUNK.size + topics * _COUNT.size
+
+
 class Stored(NamedTuple):
     """A chunk in a file: where it starts, bytes of its data and before compression, log times, (channel, messages)."""
 
@@ -34,7 +39,7 @@ class Stored(NamedTuple):
 
 
 class Parts:
-    """The parts of a file by place: chunks, 42 bytes each and 10 for each of their channels; and the few others."""
+    """The parts of a file by place: many chunks and the few others."""
 
     def __init__(self) -> None:
         """Start with none."""
@@ -59,7 +64,7 @@ class Parts:
         while end:
             middle = end - _CHUNK.size
             start, size, raw_size, first_ns, last_ns, channels = _CHUNK.unpack_from(self._rows, middle)
-            end = middle - channels * _COUNT.size
+            end = middle + _CHUNK.size - packed_bytes(channels)
             counts = tuple((channel, messages) for channel, messages in _COUNT.iter_unpack(self._rows[end:middle]))
             yield Stored(start, size, raw_size, first_ns, last_ns, counts)
 
@@ -68,6 +73,6 @@ class Parts:
         chunk = next(self.chunks(), None)
         if chunk is None or (self.others and self.others[-1][0] > chunk.start):
             return self.others.pop()[0]
-        del self._rows[-_CHUNK.size - len(chunk.counts) * _COUNT.size:]
+        del self._rows[-packed_bytes(len(chunk.counts)):]
         self._chunks -= 1
         return chunk.start

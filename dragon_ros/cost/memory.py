@@ -1,0 +1,150 @@
+"""``cost memory``: the resident memory of a recorder over a long run, and how fast it grows once it runs."""
+import csv
+import io
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+
+import numpy as np
+import psutil
+from matplotlib.figure import Figure
+from mcap.reader import make_reader
+from tqdm import tqdm
+
+from dragon_ros.cost.live import Start, alive, ended, processes
+from dragon_ros.cost.measure import circumstances
+from dragon_ros.wire.mcap_parts import packed_bytes
+
+_BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
+_WAY_M = 400.0          # of the head in the run, however long it takes: the bytes of a tick are always as many
+_EACH_S = 5.0
+_SETTLED_S = 60.0       # growth is fitted from here on, or from a tenth of a shorter run
+
+
+@dataclass(frozen=True)
+class Recorded:
+    """A recording: its resident memory (MB) at times (s), what it missed, and its bag."""
+
+    seconds: float
+    looks: tuple[tuple[float, float], ...]
+    ticks: int
+    missing: int
+    chunks: int
+    index_bytes: int
+    bag_bytes: int
+
+    @property
+    def settled(self) -> list[tuple[float, float]]:
+        """The looks that growth is told from."""
+        return [look for look in self.looks if look[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
+
+    @property
+    def fit(self) -> tuple[float, float]:
+        """Growth in MB a second, and MB at time 0."""
+        times_s, resident_mb = np.array(self.settled).T
+        slope, start = np.polyfit(times_s, resident_mb, 1)
+        return float(slope), float(start)
+
+    @property
+    def grows_kb_min(self) -> float:
+        """Growth in kB a minute."""
+        return 6e4 * self.fit[0]
+
+    @property
+    def index_kb_min(self) -> float:
+        """What is kept of the chunks for the index at the end, in kB a minute."""
+        return 0.06 * self.index_bytes / self.seconds
+
+
+def measure(run_s: float = 600.0) -> Recorded:
+    """Record a run of so many seconds; progress goes to standard error."""
+    ticks = round(run_s * _RATE_HZ)
+    with TemporaryDirectory() as name, processes(Path(name)) as start:
+        bag = Path(name) / 'run.mcap'
+        record = start('record', '--output', str(bag))
+        start('sim', '--set', f'dragon.benches={_BENCHES}', '--set', f'head.speed_m_s={_WAY_M / run_s!r}', '--set',
+              f'run.stop_s={(ticks - 1) / _RATE_HZ!r}', '--ros-args', '-p', f'rate_hz:={float(_RATE_HZ)}', '-p',
+              f'wait_subscribers:=[{",".join(f"{topic}=1" for topic in _TOPICS)}]')
+        looks = _watched(start, psutil.Process(record.pid), run_s)
+        ended(record)
+        return _recorded(bag, run_s, ticks, looks)
+
+
+def _recorded(bag: Path, run_s: float, ticks: int, looks: list[tuple[float, float]]) -> Recorded:
+    with bag.open('rb') as file:
+        summary = make_reader(file).get_summary()
+    assert summary is not None
+    assert summary.statistics is not None
+    counts = {channel.topic: summary.statistics.channel_message_counts.get(number, 0)
+              for number, channel in summary.channels.items()}
+    missing = sum(ticks - counts.get(f'/dragon/{topic}', 0) for topic in _TOPICS)
+    kept = sum(packed_bytes(len(chunk.message_index_offsets)) for chunk in summary.chunk_indexes)
+    return Recorded(run_s, tuple(looks), ticks, missing, len(summary.chunk_indexes), kept, bag.stat().st_size)
+
+
+def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[float, float]]:
+    """Return (seconds since the first tick, resident MB) until sim has run."""
+    deadline, out = time.monotonic() + 2 * run_s + 60.0, []
+    while 'starts ' not in start.text():
+        alive(start, deadline)
+        time.sleep(0.05)
+    began = time.monotonic()
+    with tqdm(desc='cost memory', total=round(run_s), unit=' s', disable=None) as bar:
+        while 'published: ' not in start.text():
+            alive(start, deadline)
+            out.append((time.monotonic() - began, process.memory_info().rss / 1e6))
+            bar.update(round(out[-1][0]) - bar.n)
+            time.sleep(min(_EACH_S, 0.05 * run_s))
+    return out
+
+
+def table(row: Recorded) -> str:
+    """Return the run as Markdown with the circumstances above it."""
+    (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.looks)
+    return '\n'.join([
+        f'{circumstances()}. {row.ticks:,} ticks of {_BENCHES} benches at {_RATE_HZ} Hz over DDS, zstd.', '',
+        f'| recorded (min) | messages missing | resident after {first_s:.0f} s (MB) | at the end (MB) | most (MB) '
+        '| grows (kB/min) | of that the index (kB/min) | chunks | bag (MB) |', '|' + '---:|' * 9,
+        f'| {row.seconds / 60:.3g} | {row.missing} | {first:.2f} | {last:.2f} | {most:.2f} | {row.grows_kb_min:.0f} '
+        f'| {row.index_kb_min:.0f} | {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |'])
+
+
+def summary(row: Recorded) -> str:
+    """Return what belongs into the README: all of it."""
+    return table(row)
+
+
+def csv_text(row: Recorded) -> str:
+    """Return the looks as CSV."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator='\n')
+    writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.looks)])
+    return out.getvalue()
+
+
+def picture(row: Recorded) -> Figure:
+    """Return resident memory against time, with the fitted growth."""
+    figure = Figure(figsize=(8, 4), layout='constrained')
+    axes = figure.subplots()
+    axes.plot(*zip(*row.looks, strict=True), '.', color='#0072B2', label='resident')
+    slope, start = row.fit
+    ends = np.array([row.settled[0][0], row.settled[-1][0]])
+    axes.plot(ends, start + slope * ends, '-', color='#D55E00', label=f'grows by {row.grows_kb_min:.0f} kB/min')
+    axes.set(xlabel='time (s)', ylabel='memory of the recorder (MB)',
+             title=f'Recording {_BENCHES} benches at {_RATE_HZ} Hz')
+    axes.set_ylim(bottom=0)
+    axes.grid(True, linewidth=0.4)
+    axes.legend()
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
+
+
+def write(row: Recorded, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write table, CSV and picture into a folder and return their paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    written = {'memory.md': table(row) + '\n', 'memory.csv': csv_text(row)}
+    for name, content in written.items():
+        (folder / name).write_text(content, encoding='utf-8')
+    return [*(folder / name for name in written), *save(picture(row), folder / 'memory')]

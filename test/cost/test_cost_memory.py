@@ -1,0 +1,40 @@
+"""The page on the memory of a recorder: its figures follow from the looks, and its run is whole."""
+import csv
+import io
+
+import numpy as np
+import pytest
+
+from dragon_ros.cost import memory
+from dragon_ros.wire import figures
+
+
+def recorded(seconds=600.0, growth_mb_s=1e-4):
+    looks = tuple((float(t), 80.0 + growth_mb_s * t + (5.0 if t < 50 else 0.0)) for t in range(0, round(seconds), 5))
+    return memory.Recorded(seconds, looks, 60_000, 0, 4800, 345_600, 10**9)
+
+
+def test_growth_is_told_from_the_time_after_the_first_minute():
+    row = recorded()
+    assert row.grows_kb_min == pytest.approx(6.0)
+    assert row.index_kb_min == pytest.approx(34.56)
+    assert row.settled[0] == (60.0, pytest.approx(80.006))
+
+
+def test_table_csv_and_picture_have_the_run(tmp_path):
+    with np.errstate(all='warn'):
+        paths = memory.write(recorded(), tmp_path, figures.save)
+    assert {path.name for path in paths} == {'memory.md', 'memory.csv', 'memory.png', 'memory.svg'}
+    assert '| 10 | 0 | 80.01 | 80.06 | 85.00 | 6 | 35 | 4,800 | 1000 |' in memory.summary(recorded())
+    read = list(csv.DictReader(io.StringIO((tmp_path / 'memory.csv').read_text())))
+    assert len(read) == 120
+    assert read[12] == {'seconds': '60.00', 'resident_mb': '80.006'}
+
+
+def test_a_short_run_is_recorded_to_the_last_message():
+    pytest.importorskip('rclpy')
+    row = memory.measure(3.0)
+    assert (row.ticks, row.missing) == (300, 0)
+    assert row.chunks > 3
+    assert 52 * row.chunks < row.index_bytes < 92 * row.chunks      # one topic to five
+    assert all(resident > 10 for _, resident in row.looks)
