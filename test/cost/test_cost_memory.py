@@ -1,6 +1,7 @@
 """The page on the memory of a recorder: its figures follow from the looks, and its run is whole."""
 import csv
 import io
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -21,11 +22,19 @@ def test_growth_is_told_from_the_time_after_the_first_minute():
     assert row.settled[0] == (60.0, pytest.approx(80.006))
 
 
+def test_a_step_is_told_apart_from_steady_growth():
+    row = recorded()
+    stepped = replace(row, looks=tuple((t_s, mb + (2.0 if t_s > 300 else 0.0)) for t_s, mb in row.looks))
+    assert stepped.steps_mb == pytest.approx(2.0, abs=1e-3)
+    assert stepped.creeps_kb_min == pytest.approx(6.0, rel=0.02)
+    assert (row.steps_mb, row.creeps_kb_min) == (0.0, pytest.approx(6.0))
+
+
 def test_table_csv_and_picture_have_the_run(tmp_path):
     with np.errstate(all='warn'):
         paths = memory.write(recorded(), tmp_path, figures.save)
     assert {path.name for path in paths} == {'memory.md', 'memory.csv', 'memory.png', 'memory.svg'}
-    assert '| 10 | 0 | 80.01 | 80.06 | 85.00 | 6 | 35 | 4,800 | 1000 |' in memory.summary(recorded())
+    assert '| 10 | 0 | 60 s: 80.01 | 80.06 | 85.00 | 6 | 0.00 | 6 | 35 | 4,800 | 1000 |' in memory.summary(recorded())
     read = list(csv.DictReader(io.StringIO((tmp_path / 'memory.csv').read_text())))
     assert len(read) == 120
     assert read[12] == {'seconds': '60.00', 'resident_mb': '80.006'}
