@@ -184,9 +184,8 @@ class Scene:
         if self.led:
             t_s = self.led.end_s(self.head)
             return None if t_s is None else End(t_s, 'track')
-        spiral, links = self.spiral, self.dragon.link_lengths_m / self.spiral.b_m
-        body = float(links[1]) if links.size > 1 else None
-        angle, link = head_lock_angle(float(links[0]), body)
+        spiral = self.spiral
+        angle, link = head_lock_angle((self.dragon.link_lengths_m / spiral.b_m).tolist())
         if spiral.start.hi < angle:
             raise ChainLockError(
                 f'the chain is locked from the start: link {link} finds no place while the head is nearer to the '
