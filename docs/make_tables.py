@@ -21,7 +21,7 @@ from dragon_ros.nodes import params  # noqa: E402
 from dragon_ros.wire import config  # noqa: E402
 from dragon_ros.wire.channels import Channel, channels  # noqa: E402
 from dragon_ros.wire.scene_schema import scene_schema  # noqa: E402
-from dragon_ros.wire.scenes import scene_names  # noqa: E402
+from dragon_ros.wire.scenes import PARTS, scene_names  # noqa: E402
 
 DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md')
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -113,13 +113,13 @@ def _key_rows(parts: dict[str, Any]) -> Iterable[tuple[str, str, str, str]]:
     for name, part in parts.items():
         for one in part.get('oneOf', [part]):
             yield (f'`{name}`', *_kind_row(one))
-        pieces = [p for one in part.get('oneOf', []) for p in _pieces(one)]
-        yield from ((f'`{name}.pieces`', *_kind_row(piece)) for piece in pieces)
+        for key, items in [part for one in part.get('oneOf', []) for part in _parts(one)]:
+            yield from ((f'`{name}.{key}`', *_kind_row(row)) for row in items.get('oneOf', [items]))
 
 
-def _pieces(one: dict[str, Any]) -> list[dict[str, Any]]:
-    found: list[dict[str, Any]] = one['properties'].get('pieces', {}).get('items', {}).get('oneOf', [])
-    return found
+def _parts(one: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
+    """Return the keys that hold lists of mappings, with the schema of these."""
+    return [(key, row['items']) for key, row in one['properties'].items() if key in PARTS]
 
 
 def _kind_row(one: dict[str, Any]) -> tuple[str, str, str]:

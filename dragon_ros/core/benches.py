@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.chain import Chain
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon
 from dragon_ros.core.types import Floats, read_only
 
 
@@ -44,7 +44,7 @@ def axes_of(chain: Chain) -> Floats:
     return read_only(axis)
 
 
-def benches_of(chain: Chain, dragon: Dragon, axis: Floats) -> Benches:
+def benches_of(chain: Chain, dragon: AnyDragon, axis: Floats) -> Benches:
     """Return the rectangles of a chain whose links have the directions ``axis``."""
     count = chain.p.shape[-2] - 1
     centre = 0.5 * (chain.p[..., :-1, :] + chain.p[..., 1:, :])

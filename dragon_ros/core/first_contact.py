@@ -2,7 +2,8 @@
 
 Benches follow each other on one track at one spacing, so whether bench i >= 1 meets a bench behind it depends only on
 where bench i is: the body's whole stretch of track is cleared once, and the head's pairs along the head's way. Where
-the body's track does not clear, each bench's part of it is, up to the first place that one of them touches at.
+the body's track does not clear, each bench's part of it is, up to the first place that one of them touches at. Where
+lengths are mixed, that holds for benches behind which the dragon goes on alike; each such set has stretches of its own.
 """
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
@@ -85,10 +86,14 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     way = search.way
     if search.start_gap_m <= 0:
         return search.contact((way.start, way.start))
-    search.clear(way.stop)
-    if search.hit is None:
-        return NoContact(scene.end, way.states, search.certificate())
-    return search.contact(search.hit)
+    if way.provable != way.start:
+        search.clear(way.provable)
+    if search.hit is not None:
+        return search.contact(search.hit)
+    if way.provable != way.stop:
+        rest = replace(scene.run, start_s=way.time(way.provable))
+        return _anywhere(replace(scene, accuracy='exact', run=rest), progress)
+    return NoContact(scene.end, way.states, search.certificate())
 
 
 def _anywhere(scene: Scene, progress: Callable[[int], object]) -> Contact | NoContact:

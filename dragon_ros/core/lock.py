@@ -3,6 +3,7 @@
 Moving in, the first peak of the chord equation (``march.first_peak``) sinks; where it meets the link's length the
 smallest root vanishes and the follower's speed goes to infinity.
 """
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
 from math import cos, inf, pi, sin, sqrt
@@ -20,25 +21,59 @@ def lock_angle(chord: float) -> float:
     return _bisect(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) >= chord, max(low, _first_with_peak()), high)
 
 
-def head_lock_angle(head_chord: float, body_chord: float | None) -> tuple[float, int]:
+def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
     """Return (polar angle of the head where the chain first locks on its way in, link); (0, 0) if it never does.
 
-    Links behind link 1 equal it and lie further out, so they lock later, if at all. Link 1 may lock before link 0
-    only where body links are longer than the head's or the head passes close to the centre.
+    A link locks where its front handle comes in to ``lock_angle``: for each link, from the head on, that handle is
+    followed over the places of the head at which the links before still hold. Between the ``places`` it moves one way.
+    As handles lie further and further out, that ends where none of the longest link's could lock.
     """
-    head = lock_angle(head_chord)
-    body = lock_angle(body_chord) if body_chord else 0.0
-    if not body:
-        return head, 0
-    turning = follower_turns(head, max(body, head), head_chord)
-    if follower(turning, head_chord) >= body:
-        return head, 0
-    return _bisect(lambda theta: follower(theta, head_chord) >= body, turning, max(body, turning)), 1
+    angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
+    places = sorted({angle, *_within(_turns(chords[0]), angle, max(angle, top)), max(angle, top)}) if top else []
+    here = [follower(place, chords[0]) for place in places]
+    for k, chord in enumerate(chords[1:], 1):
+        if not here or min(here) >= top:
+            break
+        below = [n for n, theta in enumerate(here) if theta < lock_angle(chord)]
+        if below:
+            angle, link = _meets(chords[:k], lock_angle(chord), places[below[-1]], places[below[-1] + 1]), k
+            places, here = [angle, *places[below[-1] + 1:]], [lock_angle(chord), *here[below[-1] + 1:]]
+        turns = _turns_between(chords[:k], chord, places, here)
+        here = [follower(theta, chord) for theta in here] + [_handle(turn, chords[:k + 1]) for turn in turns]
+        places, here = map(list, zip(*sorted(zip(places + turns, here, strict=True)), strict=True))
+    return angle, link
+
+
+def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> float:
+    """Return the first place of the head in (low, high] at which the handle behind these links is not within theta."""
+    return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
+
+
+def _turns_between(chords: Sequence[float], chord: float, places: Sequence[float],
+                   here: Sequence[float]) -> list[float]:
+    """Return where the head is, between some places of it, when the rear handle of one more link turns back.
+
+    Its front handle, behind ``chords``, is ``here`` at the places and moves one way between them.
+    """
+    return [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
+                     places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
+            for turn in _turns(chord) for n in range(len(places) - 1) if (here[n] - turn) * (here[n + 1] - turn) < 0]
+
+
+def _within(values: list[float], low: float, high: float) -> list[float]:
+    return [value for value in values if low < value < high]
+
+
+def _handle(theta: float, chords: Sequence[float]) -> float:
+    """Return the polar angle of the handle behind some links; infinite where there is none."""
+    for chord in chords:
+        theta = follower(theta, chord)
+    return theta
 
 
 def follower(theta: float, chord: float) -> float:
     """Return the polar angle of the next handle; infinite where there is none."""
-    return theta + step(theta, chord, first_guess(theta, chord), 1e-8)[0]
+    return theta + step(theta, chord, first_guess(theta, chord), 1e-8)[0] if theta < inf else inf
 
 
 def follower_range(low: float, high: float, chord: float) -> tuple[float, float]:
@@ -78,15 +113,9 @@ def turning_places(head_chord: float, body_chord: float, low: float, high: float
 
     Those behind follow the third (docs/contact.md).
     """
-    places = [place for place in _turns(head_chord) if low < place < high]
+    places = _within(_turns(head_chord), low, high)
     ends = [low, *places, high]
-    for third in _turns(body_chord):
-        over = [follower(end, head_chord) - third for end in ends]
-        for n in range(len(ends) - 1):
-            if over[n] * over[n + 1] < 0:
-                places.append(illinois(lambda x, third=third: follower(x, head_chord) - third,  # type: ignore[misc]
-                                       ends[n], ends[n + 1], over[n], over[n + 1]))
-    return sorted(places)
+    return sorted([*places, *_turns_between([head_chord], body_chord, ends, [follower(x, head_chord) for x in ends])])
 
 
 @lru_cache(maxsize=256)

@@ -11,7 +11,7 @@ from math import ceil
 import numpy as np
 
 from dragon_ros.core.benches import Benches, axes_of
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon, is_even
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.path import Spiral
@@ -61,20 +61,24 @@ def joined(views: list[View]) -> View:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The benches in sight: links, half lengths (K,) and half width in metres."""
+    """The benches in sight: links, half lengths (K,) and half width in metres.
+
+    ``longest_m`` is the longest link in sight or behind; None where all behind the first are equal.
+    """
 
     b_m: float
     links_m: Floats
     half_length_m: Floats
     half_width_m: float
+    longest_m: float | None
 
 
 @dataclass(frozen=True)
 class Lookout:
-    """Looks from the head (``first`` 0) or from any other bench (``first`` 1) at the ``follow`` benches behind it."""
+    """Looks from bench ``first`` (0 is the head) at the ``follow`` benches from it on."""
 
     spiral: Spiral
-    dragon: Dragon
+    dragon: AnyDragon
     first: int
     follow: int
     effort: Effort
@@ -97,7 +101,9 @@ class Lookout:
         """The benches in sight."""
         d, seen = self.dragon, slice(self.first, self.first + self.follow)
         links, lengths = d.link_lengths_m[seen], d.bench_lengths_m[seen]
-        return Sizes(self.spiral.b_m, links, 0.5 * lengths, 0.5 * d.width_m)
+        rest = d.link_lengths_m[self.first:]
+        return Sizes(self.spiral.b_m, links, 0.5 * lengths, 0.5 * d.width_m,
+                     None if is_even(rest) else float(np.max(rest)))
 
     def reaching(self, theta: Floats) -> 'Lookout':
         """Return a lookout with no more followers than can come within reach at any of some places, if it is so few."""
@@ -105,7 +111,8 @@ class Lookout:
         while follow < self.follow:
             fewer = replace(self, follow=follow)
             view = fewer.look(theta)
-            clear = np.all(beyond(view, view, fewer.sizes) > 0, axis=0)
+            circle = beyond(view, view, fewer.sizes)
+            clear = np.all(further(view, view, fewer.sizes, circle) > 0, axis=0)
             if clear[-1]:
                 return replace(self, follow=5 + int(1.1 * np.argmax(clear)))
             follow *= 2
@@ -126,6 +133,23 @@ def beyond(a: View, b: View, sizes: Sizes) -> Floats:
     overhang = sizes.half_length_m[0] - 0.5 * sizes.links_m[0]
     reach = sizes.b_m * outer + np.hypot(overhang, sizes.half_width_m)
     out: Floats = sizes.b_m * np.where(linked, across, along) - sizes.half_width_m - reach[:, None]
+    return out
+
+
+def further(a: View, b: View, sizes: Sizes, circle: Floats) -> Floats:
+    """Return how far each bench (M, K-2) and all behind it stay outside that circle; ``circle`` is from ``beyond``.
+
+    Where links are equal that is each bench's own, which grows from bench to bench. Else a link of length l comes no
+    nearer to the centre than sqrt(r^2 - l^2 / 4), r the distance of its front handle, which grows from bench to bench:
+    no nearer handle is more than half of it from the foot of the perpendicular. No point of a bench is further from its
+    link than the overhang at the hole and half the width.
+    """
+    if sizes.longest_m is None:
+        return circle
+    overhang = np.hypot(sizes.half_length_m[0] - 0.5 * sizes.links_m[0], sizes.half_width_m)
+    inner, outer = np.minimum(a.theta, b.theta)[:, 2:-1], np.maximum(a.theta[:, 1], b.theta[:, 1])
+    away = np.sqrt(np.maximum((sizes.b_m * inner) ** 2 - 0.25 * sizes.longest_m**2, 0.0))
+    out: Floats = away - 2 * overhang - sizes.b_m * outer[:, None]
     return out
 
 

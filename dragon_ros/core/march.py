@@ -19,6 +19,7 @@ from dragon_ros.core.path import TINY, Spiral, points
 from dragon_ros.core.root import bracketed_newton
 from dragon_ros.core.types import Floats, read_only
 
+TIGHT = 1e-8        # a Newton step that leaves no error that floats can keep
 _TRUSTED = 3        # links that follow unchecked, at most
 
 
@@ -42,6 +43,7 @@ def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Spira
     """
     (theta, low), newton, trust = head, effort.newton, effort.trust
     thetas, lows, deltas, spent = [theta], [low], [], 0
+    near, tight = near_lock(spiral, links_m), min(newton, TIGHT)
     last, unchecked, d1, d2, d3 = -1.0, 0, 0.0, 0.0, 0.0
     for number, chord in enumerate((links_m / spiral.b_m).tolist()):
         if chord != last:
@@ -51,11 +53,11 @@ def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Spira
         if unchecked:
             unchecked -= 1
         else:
-            delta, evaluations = step(theta, chord, guess, newton)
+            delta, evaluations = step(theta, chord, guess, newton if theta > near else tight)
             if delta == inf:
                 raise locked(spiral, number, theta, chord)
             spent += evaluations
-            if d3 and abs(delta - guess) < trust * delta:
+            if d3 and theta > near and abs(delta - guess) < trust * delta:
                 unchecked = _TRUSTED
         d1, d2, d3 = delta * (2 * theta + delta), d1, d2
         more = delta + low                  # angle.plus, written out
@@ -65,6 +67,15 @@ def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> Spira
         thetas.append(theta)
         lows.append(low)
     return chain_of(spiral, links_m, np.array(thetas), np.array(lows), np.array(deltas), spent)
+
+
+def near_lock(spiral: Spiral, links_m: Floats) -> float:
+    """Return a polar angle beyond which no link but the first makes an error of its front handle larger.
+
+    One that does has turned its follower back (``lock``), which it does where it is longer than twice the radius. Up to
+    there handles are placed as floats can, for all tiers: what is off before a lock is the more so behind it.
+    """
+    return 0.5 * float(np.max(links_m[1:], initial=0.0)) / spiral.b_m
 
 
 def chain_of(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, delta: Floats,

@@ -9,7 +9,7 @@ import numpy as np
 from dragon_ros.core.angle import plus
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.march import Effort, chain_of, first_guess, locked, step
+from dragon_ros.core.march import TIGHT, Effort, chain_of, first_guess, locked, near_lock, step
 from dragon_ros.core.path import TINY, Spiral
 from dragon_ros.core.types import Floats
 
@@ -20,12 +20,14 @@ def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats,
     out = np.empty((count + 1, theta.size))
     low, deltas = np.empty_like(out), np.empty((count, theta.size))
     out[0], low[0], spent, start = theta, theta_lo, 0, 0
-    chords = (links_m / spiral.b_m).tolist()
+    chords, near, close = (links_m / spiral.b_m).tolist(), near_lock(spiral, links_m), True
     for i, chord in enumerate(chords):
         if i and chord != chords[i - 1]:
             start = i
         try:
-            deltas[i], evaluations = steps(out[i], chord, _guesses(out, deltas, start, i, chord), effort.newton)
+            close = close and bool(np.min(out[i], initial=np.inf) <= near)
+            newton = min(effort.newton, TIGHT) if close else effort.newton
+            deltas[i], evaluations = steps(out[i], chord, _guesses(out, deltas, start, i, chord), newton)
         except ChainLockError as error:
             raise locked(spiral, i, error.fields['theta_rad'], chord) from None
         spent += evaluations

@@ -17,7 +17,7 @@ from dragon_ros.core.ball import between
 from dragon_ros.core.bending import bend
 from dragon_ros.core.bending_by_scale import bend_by_scale
 from dragon_ros.core.checks import number
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats, Ints
@@ -47,7 +47,7 @@ class MinPitch:
 class Task:
     """A dragon that comes in from ``turns`` turns to a circle of ``radius_m``, for pitches up to ``largest_m``."""
 
-    dragon: Dragon
+    dragon: AnyDragon
     radius_m: float
     turns: float
     largest_m: float
@@ -70,11 +70,11 @@ class Task:
     def innermost_m(self, pitch_m: float, first: int) -> float:
         """Return a bound of the radius, for this pitch and larger ones: an arc is at least as long as its chord."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
-        inward = 2 * b_m * self.dragon.head_link_m / sqrt(1 + (b_m / radius_m) ** 2)
+        inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
 
 
-def min_pitch(dragon: Dragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
+def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
               progress: Callable[[int], object] = lambda states: None) -> MinPitch:
     """Return the smallest pitch from which on, up to ``largest_m``, the head reaches the circle without contact.
@@ -100,10 +100,13 @@ def min_pitch(dragon: Dragon | None = None, diameter_m: float = 9.0, start_turns
     return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)
 
 
-def _task(dragon: Dragon, diameter_m: float, start_turns: float, largest_m: float, within_m: float) -> Task:
+def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: float, within_m: float) -> Task:
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
                          'give at least 3')
+    if not is_even(dragon.link_lengths_m):
+        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'the search takes benches that are equal '
+                         'behind the head', 'make them equal; `contact` takes a mixed dragon at one pitch')
     radius_m = 0.5 * number('diameter_m', diameter_m, above=0.0, high=1e6)
     number('start_turns', start_turns, above=0.0, high=1e4)
     number('largest_m', largest_m, above=radius_m / start_turns, high=1e6)
@@ -183,7 +186,8 @@ class _Search:
         self._tell(scale.size)
         dragon = self.task.dragon
         around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
-        follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / max(dragon.body_link_m, 1e-3 * around)))
+        link = max(float(dragon.link_lengths_m[-1]), 1e-3 * around)
+        follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / link))
         return windings(dragon, self.first, follow, radius_m, scale, self._effort)
 
     def _sags(self, cells: Floats, seen: Windings, ends: Ints) -> Floats:
@@ -212,7 +216,7 @@ class _Search:
             return
         overhang = 0.5 * (dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
         reach = seen.theta[ends[2], 1] / cells[2] + np.hypot(overhang, 0.5 * dragon.width_m)
-        link, most = dragon.body_link_m, seen.delta[ends[1], -1]
+        link, most = float(dragon.link_lengths_m[-1]), seen.delta[ends[1], -1]
         line = (link * link - (most / cells[2]) ** 2) / (2 * link * np.tan(0.5 * most)) - 0.5 * dragon.width_m
         if np.any(line <= reach):
             raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')

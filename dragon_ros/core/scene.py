@@ -7,7 +7,7 @@ from math import ceil, floor, hypot, inf, sqrt
 import numpy as np
 
 from dragon_ros.core.checks import choice, number
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.effects import Effect, check_needs
 from dragon_ros.core.end import End, beyond
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd
@@ -74,7 +74,7 @@ class Scene:
     ``markers`` is how benches are shown: 'cubes', one each, or 'triangles', all in one list.
     """
 
-    dragon: Dragon = field(default_factory=Dragon)
+    dragon: AnyDragon = field(default_factory=Dragon)
     track: Spiral | Turn | Joined = field(default_factory=Spiral)
     head: Head | Profile = field(default_factory=Head)
     run: Run = field(default_factory=Run)
@@ -96,6 +96,9 @@ class Scene:
         if self.tier is PAPER and (self.led or not isinstance(self.head, Head)):
             raise FieldError('accuracy', self.accuracy, "the paper's recipe is for one spiral, led by the head at a "
                              'constant speed', 'ask for another tier')
+        if self.tier is PAPER and not is_even(self.dragon.link_lengths_m):
+            raise FieldError('accuracy', self.accuracy, "the paper's recipe is for benches equal behind the head",
+                             'ask for another tier, or make them equal')
 
     @cached_property
     def led(self) -> Led | None:
@@ -166,6 +169,8 @@ class Scene:
         links = self.dragon.link_lengths_m
         if self.led or self.solver == 'march' or self.tier is PAPER or links.size < _FEWEST or not links[0] * links[1]:
             return None
+        if not is_even(links):      # no one map from a handle to the next
+            return None
         whole = (0.0, self.end.t_s if self.limit is None else self.limit.t_s)
         tables = (table_for(self.spiral, links, self._second_handle(*times), self.effort.newton,
                             self.tier.series_m(self.size_m)) for times in (whole, (self.run.start_s, self.end.t_s)))
@@ -184,9 +189,8 @@ class Scene:
         if self.led:
             t_s = self.led.end_s(self.head)
             return None if t_s is None else End(t_s, 'track')
-        spiral, links = self.spiral, self.dragon.link_lengths_m / self.spiral.b_m
-        body = float(links[1]) if links.size > 1 else None
-        angle, link = head_lock_angle(float(links[0]), body)
+        spiral = self.spiral
+        angle, link = head_lock_angle((self.dragon.link_lengths_m / spiral.b_m).tolist())
         if spiral.start.hi < angle:
             raise ChainLockError(
                 f'the chain is locked from the start: link {link} finds no place while the head is nearer to the '

@@ -17,7 +17,7 @@ import numpy as np
 
 from dragon_ros.core.ball import between
 from dragon_ros.core.bending import bend
-from dragon_ros.core.lookout import Sizes, View, beyond, joined
+from dragon_ros.core.lookout import Sizes, View, beyond, further, joined
 from dragon_ros.core.types import Array, Floats, Ints
 
 Look = Callable[[Floats], View]
@@ -28,21 +28,24 @@ _STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves
 class Stretch:
     """A cleared stretch: polar angles of the leading handle, and a lower bound in metres of its gaps.
 
-    They are the gaps to the next ``behind`` benches, but the one just behind.
+    They are the gaps of bench ``lead`` to the next ``behind`` benches, but the one just behind; and those of every
+    bench behind which the dragon goes on as it does behind ``lead``.
     """
 
     start_rad: float
     stop_rad: float
     bound_m: float
     behind: int
+    lead: int = 0
 
 
 @dataclass(frozen=True)
 class Window:
-    """Places (monotone) that a leading bench with so many benches ``behind`` it goes through."""
+    """Places (monotone) that bench ``lead``, with so many benches ``behind`` it, goes through."""
 
     places: Floats
     behind: int
+    lead: int
 
 
 @dataclass(frozen=True)
@@ -67,7 +70,7 @@ def bounds(a: View, b: View, sizes: Sizes, behind: Ints) -> Floats:
     low = np.maximum(low, np.maximum(a.apart, b.apart) - way[:, :1] - way[:, 2:])
     circle = beyond(a, b, sizes)
     out: Floats = np.min(np.where(_there(circle, behind), np.maximum(low, circle), np.inf), axis=1)
-    unseen = (behind > circle.shape[1] + 1) & (circle[:, -1] <= 0)
+    unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)
     return np.where(unseen | _turns_back(a, b), -np.inf, out)
 
 
@@ -99,14 +102,14 @@ def _way(a: View, b: View, sizes: Sizes) -> Floats:
 
 def _turns_back(a: View, b: View) -> Array:
     """Return where the second or third handle comes in at one end of a stretch and goes out at the other."""
-    one, two = (_comes_in(view.theta[:, :3], view.delta[:, :2]) for view in (a, b))
+    one, two = (comes_in(view.theta[:, :3], view.delta[:, :2]) for view in (a, b))
     out: Array = np.any((np.minimum(one, two) < -_STILL) & (np.maximum(one, two) > _STILL), axis=1)
     return out
 
 
-def _comes_in(theta: Floats, delta: Floats) -> Floats:
+def comes_in(theta: Floats, delta: Floats) -> Floats:
     """Return numbers that are positive where a link's rear handle follows its front handle inwards."""
-    inner, outer = theta[:, :-1], theta[:, 1:]
+    inner, outer = theta[..., :-1], theta[..., 1:]
     out: Floats = delta * np.cos(delta) + inner * (outer * np.sin(delta) - 2 * np.sin(0.5 * delta) ** 2)
     return out
 
@@ -131,6 +134,7 @@ class _Search:
         counts = np.array([window.places.size for window in windows])
         self._window = np.repeat(np.arange(counts.size), counts)
         self._behind = np.array([window.behind for window in windows])
+        self._lead = [window.lead for window in windows]
         self._sign = np.array([1.0 if w.places[-1] >= w.places[0] else -1.0 for w in windows])
         self._hit: Floats = np.full(counts.size, np.inf)
         self._done: list[tuple[Floats, Ints]] = []
@@ -176,7 +180,7 @@ class _Search:
         sign, hit = self._sign[number], self._hit[number]
         stuck = [row for row in self._rows(self._stuck, number) if sign * row[0] < hit]
         end = sign * stuck[0][0] if stuck else hit
-        kept = [Stretch(start, stop, bound, int(self._behind[number]))
+        kept = [Stretch(start, stop, bound, int(self._behind[number]), self._lead[number])
                 for start, stop, bound in self._rows(self._done, number) if sign * start < end]
         if end == np.inf:
             return Cleared(kept, None, False)

@@ -4,6 +4,7 @@ from functools import lru_cache
 
 import numpy as np
 
+from dragon_ros.core.dragon import Group, Mixed
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, states
@@ -20,5 +21,7 @@ def trail(scene: Scene, frame: Frame) -> Floats:
 @lru_cache(maxsize=8)
 def _head_of(scene: Scene) -> Scene:
     """Return the scene of the head bench alone, which goes the same way, at any time; a tail that leads needs all."""
-    alone = replace(scene.dragon, benches=1)
-    return scene if scene.head.lead == 'tail' else replace(scene, dragon=alone, accuracy='exact', effects=Effect.NONE)
+    if scene.head.lead == 'tail':
+        return scene
+    alone = Mixed((Group(float(scene.dragon.bench_lengths_m[0])),), scene.dragon.width_m, scene.dragon.hole_inset_m)
+    return replace(scene, dragon=alone, accuracy='exact', effects=Effect.NONE)

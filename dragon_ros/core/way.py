@@ -1,6 +1,7 @@
 """The head's way through a run, in polar angles of its front handle, and what can be cleared of contact along it."""
 from collections.abc import Callable
 from dataclasses import replace
+from functools import cached_property
 
 import numpy as np
 
@@ -8,13 +9,14 @@ from dragon_ros.core import stretches
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.dragon import goes_on_alike, is_even
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import turning_places
 from dragon_ros.core.lookout import Lookout
 from dragon_ros.core.march import place
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.stretches import Cleared, Stretch, Window
+from dragon_ros.core.stretches import Cleared, Stretch, Window, comes_in
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats
 
@@ -22,6 +24,7 @@ _FIRST_M = 4.0          # distance of the places looked at first
 _FINEST_M = 1e-3, 1e-8  # stretches are not halved below this: next to a contact, and next to a grazing
 _LONGEST_M = 1e6
 _MOST_PLACES = 200_000
+_CLOSER = 20        # halvings of a way, to find up to where it can be proved
 Bracket = tuple[float, float]
 
 
@@ -43,8 +46,7 @@ class Way:
         # The model's own end is left out by a hair: speeds are infinite at a lock.
         self.stop = stop if scene.end.reason == 'stop' else min(self.start, stop + 1e-9 * (1 + stop))
         self.sign = -1.0 if self.stop <= self.start else 1.0
-        self._chords = tuple(float(link) / self.spiral.b_m for link in (scene.dragon.head_link_m,
-                                                                        scene.dragon.body_link_m))
+        self._chords = (scene.dragon.link_lengths_m / self.spiral.b_m).tolist()
 
     def _theta(self, t_s: float) -> float:
         return self.spiral.inward(*self.scene.head.travelled_m(t_s)).hi
@@ -83,12 +85,36 @@ class Way:
         if behind < 2:
             return [], None
         phases, ends = self._phases(stop)
-        whole = self._clear(1, [self._window(1, *_track(ends), behind)])[0]
+        found = [self._clear_kin(kin, phases, ends) for kin in self._kins]
+        hits = [hit for _, hit in found if hit]
+        return ([one for done, _ in found for one in done],
+                min(hits, key=lambda hit: self.sign * hit[1], default=None))
+
+    @cached_property
+    def _kins(self) -> list[list[int]]:
+        """The benches of the body that have others to meet; those behind which the dragon goes on alike are together.
+
+        That is one list where all are equal: the first of a list speaks for the others.
+        """
+        lengths, kins = self.dragon.bench_lengths_m, list[list[int]]()
+        for bench in range(1, lengths.size - 2):
+            kin = next((kin for kin in kins if goes_on_alike(lengths, kin[0], bench)), None)
+            if kin:
+                kin.append(bench)
+            else:
+                kins.append([bench])
+        return kins
+
+    def _clear_kin(self, kin: list[int], phases: list[float], ends: list[Floats]
+                   ) -> tuple[list[Stretch], Bracket | None]:
+        """Clear what some benches meet: their whole track at once or, where that is not clear, each one's part."""
+        lead = kin[0]
+        whole = self._clear(lead, [self._window(lead, *_track(kin, ends), self.dragon.benches - 1 - lead)])[0]
         if whole.hit is None:
             return whole.stretches, None
         done: list[Stretch] = []
         for n in range(len(phases) - 1):
-            cleared, hit = self._clear_phase(phases[n], phases[n + 1], ends[n], ends[n + 1])
+            cleared, hit = self._clear_phase(kin, phases[n], phases[n + 1], ends[n], ends[n + 1])
             done += cleared
             if hit:
                 return done, hit
@@ -96,44 +122,69 @@ class Way:
 
     def trimmed(self, body: list[Stretch], stop: float) -> list[Stretch]:
         """Return the stretches of the whole body's track without what it has not reached with the head at ``stop``."""
-        if not body:
-            return []
-        outer, inner = _track(self._phases(stop)[1])
+        ends = self._phases(stop)[1] if body else []
+        tracks = {kin[0]: _track(kin, ends) for kin in self._kins} if body else {}
         return [replace(one, start_rad=min(one.start_rad, outer), stop_rad=max(one.stop_rad, inner)) for one in body
-                if one.start_rad > inner and one.stop_rad < outer]
+                for outer, inner in [tracks[one.lead]] if one.start_rad > inner and one.stop_rad < outer]
+
+    @cached_property
+    def provable(self) -> float:
+        """The place up to which no handle behind the third turns back, so that each moves one way between two places.
+
+        Where links are equal none does, and it is ``stop``.
+        """
+        good, bad = self.start, self.stop
+        if is_even(self.dragon.link_lengths_m) or self._all_come_in(self.stop):
+            return self.stop
+        for _ in range(_CLOSER if self._all_come_in(self.start) else 0):
+            middle = 0.5 * (good + bad)
+            good, bad = (middle, bad) if self._all_come_in(middle) else (good, middle)
+        return good
+
+    def _all_come_in(self, stop: float) -> bool:
+        """Return whether all links from the third on come in with their front handles while the head goes to ``stop``.
+
+        One that spans no more than half a turn and does where its front handle is nearest to the centre does wherever
+        that is (docs/contact.md, lemmas 1 and 2).
+        """
+        for chain in map(self.chain, self._phases(stop)[0]):
+            theta, delta = chain.theta[2:], chain.delta[2:]
+            if not np.all((chain.links_m[2:] == 0) | (delta <= np.pi) & (comes_in(theta, delta) > 0)):
+                return False
+        return True
 
     def _phases(self, stop: float) -> tuple[list[float], list[Floats]]:
         """Return the places between which every handle moves one way, and all handles there."""
-        turns = turning_places(*self._chords, *sorted((self.start, stop)))
+        turns = turning_places(*self._chords[:2], *sorted((self.start, stop)))
         places = [self.start, *turns[::int(self.sign)], stop]
         return places, [self.chain(place).theta for place in places]
 
-    def _clear_phase(self, start: float, stop: float, here: Floats, there: Floats
+    def _clear_phase(self, kin: list[int], start: float, stop: float, here: Floats, there: Floats
                      ) -> tuple[list[Stretch], Bracket | None]:
-        """Clear the part of the track of each body bench while the head goes from ``start`` to ``stop``."""
-        windows = self._parts(here, there)
+        """Clear the part of the track of each of some benches while the head goes from ``start`` to ``stop``."""
+        windows = self._parts(kin, here, there)
         done: list[Stretch] = []
         hits = []
-        for bench, cleared in enumerate(self._clear(1, windows), 1):
+        for bench, cleared in zip(kin, self._clear(kin[0], windows), strict=True):
             done += cleared.stretches
             if cleared.hit:
                 hits.append([self._head_at(bench, place, (start, stop), (here, there)) for place in cleared.hit])
         first = min(hits, key=lambda row: self.sign * row[1], default=None)
         return done, (first[0], first[1]) if first else None
 
-    def _parts(self, here: Floats, there: Floats) -> list[Window]:
-        """Return each bench's part of the track, without what another one goes through before it."""
+    def _parts(self, kin: list[int], here: Floats, there: Floats) -> list[Window]:
+        """Return each bench's part of the track, without what another of its kin goes through before it."""
         last = self.dragon.benches - 1
-        reach = self._lookout(1, np.array([min(here[1], there[1]), max(here[-4], there[-4])])).follow
+        reach = self._lookout(kin[0], np.array(_track(kin, [here, there]))).follow
         out = []
-        for bench in range(1, last - 1):
+        for before, bench, after in zip([0, *kin], kin, [*kin[1:], last], strict=False):
             start, stop = float(here[bench]), float(there[bench])
-            if stop < start and bench > 1 and there[bench - 1] <= here[bench - 1]:
-                stop = max(stop, float(here[bench - 1]))
-            elif stop > start and last - bench - 1 >= reach:
-                stop = min(stop, float(here[bench + 1]))
-            behind = last - bench if last - bench < reach else last - 1
-            out.append(self._window(1, start, stop, behind))
+            if stop < start and before and there[before] <= here[before]:
+                stop = max(stop, float(here[before]))
+            elif stop > start and last - after >= reach:
+                stop = min(stop, float(here[after]))
+            behind = last - bench if last - bench < reach else last - kin[0]
+            out.append(self._window(kin[0], start, stop, behind))
         return out
 
     def _head_at(self, bench: int, theta: float, way: Bracket, ends: tuple[Floats, Floats]) -> float:
@@ -146,9 +197,9 @@ class Way:
     def _window(self, first: int, start: float, stop: float, behind: int) -> Window:
         count = 2 + int(self.spiral.b_m * abs(start - stop) * (1 + max(start, stop)) / _FIRST_M)
         places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
-        turns = turning_places(self._chords[first], self._chords[1], *sorted((start, stop)))
+        turns = turning_places(*self._chords[first:first + 2], *sorted((start, stop)))
         ordered = np.unique(np.concatenate((places, turns)))
-        return Window(ordered if stop > start else ordered[::-1], behind)
+        return Window(ordered if stop > start else ordered[::-1], behind, first)
 
     def _lookout(self, first: int, ends: Floats) -> Lookout:
         follow = self.dragon.benches - first
@@ -177,9 +228,9 @@ class Way:
         assert cleared.hit is not None
         sign = 1.0 if window.places[-1] > window.places[0] else -1.0
         later = window.places[sign * window.places > sign * cleared.hit[0]]
-        return Window(np.concatenate(([cleared.hit[0]], later)), window.behind)
+        return replace(window, places=np.concatenate(([cleared.hit[0]], later)))
 
 
-def _track(ends: list[Floats]) -> Bracket:
-    """Return the outermost and innermost place of a body bench that has others to meet."""
-    return max(float(theta[-4]) for theta in ends), min(float(theta[1]) for theta in ends)
+def _track(kin: list[int], ends: list[Floats]) -> Bracket:
+    """Return the outermost and innermost place of some benches, given from the head on."""
+    return max(float(theta[kin[-1]]) for theta in ends), min(float(theta[kin[0]]) for theta in ends)

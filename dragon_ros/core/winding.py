@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import steps
 from dragon_ros.core.motion import dot, left
@@ -26,7 +26,7 @@ class Windings:
     scale: Floats
 
 
-def windings(dragon: Dragon, first: int, follow: int, radius_m: Floats, scale: Floats, effort: Effort) -> Windings:
+def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats, effort: Effort) -> Windings:
     """Place ``follow`` benches behind radii (M,) on spirals of the given scales; the first is bench ``first``.
 
     Raises ChainLockError where a link finds no place.
@@ -48,7 +48,7 @@ def windings(dragon: Dragon, first: int, follow: int, radius_m: Floats, scale: F
     return Windings(places, np.stack(delta, axis=1), p, axis / np.hypot(axis[..., 0], axis[..., 1])[..., None], scale)
 
 
-def separations(dragon: Dragon, first: int, winding: Windings) -> Floats:
+def separations(dragon: AnyDragon, first: int, winding: Windings) -> Floats:
     """Return how far the leading bench and those from the second behind it on are apart, (M, K, 8), in units of b.
 
     Along four edges (two of the leading bench, two of the other), on either side: apart where any is positive.

@@ -6,13 +6,13 @@ that a chord has several roots, a bend almost too tight to follow.
 from dataclasses import replace
 from functools import lru_cache
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon, Dragon
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Arc, Joined, Line, Piece, Wind
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.turn import Turn
-from dragon_ros.cost.problems import Problem
+from dragon_ros.cost.problems import MIXED, Problem
 
 _TURNING = Scene(track=Turn(before_m=100.0), run=Run(0, 200))
 _SHORT = Dragon(12, 2.2, 2.2)
@@ -22,7 +22,7 @@ _WIGGLE: tuple[Piece, ...] = (Line(2.0), *(Arc(1.6, (-1) ** k * 20.0) for k in r
 
 
 def _on(name: str, why: str, pieces: tuple[Piece, ...], times_s: tuple[float, ...],
-        dragon: Dragon | None = None) -> Problem:
+        dragon: AnyDragon | None = None) -> Problem:
     dragon = dragon or Dragon(12)
     return Problem(name, Scene(dragon=dragon, track=Joined(pieces), run=Run(0, max(times_s))), times_s,
                    tuple(range(dragon.benches + 1)), why)
@@ -67,6 +67,8 @@ def dances() -> tuple[Problem, ...]:
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
         _like('unwinding', 'led by the tail, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),
+        _like('mixed-by-the-tail', 'benches of six lengths behind their tail, links in reverse on a turn',
+              Scene(dragon=MIXED, track=Turn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
         _like('turn-by-the-tail', 'led by the tail, back through a turn that the head had left',
               replace(_TURNING, dragon=Dragon(30), track=Turn(before_m=-20.0), head=Head(0.7, 'tail')),
               (0.0, 5.0, 20.0, 40.0)),

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import AnyDragon, Dragon, Group, Mixed
 from dragon_ros.core.head import Head
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
@@ -26,6 +26,8 @@ class Problem:
 _CLASSIC = Scene()
 _LOCK_S = 432.91792422838296       # of the classic dragon, to the float; the model's own is tested against it
 _ALL = tuple(range(224))
+MIXED = Mixed((Group(3.41), Group(2.2, 10), Group(1.1), Group(4.0, 2), Group(0.55), Group(0.9, 15), Group(2.2, 10)))
+_LONG_FOURTH, _FOURTH_LOCKS_S = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6))), 430.61003584845963
 
 
 def _some(benches: int) -> tuple[int, ...]:
@@ -42,7 +44,7 @@ def _scaled(scale: float) -> Scene:
                  track=Spiral(0.55 * scale, 16.0), head=Head(scale))
 
 
-def _with(name: str, why: str, times_s: tuple[float, ...], dragon: Dragon | None = None, track: Spiral | None = None,
+def _with(name: str, why: str, times_s: tuple[float, ...], dragon: AnyDragon | None = None, track: Spiral | None = None,
           speed_m_s: float = 1.0) -> Problem:
     dragon = dragon or Dragon(40)
     scene = Scene(dragon=dragon, track=track or Spiral(), head=Head(speed_m_s), run=Run(0, max(times_s)))
@@ -78,6 +80,10 @@ def problems() -> tuple[Problem, ...]:
         _with('far-1e9', 'polar angles near 1e9 rad', (0.0, 300.0), None, Spiral(0.55, 1e9 / (2 * pi))),
         _with('joined-handles', 'body links of zero length', (0.0, 300.0), Dragon(10, 3.41, 0.55)),
         _with('almost-joined', 'body links of a nanometre', (0.0, 300.0), Dragon(10, 3.41, 0.55 + 1e-9)),
+        _with('mixed', 'benches of six lengths, one of them with both handles in one place', (0.0, 300.0, 412.0, 432.0),
+              MIXED),
+        _with('mixed-lock', 'a long fourth link that vanishes first, 1e-2 to 1e-8 s before',
+              tuple(_FOURTH_LOCKS_S - 10.0 ** -k for k in (2, 4, 6, 8)), _LONG_FOURTH),
         _with('rest', 'a head at rest', (0.0, 1e6), None, None, 0.0),
         _with('crawl', 'a head at 1e-9 m/s', (0.0, 1e9), None, None, 1e-9),
         _with('rush', 'a head at 1e6 m/s', (0.0, 1e-4, 4.12e-4), None, None, 1e6),

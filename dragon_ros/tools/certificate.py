@@ -7,7 +7,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.first_contact import Contact, NoContact
 from dragon_ros.core.scene import Scene
 from dragon_ros.tools.certificate_file import Claims, read_claims
-from dragon_ros.tools.checker import Checker
+from dragon_ros.tools.checker import Checker, name_of
 from dragon_ros.wire.scenes import scene_values
 
 _TOUCH_M = 1e-9         # what benches may be apart at the contact
@@ -18,10 +18,11 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     """Return a certificate as plain values. Raises InputError where there is none."""
     proof = found.certificate
     if not proof.complete:
-        raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
-                         'before the contact cannot be told from it')
-    intervals = [{'lead': name, 'start_rad': s.start_rad, 'stop_rad': s.stop_rad, 'bound_m': s.bound_m,
-                  'behind': s.behind} for name, part in (('head', proof.head), ('body', proof.body)) for s in part]
+        raise InputError('--certificate: this run has none: ' + (
+            'benches come together so slowly that the last stretch before the contact cannot be told from it'
+            if proof.head or proof.body else 'its benches were followed in time, with a tested margin'))
+    intervals = [{'lead': name_of(s.lead), 'start_rad': s.start_rad, 'stop_rad': s.stop_rad, 'bound_m': s.bound_m,
+                  'behind': s.behind} for s in (*proof.head, *proof.body)]
     contact = {'t_s': found.t_s, 'benches': list(found.benches)} if isinstance(found, Contact) else {'t_s': None}
     return {'scene': scene_values(scene), 'contact': contact, 'start_gap_m': proof.start_gap_m, 'intervals': intervals}
 

@@ -1,5 +1,6 @@
 """Certificate files, read: nothing in them is believed before it is a number that can be one."""
 import json
+import re
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -10,7 +11,6 @@ from dragon_ros.tools.checker import Row
 from dragon_ros.wire.documents import Document
 from dragon_ros.wire.scenes import scene_of
 
-LEADS = ('head', 'body')
 _LARGEST = 256 * 2**20      # bytes
 _FURTHEST_RAD = 1e10
 _LIMITS = {'start_rad': (0.0, _FURTHEST_RAD), 'stop_rad': (0.0, _FURTHEST_RAD), 'bound_m': (-1e12, 1e12)}
@@ -54,8 +54,16 @@ def read_claims(path: Path) -> Claims:
 
 def _row(row: dict[str, Any], benches: int) -> Row:
     """Return an interval whose numbers can be what they claim. Raises FieldError, KeyError or TypeError."""
-    if row['lead'] not in LEADS:
-        raise FieldError('lead', row['lead'], f'it is one of {", ".join(LEADS)}', 'name one')
+    lead = _lead(row['lead'], benches)
     start_rad, stop_rad, bound_m = (number(key, row[key], low=low, high=high) for key, (low, high) in _LIMITS.items())
-    return Row(LEADS.index(row['lead']), start_rad, stop_rad, bound_m,
+    return Row(lead, start_rad, stop_rad, bound_m,
                whole('behind', row['behind'], low=0, high=benches))
+
+
+def _lead(name: Any, benches: int) -> int:
+    """Return the number of a leading bench. Raises FieldError for no name of one that has others to meet."""
+    known = re.fullmatch('head|body|bench ([0-9]{1,7})', name) if isinstance(name, str) else None
+    lead = -1 if not known else int(known[1]) if known[1] else int(name == 'body')
+    if not 0 <= lead < max(benches - 2, 2):
+        raise FieldError('lead', name, 'it is head, body, or bench N with two benches behind it', 'name one')
+    return lead

@@ -5,7 +5,7 @@ intervals, and halves a stretch where its bound is smaller than the one claimed.
 shares only the scene's plain numbers with the solver.
 """
 from dataclasses import dataclass
-from math import cos, hypot, inf, sin
+from math import cos, hypot, inf, pi, sin, sqrt
 
 import numpy as np
 
@@ -24,13 +24,18 @@ _STILL = 1e-9           # of a turn of the follower: nearer to it nothing moves
 
 @dataclass(frozen=True)
 class Row:
-    """One interval of a certificate: lead (0 head, 1 body), ends, the claimed bound, and how many benches behind."""
+    """One interval of a certificate: the leading bench, ends, the claimed bound, and how many benches behind."""
 
     lead: int
     start_rad: float
     stop_rad: float
     bound_m: float
     behind: int
+
+
+def name_of(lead: int) -> str:
+    """Return how a certificate names a leading bench; 'body' is bench 1."""
+    return ('head', 'body')[lead] if lead < 2 else f'bench {lead}'
 
 
 @dataclass(frozen=True)
@@ -54,11 +59,31 @@ class Checker(Geometry):
         last += 5e-10 * (1 + last) if last < first else 0.0      # a run ends a hair before a lock
         count = len(self.links)
         ways = np.array([self.chain(0, angle, count) for angle in (*self._extremes(first, before), last)])
-        for lead, row_kind in enumerate(('head', 'body')):
-            part = [row for row in rows if row.lead == lead]
-            for bench in range(1, count - 2) if lead else range(min(1, max(count - 2, 0))):
-                self._covers(f'{row_kind} (bench {bench})', part, count - 1 - bench, ways[:-1, bench])
-            self._meet(row_kind, part, ways[:, 1:count] if lead else ways[:, :1])
+        self._check_turns(ways)
+        parts: dict[int, list[Row]] = {}
+        for row in rows:
+            parts.setdefault(row.lead, []).append(row)
+        spoken: dict[int, list[int]] = {lead: [] for lead in parts}
+        for bench in range(count - 2):
+            leads = [lead for lead in parts if self._speaks(lead, bench)]
+            for lead in leads:
+                spoken[lead].append(bench)
+            self._covers(f'{name_of(min(bench, 1))} (bench {bench})', [row for lead in leads for row in parts[lead]],
+                         count - 1 - bench, ways[:-1, bench])
+        for lead, part in parts.items():
+            self._meet(name_of(lead), part, ways[:, spoken[lead]])
+
+    def _speaks(self, lead: int, bench: int) -> bool:
+        """Return whether what one bench meets tells of another one: if what is behind that is also behind the one."""
+        if not lead or lead >= bench:
+            return lead == bench
+        return not self.uneven or self.lengths[bench:] == self.lengths[lead:lead + len(self.lengths) - bench]
+
+    def _check_turns(self, ways: Floats) -> None:
+        """Refuse chains whose links, from the third on, may turn back: places between the ends would be left out."""
+        front, span = ways[:, 2:-1], np.diff(ways[:, 2:])
+        if self.uneven and np.any((span > 0) & ((span > pi) | (_comes_in(front, span) <= 0))):
+            raise InputError('a link behind the second may turn back on the way; such runs have no certificate')
 
     @staticmethod
     def _meet(what: str, rows: list[Row], ways: Floats) -> None:
@@ -97,7 +122,7 @@ class Checker(Geometry):
         if 0 < row.bound_m <= bound + _AGREE_M:
             return
         if row.bound_m <= 0 or halvings == 0:
-            raise InputError(f'{"body" if row.lead else "head"}: from {row.start_rad!r} to {row.stop_rad!r} rad the '
+            raise InputError(f'{name_of(row.lead)}: from {row.start_rad!r} to {row.stop_rad!r} rad the '
                              f'bound is {bound:.9g} m, not {row.bound_m!r} m')
         middle = 0.5 * (row.start_rad + row.stop_rad)
         for start, stop in ((row.start_rad, middle), (middle, row.stop_rad)):
@@ -143,9 +168,19 @@ class Checker(Geometry):
         most = min(row.behind + 1, len(self.links) - row.lead)
         chains = [np.array(self.chain(row.lead, angle, most)) for angle in (row.start_rad, row.stop_rad)]
         for number in range(3, most):
-            if self._outside(row.lead, number, *chains) > 0:
+            if (self._further if self.uneven else self._outside)(row.lead, number, *chains) > 0:
                 return number + 1
         return most
+
+    def _further(self, lead: int, number: int, one: Floats, two: Floats) -> float:
+        """Return how far a bench and all behind it stay outside that circle, whatever their lengths.
+
+        A link's points are at least half of the longest from its front handle's circle, by Pythagoras.
+        """
+        inner, outer = self.b * float(min(one[number], two[number])), self.b * float(max(one[1], two[1]))
+        overhang = 0.5 * (self.lengths[lead] - self.links[lead])
+        away = sqrt(max(inner * inner - 0.25 * max(self.links[lead:]) ** 2, 0.0))
+        return away - outer - 2 * hypot(overhang, self.half_width)
 
     def _outside(self, lead: int, number: int, one: Floats, two: Floats) -> float:
         """Return how far a bench's line stays outside the circle about the centre that holds the leading bench."""
@@ -168,10 +203,7 @@ class Checker(Geometry):
 
     def _turns_back(self, lead: int, one: Floats, two: Floats) -> bool:
         """Return whether the second or third handle comes in at one end and goes out at the other."""
-        ends = []
-        for angles in (one[:3], two[:3]):
-            front, span = angles[:-1], np.diff(angles)
-            ends.append(span * np.cos(span) + front * (angles[1:] * np.sin(span) + np.cos(span) - 1))
+        ends = [_comes_in(angles[:2], np.diff(angles[:3])) for angles in (one, two)]
         return bool(np.any((np.minimum(*ends) < -_STILL) & (np.maximum(*ends) > _STILL)))
 
     def _sag(self, lead: int, one: Floats, two: Floats) -> list[Floats]:
@@ -180,3 +212,9 @@ class Checker(Geometry):
         arms = np.hypot(0.5 * np.array(self.lengths[lead:lead + links.size]), self.half_width) / self.b
         bends = bends_of(hull(one, two), hull(np.diff(one), np.diff(two)), links / self.b, arms)
         return [bend * (self.b * float(one[0] - two[0]) ** 2 / 8) for bend in bends]
+
+
+def _comes_in(front: Floats, span: Floats) -> Floats:
+    """Return numbers that are positive where a link's rear handle follows its front handle inwards."""
+    out: Floats = span * np.cos(span) + front * ((front + span) * np.sin(span) + np.cos(span) - 1)
+    return out

@@ -56,7 +56,8 @@ def values_of(found: Contact | NoContact) -> dict[str, Any]:
     """Return the result as plain values."""
     if isinstance(found, NoContact):
         end = found.end
-        return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link}
+        return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link,
+                'certified': found.certificate.complete}
     seen = found.witness
     features = {'bench': seen.owner, 'corner': seen.corner, 'other': seen.other, 'edge': seen.edge}
     return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m), 'features': features,
@@ -68,6 +69,7 @@ def values_of(found: Contact | NoContact) -> dict[str, Any]:
 
 def _text(values: dict[str, Any]) -> str:
     stats = f'{values["stats"]["states"]} states in {values["stats"]["elapsed_s"]:.3f} s'
+    stats += '' if values['certified'] else ', without a certificate'
     if values['t_s'] is None:
         why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
         return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'

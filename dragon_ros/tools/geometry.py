@@ -17,8 +17,9 @@ class Geometry:
         """Take plain numbers from the scene."""
         d, self.scene = scene.dragon, scene
         self.b = scene.spiral.pitch_m / (2 * pi)
-        self.links = [d.head_length_m - 2 * d.hole_inset_m] + [d.body_length_m - 2 * d.hole_inset_m] * (d.benches - 1)
-        self.lengths = [d.head_length_m] + [d.body_length_m] * (d.benches - 1)
+        self.lengths: list[float] = d.bench_lengths_m.tolist()
+        self.links = [length - 2 * d.hole_inset_m for length in self.lengths]
+        self.uneven = any(length != self.lengths[-1] for length in self.lengths[1:])
         self.half_width = 0.5 * d.width_m
 
     def angle(self, t_s: float) -> float:

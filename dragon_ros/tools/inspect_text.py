@@ -49,7 +49,9 @@ def _scene(scene: dict[str, Any] | None) -> list[str]:
     if scene is None:
         return ['  no scene is recorded in it']
     dragon, track, run = scene['dragon'], scene['track'], scene['run']
-    return [f'  scene: {dragon["benches"]} benches, pitch {track["pitch_m"]:g} m, {run["rate_hz"]:g} Hz from '
+    benches = dragon.get('benches') or sum(group['count'] for group in dragon['groups'])
+    on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{len(track["pieces"])} pieces of track'
+    return [f'  scene: {benches}{" mixed" if "groups" in dragon else ""} benches, {on}, {run["rate_hz"]:g} Hz from '
             f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}']
 
 

@@ -10,10 +10,9 @@ from typing import Any, get_args, get_origin
 
 from dragon_ros.core.effects import MEANINGS
 from dragon_ros.core.head import LEADERS, RAMPS
-from dragon_ros.core.joined import KINDS as PIECES
 from dragon_ros.core.scene import MARKERS, SOLVERS, Scene
 from dragon_ros.core.tiers import TIERS
-from dragon_ros.wire.scenes import SECTIONS
+from dragon_ros.wire.scenes import PARTS, SECTIONS
 
 Schema = dict[str, Any]
 
@@ -45,7 +44,7 @@ def text() -> str:
 
 
 def _section(kinds: Mapping[str, type]) -> Schema:
-    """Return the schema of a section, or of a piece of a track: one of its kinds, the first where none is named."""
+    """Return the schema of a section: one of its kinds, the first where none is named."""
     made = [_kind(name, one, needed=number > 0) for number, (name, one) in enumerate(kinds.items())]
     return made[0] if len(made) == 1 else {'oneOf': made}
 
@@ -65,9 +64,9 @@ def _field(field: 'Field[Any]') -> Schema:
     default = {} if field.default is MISSING else {'default': field.default}
     if field.name in _CHOICES:
         return {'enum': list(_CHOICES[field.name]), **default}
-    if field.name == 'pieces':
-        return {'type': 'array', 'minItems': 1,
-                'items': {'oneOf': [_kind(name, one, needed=True) for name, one in PIECES.items()]}}
+    if field.name in PARTS:
+        made = [_kind(name, one, needed=True) for name, one in PARTS[field.name].items()]
+        return {'type': 'array', 'minItems': 1, 'items': made[0] if len(made) == 1 else {'oneOf': made}}
     return {**_type(field.type), **default}
 
 

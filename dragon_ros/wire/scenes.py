@@ -4,7 +4,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.effects import effects_of
 from dragon_ros.core.errors import FieldError, InputError, MissingError
 from dragon_ros.core.head import Head, Profile
@@ -18,13 +18,16 @@ from dragon_ros.wire import config
 from dragon_ros.wire.documents import Document, parse_document, read_document
 
 SECTIONS: dict[str, dict[str, type]] = {
-    'dragon': {'': Dragon},
+    'dragon': {'equal': Dragon, 'mixed': Mixed},
     'track': {'spiral': Spiral, 'turn': Turn, 'joined': Joined},
     'head': {'constant': Head, 'profile': Profile},
     'run': {'': Run},
     'noise': {'': Noise},
     'trails': {'': Trails},
 }       # by kind; the first is the default
+# Lists of mappings in a section, by their key.
+PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}}
+_EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}'}
 _WORDS = ('lead', 'ramps', 'side')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
@@ -82,12 +85,12 @@ def _find(name_or_file: str) -> Path:
 
 
 def _values(part: Any, kinds: dict[str, type]) -> dict[str, Any]:
-    """Return one section, or one piece of a track, as a mapping; what is None is left out of a piece."""
+    """Return one section, or one of a list in it, as a mapping; what is None is left out of the latter."""
     kind = next(name for name, one in kinds.items() if isinstance(part, one))
     values = {f.name: getattr(part, f.name) for f in fields(part)}
-    if isinstance(part, Joined):
-        values['pieces'] = [{key: _plain(value) for key, value in _values(piece, PIECES).items() if value is not None}
-                            for piece in part.pieces]
+    for key in PARTS.keys() & values.keys():
+        values[key] = [{name: _plain(value) for name, value in _values(one, PARTS[key]).items() if value is not None}
+                       for one in values[key]]
     return {**({'kind': kind} if kind else {}), **{key: _plain(value) for key, value in values.items()}}
 
 
@@ -98,11 +101,7 @@ def _plain(value: Any) -> Any:
 
 def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
     """Build one section's dataclass from its mapping; ``kind`` says which where there are several."""
-    given = dict(document.section(name))
-    if name == 'track' and isinstance(given.get('pieces'), list):
-        given['pieces'] = tuple(_piece(document, f'track.pieces.{n + 1}', piece)
-                                for n, piece in enumerate(given['pieces']))
-    return _made(document, name, kinds, given)
+    return _made(document, name, kinds, dict(document.section(name)))
 
 
 def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str, Any]) -> Any:
@@ -112,18 +111,21 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
         document.refuse(f'{name}.kind', f'{chosen!r} is not known; the kinds are {", ".join(kinds)}')
     kind = kinds[chosen]
     known = [f.name for f in fields(kind)]
+    for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):
+        if key in given and key not in known:
+            document.refuse(f'{name}.{key}', f'there is no such key of kind {chosen}; write kind: {other} for it')
     document.check_keys(f'{name}.', given, (*known, 'kind') if len(kinds) > 1 else known)
     for f in fields(kind):
         if f.default is MISSING and f.name not in given:
-            document.refuse(f'{name}.{f.name}', f'it is missing; a {chosen} needs it')
+            document.refuse(f'{name}.{f.name}', f'it is missing; a {chosen or "part"} needs it')
     return kind(**{key: _value(document, f'{name}.{key}', value) for key, value in given.items()})
 
 
-def _piece(document: Document, name: str, given: Any) -> Any:
-    """Return one piece of a joined track."""
-    if not isinstance(given, dict) or 'kind' not in given:
-        document.refuse(name, f'it holds {given!r}; write for example {{kind: line, length_m: 5}}')
-    return _made(document, name, PIECES, dict(given))
+def _part(document: Document, name: str, key: str, given: Any) -> Any:
+    """Return one of a list of mappings: a piece of a joined track, or a group of benches."""
+    if not isinstance(given, dict) or (len(PARTS[key]) > 1 and 'kind' not in given):
+        document.refuse(name, f'it holds {given!r}; write for example {_EXAMPLES[key]}')
+    return _made(document, name, PARTS[key], dict(given))
 
 
 def _value(document: Document, name: str, value: Any) -> Any:
@@ -137,9 +139,11 @@ def _value(document: Document, name: str, value: Any) -> Any:
         if not _is_pair(value):
             document.refuse(name, f'{value!r} is not a place; write for example [1.5, 2]')
         return tuple(map(_number, value))
-    if key == 'pieces' and not isinstance(value, tuple):
-        document.refuse(name, f'{value!r} is not a list of pieces; write for example [{{kind: line, length_m: 5}}]')
-    return value if isinstance(value, tuple) or key in _WORDS else _number(value)
+    if key in PARTS:
+        if not isinstance(value, list):
+            document.refuse(name, f'{value!r} is not a list of {key}; write for example [{_EXAMPLES[key]}]')
+        return tuple(_part(document, f'{name}.{n}', key, one) for n, one in enumerate(value, 1))
+    return value if key in _WORDS else _number(value)
 
 
 def _is_pair(value: Any) -> bool:

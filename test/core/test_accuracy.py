@@ -171,13 +171,15 @@ def test_the_last_representable_tick_before_the_lock_is_computed():
     assert np.all(np.isfinite(state(scene, scene.run.time_ns(scene.last_tick) / 1e9).p))
 
 
+@pytest.mark.parametrize('name', ['classic', 'mixed', 'mixed-lock'])
 @pytest.mark.parametrize('accuracy', PROMISING)
-def test_many_states_at_once_keep_the_promise_too(accuracy):
-    problem = CASES['classic']
+def test_many_states_at_once_keep_the_promise_too(accuracy, name):
+    problem = CASES[name]
     scene = replace(problem.scene, accuracy=accuracy)
     chain = states(scene, problem.times_s)
-    for number, p in enumerate(chain.p):
-        assert np.max(truth(problem).distance(number, p)) <= scene.promise_m
+    for number, (t_s, p) in enumerate(zip(problem.times_s, chain.p, strict=True)):
+        promise_m = position_promise_m(scene.tier, scene.size_m, conditioning(state(problem.scene, t_s)))
+        assert np.max(truth(problem).distance(number, p[list(problem.handles)])) <= promise_m
 
 
 @pytest.mark.parametrize('name', ['classic', 'inner-turn', 'huge-pitch'])

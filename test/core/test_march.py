@@ -56,7 +56,7 @@ def test_the_classic_chain_locks_at_432_9_s_with_the_head_at_1_29_m():
     end = CLASSIC.end
     assert (end.reason, end.link) == ('lock', 0)
     assert end.t_s == pytest.approx(432.917924, abs=5e-7)
-    angle, _ = head_lock_angle(2.86 / CLASSIC.track.b_m, 1.65 / CLASSIC.track.b_m)
+    angle, _ = head_lock_angle([2.86 / CLASSIC.track.b_m, 1.65 / CLASSIC.track.b_m])
     assert angle * CLASSIC.track.b_m == pytest.approx(1.289798, abs=5e-7)
 
 

@@ -215,6 +215,20 @@ def test_bags_of_one_bench_and_of_triangles_are_simulated_inspected_and_checked(
     assert min(gaps, default=None) == (None if closest_m is None else pytest.approx(closest_m, abs=1e-6))
 
 
+@pytest.mark.parametrize(('overrides', 'says'), [
+    (('dragon.kind=mixed', 'dragon.groups=[{length_m: 3.41}, {count: 6, length_m: 1.5}]'),
+     '7 mixed benches, pitch 0.55'),
+    (('dragon.benches=4', 'track.kind=joined', 'track.pieces=[{kind: line, length_m: 500}]'),
+     '4 benches, 1 pieces of track')])
+def test_bags_of_mixed_benches_and_of_joined_tracks_are_told_and_checked(capsys, tmp_path, overrides, says):
+    path = tmp_path / 'run.mcap'
+    changes = [part for one in overrides for part in ('--set', one)]
+    assert run(capsys, 'simulate', *SCENE, *changes, '--output', path)[0] == 0
+    code, out, _ = run(capsys, 'inspect', path)
+    assert (code, says in out) == (0, True)
+    assert f'{3 * TICKS} messages are bit for bit' in run(capsys, 'inspect', path, '--check')[1]
+
+
 @pytest.mark.parametrize(('form', 'read'), [
     ('csv', lambda path: _csv(path)), ('parquet', lambda path: _parquet(path))])
 def test_export_writes_a_row_for_each_tick_and_handle(capsys, tmp_path, bag, form, read):

@@ -72,6 +72,18 @@ def test_contact_of_a_scene_without_one_says_how_it_ended(capsys, overrides, end
     assert found['t_end_s'] == pytest.approx(t_end, abs=1e-4)
 
 
+@pytest.mark.parametrize(('overrides', 'proved'), [
+    ([], True), (['head.lead=tail'], False),
+    (['dragon.kind=mixed', 'dragon.groups=[{count: 3, length_m: 1.1}, {length_m: 3.9}, {count: 6, length_m: 1.6}]',
+      'dragon.width_m=0.02', 'run.stop_s=431'], False)])
+def test_contact_says_whether_it_is_proved(capsys, overrides, proved):
+    changes = [a for o in ['run.start_s=429', 'run.stop_s=429.5', *overrides] for a in ('--set', o)]
+    assert json.loads(run(capsys, 'contact', *changes, '--format', 'json')[1])['certified'] == proved
+    assert ('without a certificate' in run(capsys, 'contact', *changes)[1]) != proved
+    code, _, err = run(capsys, 'contact', *changes, '--near-misses', '0.01')
+    assert (code, 'followed in time' in err) == ((0, False) if proved else (2, True))
+
+
 @pytest.mark.parametrize('form', ['text', 'csv', 'json'])
 def test_output_goes_to_a_file_when_told(capsys, tmp_path, form):
     path = tmp_path / 'out'

@@ -67,6 +67,17 @@ def test_an_empty_file_is_the_classic_scene():
     ('track: {kind: joined, pieces: [{kind: line}]}', r'f:1: track.pieces.1.length_m: it is missing'),
     ('track: {kind: joined, pieces: [{kind: line, length: 1}]}', r'f:1: .*did you mean length_m'),
     ('track: {kind: joined, pieces: [{kind: line, length_m: 1, at_m: 3}]}', r'f:1: .*at_m: 3 is not a place'),
+    ('dragon: {kind: mixed}', r'f:1: dragon.groups: it is missing; a mixed needs it'),
+    ('dragon:\n  groups: [{length_m: 2}]', r'f:2: dragon.groups: there is no such key of kind equal; .* kind: mixed'),
+    ('dragon: {kind: mixed, benches: 3}', r'f:1: dragon.benches: there is no such key of kind mixed; .* kind: equal'),
+    ('dragon: {kind: mixed, groups: 3}', r'f:1: dragon.groups: 3 is not a list of groups; write for example'),
+    ('dragon: {kind: mixed, groups: []}', r'f:1: dragon.groups: 0 .* 1 to 10000 groups'),
+    ('dragon: {kind: mixed, groups: [3]}', r'f:1: dragon.groups.1: it holds 3; write for example {count: 100'),
+    ('dragon: {kind: mixed, groups: [{count: 3}]}', r'f:1: dragon.groups.1.length_m: it is missing'),
+    ('dragon: {kind: mixed, groups: [{length_m: 2, counts: 3}]}', r'f:1: dragon.groups.1.counts: .*did you mean count'),
+    ('dragon:\n  kind: mixed\n  groups: [{length_m: 2}, {length_m: 0.5}]', r'f:3: dragon.groups.2.length_m: 0.5 .*'),
+    ('dragon: {kind: mixed, groups: [{length_m: 2, count: two}]}', r'f:1: dragon.groups.1.count: .*not a whole number'),
+    ('dragon: {kind: mixed, groups: [{length_m: 2, count: 0}]}', r'f:1: dragon.groups.1.count: 0 .* smallest is 1'),
     ('head: {kind: profile}', r'f:1: head.knots: it is missing'),
     ('head: {kind: profile, knots: [1, 2]}', r'f:1: head.knots: .* is not a list of pairs'),
     ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not possible, it is a str'),
@@ -80,6 +91,7 @@ def test_bad_scenes_name_file_line_and_key(text, says):
 
 
 @pytest.mark.parametrize('text', [
+    'dragon: {kind: mixed, groups: [{length_m: 3.41}, {count: 100, length_m: 2.2}], width_m: 0.2}',
     'track: {kind: turn, ratio: 1.5, before_m: 3}\nhead: {lead: tail}\nrun: {stop_s: 1}',
     'head: {kind: profile, ramps: smooth, knots: [[0, 1], [1e1, -2]]}\nrun: {stop_s: 1}',
     """
@@ -91,7 +103,7 @@ track:
     - {kind: arc, radius_m: 3, angle_deg: -90}
     - {kind: spiral, pitch_m: 1.7, from_turns: 2, to_turns: 4, side: left}
 """])
-def test_every_kind_of_track_and_law_survives_a_round_trip(text):
+def test_every_kind_of_dragon_track_and_law_survives_a_round_trip(text):
     scene = scene_of(parse_document('f', text))
     assert scene_of(parse_document('again', text_of(scene))) == scene
     assert text_of(scene_of(parse_document('again', text_of(scene)))) == text_of(scene)

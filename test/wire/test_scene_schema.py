@@ -37,7 +37,9 @@ def test_every_scene_of_the_package_is_valid_as_written_and_as_completed(name):
     'dragon: {benchs: 3}', 'track: {kind: circle}', 'effects: [glow]', 'effects: velocity', 'markers: stars',
     'accuracy: best', 'dragon: {benches: many}', 'head: {kind: profile}', 'noise: {seed: 0.5}', 'glow: 1',
     'head: {lead: nose}', 'head: {kind: profile, knots: [[0]]}', 'track: {kind: joined, pieces: [{kind: line}]}',
-    'track: {kind: joined, pieces: []}', 'run: 3'])
+    'track: {kind: joined, pieces: []}', 'run: 3', 'dragon: {kind: mixed}', 'dragon: {groups: [{length_m: 2}]}',
+    'dragon: {kind: mixed, groups: []}', 'dragon: {kind: mixed, groups: [{count: 2}]}',
+    'dragon: {kind: mixed, groups: [{length_m: 2}], benches: 1}', 'dragon: {kind: mixed, groups: [{length_m: long}]}'])
 def test_what_the_schema_refuses_the_reader_refuses(document):
     assert not accepted(document)
     with pytest.raises(InputError):
@@ -46,6 +48,7 @@ def test_what_the_schema_refuses_the_reader_refuses(document):
 
 @pytest.mark.parametrize('document', [
     '', 'track: {pitch_m: 0.6}', 'track: {kind: turn, ratio: 1.5}', 'head: {kind: profile, knots: [[0, 0], [5, 1]]}',
+    'dragon: {kind: equal, benches: 3}', 'dragon: {kind: mixed, groups: [{length_m: 3}, {count: 2, length_m: 2}]}',
     'accuracy: 1.0e-9', 'accuracy: fine', 'noise: {seed: 7}', 'trails: {seconds: 3}', 'run: {stop_s: null}',
     'effects: []', 'track: {kind: joined, pieces: [{kind: line, length_m: 5, at_m: [0, 1], heading_deg: 90}, '
     '{kind: arc, radius_m: 5, angle_deg: 90}]}'])

@@ -8,6 +8,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.core.watch import Watch
 from dragon_ros.wire.cdr_read import MessageError
 from dragon_ros.wire.encode import encoders
+from dragon_ros.wire.scenes import load_scene
 from dragon_ros.wire.sights import check_handles, read_benches, sight_of
 
 rng = np.random.default_rng(5)
@@ -46,6 +47,14 @@ def assert_shows(frame, data):
 @pytest.mark.parametrize('benches', [1, 2, 7, 223])
 def test_both_styles_show_the_rectangles_of_the_model(style, benches):
     assert_shows(*messages(scene_in(style, benches)))
+
+
+@pytest.mark.parametrize('style', ['cubes', 'triangles'])
+def test_a_watcher_sees_the_contact_of_mixed_benches_in_both_styles(style):
+    scene, watch = load_scene('mixed', ['run.start_s=395.5', 'run.stop_s=395.7', f'markers={style}']), Watch()
+    assert_shows(*messages(scene, 0))
+    begins = [one for k in range(11) for report in watch.look(seen(messages(scene, k)[1])) for one in report.begins]
+    assert [(one.benches, round(one.t_contact_s, 4)) for one in begins] == [((40, 71), 395.6224)]
 
 
 def test_both_styles_give_the_same_verdicts():
