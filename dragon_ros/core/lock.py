@@ -78,9 +78,9 @@ def turning_places(head_chord: float, body_chord: float, low: float, high: float
 
     Those behind follow the third (docs/contact.md).
     """
-    places = [place for place in _turns(head_chord) if low < place < high]
+    places = [place for place in turns(head_chord) if low < place < high]
     ends = [low, *places, high]
-    for third in _turns(body_chord):
+    for third in turns(body_chord):
         over = [follower(end, head_chord) - third for end in ends]
         for n in range(len(ends) - 1):
             if over[n] * over[n + 1] < 0:
@@ -90,7 +90,7 @@ def turning_places(head_chord: float, body_chord: float, low: float, high: float
 
 
 @lru_cache(maxsize=256)
-def _turns(chord: float) -> list[float]:
+def turns(chord: float) -> list[float]:
     """Return where a link's rear handle turns back: once at most while it spans less than 3/4 turn, and once beyond."""
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0

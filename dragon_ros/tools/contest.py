@@ -71,7 +71,7 @@ def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[S
 
 
 def _speed_row(name: str) -> str:
-    """Return a row's name in the sheet of speeds: its file has one space after the ends' names, and two after others."""
+    """Return a row's name in the sheet of speeds: one space after the names of the ends, and two after all others."""
     return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
 
 
