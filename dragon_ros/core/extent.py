@@ -60,7 +60,7 @@ class Extent:
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square, its side known between bounds, is no larger than another; None where it cannot be told."""
+    """Return whether a square with a side between bounds is no larger than another; None where it cannot be told."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
