@@ -49,6 +49,11 @@ def add_source_options(options: argparse.ArgumentParser) -> None:
     """Add the options of a scene, and --bag and --namespace, which take its place."""
     add_scene_options(options)
     options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording, in place of a scene')
+    add_namespace_option(options)
+
+
+def add_namespace_option(options: argparse.ArgumentParser) -> None:
+    """Add --namespace, which says which dragon of a bag (``bag_frames.namespace_of``)."""
     options.add_argument('--namespace', metavar='NAME', help='of the dragon in the bag, where it has several')
 
 

@@ -103,6 +103,19 @@ def test_without_the_library_text_files_are_written_and_a_line_says_what_is_miss
     assert 'pip install openpyxl' in err
 
 
+@pytest.mark.parametrize('options', [
+    ['--contest', 'a', '--times', '0'], ['--contest', 'a', '--output', 'b'], ['--contest', 'a', '--paper'],
+    ['--paper', '--scene', 'long'], ['--paper', '--handles', '0'], ['a.mcap', '--scene', 'long'],
+    ['a.mcap', '--contest', 'a'], ['--times', '0', '--namespace', 'b']], ids=' '.join)
+def test_what_a_table_would_not_look_at_is_refused(capsys, tmp_path, monkeypatch, options):
+    monkeypatch.chdir(tmp_path)
+    assert main(['table', *options]) == 2
+    out, err = capsys.readouterr()
+    assert not out
+    assert 'does not take it' in err
+    assert not list(tmp_path.iterdir())
+
+
 @pytest.mark.parametrize(('change', 'says'), [('dragon.benches=2', 'has none'), ('dragon.benches=0', 'benches')])
 def test_what_has_no_result_is_refused(capsys, tmp_path, change, says):
     assert main(['table', '--contest', str(tmp_path / 'a'), '--set', change]) == 2
