@@ -1,6 +1,4 @@
 """``table``: positions and velocities of handles at given times."""
-import csv
-import io
 import json
 import sys
 from argparse import Namespace
@@ -144,10 +142,7 @@ def _text(rows: list[Row]) -> str:
 
 
 def _csv(rows: list[Row]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerows([COLUMNS, *rows])
-    return out.getvalue().rstrip('\n')
+    return cli.csv_of(COLUMNS, rows).rstrip('\n')
 
 
 def _json(rows: list[Row]) -> str:

@@ -1,8 +1,10 @@
 """What the command lines of all executables share: options, exit codes, and errors in one line."""
 import argparse
+import csv
+import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -68,6 +70,13 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
     from dragon_ros.wire.scenes import load_scene
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
+
+
+def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows below their heads as CSV, each line ended."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator='\n').writerows([head, *rows])
+    return out.getvalue()
 
 
 def write_output(path: Path | None, text: str) -> None:
