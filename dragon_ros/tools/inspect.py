@@ -54,6 +54,9 @@ def _run(arguments: Namespace) -> int:
 
 def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
     contents = _examined(arguments.bag)
+    if arguments.namespace is not None:
+        with LogReader(arguments.bag, bool(contents.problems.count)) as bag:
+            namespace_of(bag, arguments.namespace)
     values: dict[str, Any] = {
         'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
         'written_by': contents.writers, 'chunks': contents.compressions, 'problems': contents.problems.lines,
@@ -92,8 +95,6 @@ def _told(bag: LogReader, arguments: Namespace) -> dict[str, Any]:
     try:
         namespace = namespace_of(bag, arguments.namespace)
     except InputError:
-        if arguments.namespace is not None:
-            raise
         return out
     return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, scene),
             'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}

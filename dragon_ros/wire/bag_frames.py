@@ -65,7 +65,7 @@ def namespace_of(bag: LogReader, asked: str | None = None) -> str:
     named = found if asked is None else [name for name in found if name == f'/{asked.strip("/")}'.rstrip('/')]
     if len(named) == 1:
         return named[0]
-    what = f'{len(found)} dragons ({", ".join(found)})' if found else 'no dragon'
+    what = f'{len(found)} dragon{"s" * (len(found) > 1)} ({", ".join(found)})' if found else 'no dragon'
     which = 'give --namespace' if asked is None else f'none in --namespace {asked}'
     raise InputError(f'{bag.path}: holds {what}{"; " + which if found else ""}: topics NAMESPACE/handles of type '
                      'geometry_msgs/msg/PoseArray')
