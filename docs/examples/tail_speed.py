@@ -1,11 +1,12 @@
 """A subscriber of one's own: prints how fast the tail is, once each second of simulation."""
-from contextlib import suppress
+import signal
+import threading
 
 import rclpy
 from geometry_msgs.msg import PoseArray
-from rclpy.executors import ExternalShutdownException
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
 
 
 class TailSpeed(Node):
@@ -32,6 +33,11 @@ class TailSpeed(Node):
 
 
 if __name__ == '__main__':
-    rclpy.init()
-    with suppress(KeyboardInterrupt, ExternalShutdownException):    # Ctrl-C
-        rclpy.spin(TailSpeed())
+    # Ctrl-C is looked at between two callbacks. rclpy's own handler would raise in the middle of one.
+    interrupted = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: interrupted.set())
+    rclpy.init(signal_handler_options=SignalHandlerOptions.NO)
+    node = TailSpeed()
+    while not interrupted.is_set():
+        rclpy.spin_once(node, timeout_sec=0.1)
+    rclpy.shutdown()

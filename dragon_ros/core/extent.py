@@ -1,33 +1,30 @@
 """How much room a run takes: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
 
-On a stretch of length h of the head's way a coordinate of a corner exceeds the larger of its values at the two ends by
-at most A h^2 / 8, A the largest second derivative; for A stands twice the larger at the ends, as in ``stretches``. It
-never exceeds the distance of the bench's handles from the centre at the ends, plus the bench's overhang. Stretches
-whose bound exceeds the best value that was met are halved. What positions may err is added in the end.
+All benches but the head's are alike, and where one is depends on where its front handle is, not on which it is or when.
+So what has to be searched is two ways along the track: that of the head's bench, and that of all others together. Both
+are cut up where their bound (``sweep``) exceeds the best value that was met. docs/model.md says what is proved.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import ceil
 
 import numpy as np
 
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import CORNERS
-from dragon_ros.core.errors import DragonError, FieldError
-from dragon_ros.core.march_many import place_many
-from dragon_ros.core.motion import motion
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Floats
+from dragon_ros.core.step import state
+from dragon_ros.core.sweep import SIDES, Sweep
+from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.visits import Visits
 
-SIDES = ('x', '-x', 'y', '-y')
-_SAFETY = 2.0
-_WAY_M, _AT_ONCE, _MOST = 1.0, 64, 200_000
+_AT_ONCE = 128      # stretches
+_FINEST = 1e-14     # of a distance along the track: closer looks are the same
+_MOST = 200_000     # looks
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The farthest corner on one side: at least ``low_m`` at ``t_s``, and nowhere in the run above ``high_m``."""
+    """The farthest corner on one side: ``low_m`` at ``t_s``, and nowhere in the run above ``high_m``."""
 
     side: str
     low_m: float
@@ -40,21 +37,21 @@ class Reach:
 
 @dataclass(frozen=True)
 class Extent:
-    """The reaches on the four sides, in the order of SIDES; ``states`` counts the chains looked at."""
+    """The reaches on the four sides, in the order of SIDES; ``looks`` counts the benches looked at."""
 
     reaches: tuple[Reach, ...]
-    states: int
+    looks: int
 
     @property
-    def centred_m(self) -> float:
-        """Side of the smallest square about the spiral's centre, along the axes, that holds the run."""
-        return 2 * max(reach.high_m for reach in self.reaches)
+    def centred_m(self) -> tuple[float, float]:
+        """Bounds on the side of the smallest square about the origin, along the axes, that holds the run."""
+        return 2 * max(reach.low_m for reach in self.reaches), 2 * max(reach.high_m for reach in self.reaches)
 
     @property
-    def free_m(self) -> float:
-        """Side of the smallest square along the axes that holds the run, wherever its centre is."""
-        right, left, up, down = (reach.high_m for reach in self.reaches)
-        return max(right + left, up + down)
+    def free_m(self) -> tuple[float, float]:
+        """Bounds on the side of the smallest square along the axes that holds the run, wherever its centre is."""
+        low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
+        return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
 
     @property
     def touching(self) -> Reach:
@@ -62,92 +59,101 @@ class Extent:
         return max(self.reaches, key=lambda reach: reach.low_m)
 
 
-def extent(scene: Scene, within_m: float = 1e-10, progress: Callable[[int], object] = lambda states: None) -> Extent:
-    """Return the room that the scene's run takes; bounds differ by ``within_m`` at most, and what positions may err.
+def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
+    """Return whether a square with a side between bounds is no larger than another; None where it cannot be told."""
+    return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
-    ``progress(states)`` is called with every number of chains just looked at. Raises FieldError for a scene that is not
-    one spiral led by the head at a constant speed or whose way is too long, DragonError where the bounds do not meet.
+
+def extent(scene: Scene, within_m: float = 1e-10, progress: Callable[[int], object] = lambda looks: None) -> Extent:
+    """Return the room that the scene's run takes; bounds differ by ``within_m`` and what positions may err.
+
+    They differ by more where floats are too coarse for that, or where ``_MOST`` looks were not enough.
+    ``progress(looks)`` is called with every number of benches just looked at.
     """
-    search = _Search(scene, progress)
-    return Extent(tuple(search.side(n, within_m) for n in range(len(SIDES))), search.states)
+    visits = Visits(scene)
+    search = _Search(progress, within_m)
+    for first, last in ((0, 1), (1, scene.dragon.benches)):
+        if first < last:
+            search.sweep(_bench(visits, first), _stretches(visits, first, last), first)
+    return Extent(tuple(_reach(visits, search, side) for side in range(len(SIDES))), search.looks)
 
 
-@dataclass(frozen=True)
-class _Looks:
-    """Corners (M, 4N, 2), bounds (M, 4N) on their accelerations, and bounds (M, 4N) of their distance, at places."""
+def _bench(visits: Visits, number: int) -> Sweep:
+    dragon = visits.scene.dragon
+    return Sweep(visits.walk, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
+                 0.5 * dragon.width_m)
 
-    corners: Floats
-    bend: Floats
-    radius: Floats
+
+def _stretches(visits: Visits, first: int, last: int) -> Floats:
+    """Return where the front handles of some benches go, (2, M) distances: joined where they overlap, cut at turns."""
+    low, high = visits.ranges_m[:, first:last]
+    order = np.argsort(low)
+    low, high = low[order], np.maximum.accumulate(high[order])
+    begins = np.flatnonzero(np.concatenate(([True], low[1:] > high[:-1])))
+    ends = np.concatenate((begins[1:] - 1, [low.size - 1]))
+    out: Floats = np.stack((low[begins], high[ends]))
+    for turn in visits.turns_m(first):
+        inside = (out[0] < turn) & (turn < out[1])
+        cut = np.array([[turn] * int(np.sum(inside)), out[1, inside]])
+        out[1, inside] = turn
+        out = np.concatenate((out, cut), axis=1)
+    return out
 
 
 class _Search:
-    """Branch and bound over the head's way, side by side."""
+    """The best value on each side so far, where it was met, and the largest bound of what was put aside."""
 
-    def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
-        self.scene, self.states, self._tell = scene, 0, progress
-        self._effort, self._error_m = EXACT.effort(scene.size_m, scene.length_m), EXACT.promise_for_m(scene.size_m)
-        scene.check_plain()
-        run, stop_s = scene.run, scene.end.t_s
-        # The lock itself is left out by a hair: accelerations are infinite there.
-        stop_s -= 1e-9 * (stop_s - run.start_s) if scene.end.reason == 'lock' else 0.0
-        way_m = abs(scene.steady_m_s) * (stop_s - run.start_s)
-        if way_m > _WAY_M * _MOST:
-            raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {way_m:.3g} m and no more than '
-                             f'{_WAY_M * _MOST:.3g} m can be searched', 'stop earlier, or start later')
-        self._times: Floats = np.linspace(run.start_s, stop_s, 2 + ceil(way_m / _WAY_M), dtype=np.float64)
+    def __init__(self, progress: Callable[[int], object], within_m: float) -> None:
+        self.looks, self._tell, self._within_m = 0, progress, within_m
+        self.best: Floats = np.full(len(SIDES), -np.inf)
+        self.high: Floats = np.full(len(SIDES), -np.inf)
+        self.where = [(0, 0.0, 0)] * len(SIDES)
 
-    def side(self, number: int, within_m: float) -> Reach:
-        """Return the reach on one side."""
-        stretches: Floats = np.stack((self._times[:-1], self._times[1:]))
-        best = Reach(SIDES[number], -np.inf, np.inf, 0, '', 0.0, (0.0, 0.0))
-        bound: Floats = np.full(stretches.shape[1], np.inf)
-        while np.any(bound > best.low_m + within_m):
-            order = np.argsort(-bound)
-            stretches, bound = stretches[:, order], bound[order]
-            if self.states > _MOST:
-                raise DragonError(f'fit: the reach along {SIDES[number]} is between {best.low_m:.9g} and '
-                                  f'{bound[0]:.9g} m; a closer answer was not found')
-            best, halves, upper = self._halves(stretches[:, :_AT_ONCE], number, best)
-            stretches = np.concatenate((stretches[:, _AT_ONCE:], halves), axis=1)
-            bound = np.concatenate((bound[_AT_ONCE:], upper))
-            keep = bound > best.low_m
-            stretches, bound = stretches[:, keep], bound[keep]
-        high = max([best.low_m, *bound.tolist()]) + self._error_m
-        return Reach(best.side, best.low_m, high, best.bench, best.corner, best.t_s, best.point_m)
+    def sweep(self, bench: Sweep, stretches: Floats, first: int) -> None:
+        """Search stretches (2, M) of the way of a bench, ``first`` of those that go there."""
+        tops: Floats = np.array([[bench.cap_m(*ends)] * len(SIDES) for ends in stretches.T.tolist()])
+        while tops.size and self.looks < _MOST:
+            order = np.argsort(-np.max(tops - self.best, axis=1), kind='stable')
+            now, later = order[:_AT_ONCE], order[_AT_ONCE:]
+            halves, above = self._halves(bench, stretches[:, now], first)
+            stretches, tops = np.concatenate((stretches[:, later], halves), 1), np.concatenate((tops[later], above))
+            stretches, tops = self._put_aside(stretches, tops, np.all(tops <= self.best + self._within_m, axis=1))
+        self._put_aside(stretches, tops, np.ones(len(tops), dtype=bool))
 
-    def _halves(self, stretches: Floats, number: int, best: Reach) -> tuple[Reach, Floats, Floats]:
-        """Return the best corner so far, the halves of some stretches, and bounds of the coordinate on them."""
+    def _put_aside(self, stretches: Floats, tops: Floats, done: Array) -> tuple[Floats, Floats]:
+        """Return the stretches that are not done, and their bounds."""
+        self.high = np.maximum(self.high, np.max(tops[done], axis=0, initial=-np.inf))
+        return stretches[:, ~done], tops[~done]
+
+    def _halves(self, bench: Sweep, stretches: Floats, first: int) -> tuple[Floats, Floats]:
+        """Return the halves of stretches, but for those too short to be cut again, and bounds (M, 4) on them."""
         middle = 0.5 * (stretches[0] + stretches[1])
         halves: Floats = np.concatenate((np.stack((stretches[0], middle)), np.stack((middle, stretches[1]))), axis=1)
-        times, where = np.unique(halves, return_inverse=True)
-        seen, ends = self._look(times), where.reshape(2, -1)
-        value = (-1) ** number * seen.corners[..., number // 2]
-        if np.max(value) > best.low_m:
-            best = self._reach(seen, value, times, number)
-        way_m = abs(self.scene.steady_m_s) * (halves[1] - halves[0])
-        sag = _SAFETY / 8 * np.maximum(*seen.bend[ends]) * (way_m * way_m)[:, None]
-        upper = np.minimum(np.maximum(*value[ends]) + sag, np.maximum(*seen.radius[ends]))
-        return best, halves, np.max(upper, axis=1)
+        places, index = np.unique(halves, return_inverse=True)
+        seen, ends = bench.look(places), index.reshape(2, -1)
+        self.looks += places.size
+        self._tell(places.size)
+        self._note(seen.value, places, first)
+        tops: Floats = np.max(bench.tops(seen.rows(ends[0]), seen.rows(ends[1])), axis=1)
+        return self._put_aside(halves, tops, halves[1] - halves[0] <= _FINEST * (1 + np.max(np.abs(halves), axis=0)))
 
-    def _reach(self, seen: _Looks, value: Floats, times: Floats, number: int) -> Reach:
-        instant, corner = np.unravel_index(int(np.argmax(value)), value.shape)
-        x, y = seen.corners[instant, corner].tolist()
-        return Reach(SIDES[number], float(value[instant, corner]), np.inf, int(corner) // 4, CORNERS[int(corner) % 4],
-                     float(times[instant]), (x, y))
+    def _note(self, value: Floats, places: Floats, first: int) -> None:
+        for side, values in enumerate(np.moveaxis(value, -1, 0)):
+            place, corner = np.unravel_index(int(np.argmax(values)), values.shape)
+            if values[place, corner] > self.best[side]:
+                self.best[side] = values[place, corner]
+                self.where[side] = first, float(places[place]), int(corner)
 
-    def _look(self, times: Floats) -> _Looks:
-        scene, spiral = self.scene, self.scene.spiral
-        self.states += times.size
-        self._tell(times.size)
-        heads = np.array([spiral.inward(*scene.head.travelled_m(t_s)) for t_s in times.tolist()])
-        chain = place_many(spiral, scene.dragon.link_lengths_m, heads[:, 0], heads[:, 1], self._effort)
-        benches = benches_of(chain, scene.dragon, axes_of(chain))
-        moving = motion(spiral.b_m, chain, benches.axis)
-        arm = np.hypot(benches.half_length, benches.half_width)
-        bend = np.hypot(*np.moveaxis(moving.acceleration, -1, 0)) + arm * np.hypot(
-            moving.turning_rate, moving.turning**2)
-        overhang = np.hypot(benches.half_length - 0.5 * chain.links_m, benches.half_width)
-        radius = spiral.b_m * np.maximum(chain.theta[:, 1:], chain.theta[:, :-1]) + overhang
-        corners = benches.corners.reshape(times.size, -1, 2)
-        return _Looks(corners, np.repeat(bend, 4, axis=1), np.repeat(radius, 4, axis=1))
+
+def _reach(visits: Visits, search: _Search, side: int) -> Reach:
+    """Return what was found on a side, with a bench that is there, and when."""
+    bench, along_m, corner = search.where[side]
+    if bench:
+        low, high = visits.ranges_m[:, 1:]
+        bench += int(np.argmax(np.minimum(along_m - low, high - along_m)))
+    t_s = visits.when_s(bench, along_m)
+    chain = state(visits.scene, t_s)
+    x, y = benches_of(chain, visits.scene.dragon, axes_of(chain)).corners[bench, corner].tolist()
+    low_m = (x, -x, y, -y)[side]
+    high_m = max(low_m, float(search.best[side]), float(search.high[side])) + visits.scene.promise_m
+    return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))

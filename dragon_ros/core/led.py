@@ -91,4 +91,4 @@ class Led:
             low, high = walk.distance_of(self._behind(first, BACK)[-1])[0], min(origin + most, walk.end_m)
         else:
             low, high = max(origin - most, walk.begin_m), self.start_m
-        return low, high
+        return min(low, high), high     # the tail's distance rounds, and may pass that of a leader next to it

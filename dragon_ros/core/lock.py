@@ -29,7 +29,7 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
     As handles lie further and further out, that ends where none of the longest link's could lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
-    places = sorted({angle, *_within(_turns(chords[0]), angle, max(angle, top)), max(angle, top)}) if top else []
+    places = sorted({angle, *_within(turns(chords[0]), angle, max(angle, top)), max(angle, top)}) if top else []
     here = [follower(place, chords[0]) for place in places]
     for k, chord in enumerate(chords[1:], 1):
         if not here or min(here) >= top:
@@ -57,7 +57,7 @@ def _turns_between(chords: Sequence[float], chord: float, places: Sequence[float
     """
     return [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
                      places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
-            for turn in _turns(chord) for n in range(len(places) - 1) if (here[n] - turn) * (here[n + 1] - turn) < 0]
+            for turn in turns(chord) for n in range(len(places) - 1) if (here[n] - turn) * (here[n + 1] - turn) < 0]
 
 
 def _within(values: list[float], low: float, high: float) -> list[float]:
@@ -113,13 +113,13 @@ def turning_places(head_chord: float, body_chord: float, low: float, high: float
 
     Those behind follow the third (docs/contact.md).
     """
-    places = _within(_turns(head_chord), low, high)
+    places = _within(turns(head_chord), low, high)
     ends = [low, *places, high]
     return sorted([*places, *_turns_between([head_chord], body_chord, ends, [follower(x, head_chord) for x in ends])])
 
 
 @lru_cache(maxsize=256)
-def _turns(chord: float) -> list[float]:
+def turns(chord: float) -> list[float]:
     """Return where a link's rear handle turns back: once at most while it spans less than 3/4 turn, and once beyond."""
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0

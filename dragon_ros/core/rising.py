@@ -89,13 +89,13 @@ def _slopes(looks: Looks) -> Ball:
 
 def _angles(looks: Looks) -> tuple[Ball, Ball, Ball]:
     """Return the curvatures at handles (M-1, K+1), and the angles of links (M-1, K), between looks."""
-    bend = _bends(looks, looks.piece[:-1], looks.piece[1:], looks.bend[:-1], looks.bend[1:])
+    bend = bends(looks.walk, looks.piece[:-1], looks.piece[1:], looks.bend[:-1], looks.bend[1:])
     way_m, start, end = np.abs(np.diff(looks.along_m, axis=0)), slice(None, -1), slice(1, None)
     # The rear handle is the follower behind a head: it begins at the first look. Ahead of a tail all is the reverse.
     rear, front = (end, start) if looks.way == BACK else (start, end)
     first, last = (start, end) if looks.way == BACK else (end, start)
-    across = _bends(looks, looks.piece[first, rear], looks.piece[last, front], looks.bend[first, rear],
-                    looks.bend[last, front]).most
+    across = bends(looks.walk, looks.piece[first, rear], looks.piece[last, front], looks.bend[first, rear],
+                   looks.bend[last, front]).most
     swing = 0.5 * across * (way_m[:, :-1] + way_m[:, 1:])
     turned = bend.most * way_m
     alpha, beta = (Ball(0.5 * (angle[:-1] + angle[1:]), np.where(looks.links_m > 0, 0.5 * (swing + own), 0.0))
@@ -103,9 +103,9 @@ def _angles(looks: Looks) -> tuple[Ball, Ball, Ball]:
     return bend, alpha, beta
 
 
-def _bends(looks: Looks, piece: Ints, other: Ints, bend: Floats, other_bend: Floats) -> Ball:
+def bends(walk: Walk, piece: Ints, other: Ints, bend: Floats, other_bend: Floats) -> Ball:
     """Return the curvatures between places: on one piece between those there, else of all pieces from one to other."""
-    low, high = looks.walk.bends
+    low, high = walk.bends
     one = piece == other
     return between(np.where(one, np.minimum(bend, other_bend), low[piece, other]),
                    np.where(one, np.maximum(bend, other_bend), high[piece, other]))

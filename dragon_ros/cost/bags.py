@@ -1,6 +1,4 @@
 """``cost bag``: how fast a bag is written and how large it becomes, by compression, beside the library's writer."""
-import csv
-import io
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -13,8 +11,9 @@ from tqdm import tqdm
 
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.wire.channels import channels
+from dragon_ros.wire.cli import csv_of
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.log_write import BagOptions, LogWriter
 
@@ -118,15 +117,9 @@ def summary(rows: list[Written]) -> str:
 
 def csv_text(rows: list[Written]) -> str:
     """Return the rows as CSV."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['writer', 'compression', 'ticks', 'messages', 'raw_bytes', 'bag_bytes', 'median_s', 'low_s',
-                     'high_s', 'calls'])
-    for row in rows:
-        t = row.timing
-        writer.writerow((row.writer, row.compression, row.ticks, row.messages, row.raw_bytes, row.bag_bytes, t.median_s,
-                         t.low_s, t.high_s, t.calls))
-    return out.getvalue()
+    return csv_of(['writer', 'compression', 'ticks', 'messages', 'raw_bytes', 'bag_bytes', *TIMES],
+                  [(row.writer, row.compression, row.ticks, row.messages, row.raw_bytes, row.bag_bytes,
+                    *row.timing.cells) for row in rows])
 
 
 def picture(rows: list[Written]) -> Figure:

@@ -1,6 +1,4 @@
 """``cost contact``: finding the first contact against looking every so often, and how one check of all grows."""
-import csv
-import io
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +18,8 @@ from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
-from dragon_ros.cost.measure import circumstances, timed
+from dragon_ros.cost.measure import TIMES, circumstances, timed
+from dragon_ros.wire.cli import csv_of
 
 T_STAR_S = 412.473837682115         # of the classic run, to the last digit
 WIDER_S = 409.775927737801          # the same with benches 1 mm wider: a contact that lasts 0.11 s, two before the next
@@ -136,18 +135,12 @@ def summary(rows: Measured) -> str:
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, times in seconds; a search has its answer and a check its number of benches."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['what', 'benches', 'reported_s', 'late_s', 'depth_m', 'verdict', 'states', 'pairs', 'median_s',
-                     'low_s', 'high_s', 'calls'])
-    for row in rows.searches:
-        writer.writerow((row.solver, Scene().dragon.benches, row.t_s, row.late_s, row.depth_m, row.verdict, row.states,
-                         '', row.spent_s, '', '', ''))
-    for check in rows.checks:
-        t = check.timing
-        writer.writerow((check.method, check.benches, '', '', '', 'right' if check.right else 'WRONG', 1, check.pairs,
-                         t.median_s, t.low_s, t.high_s, t.calls))
-    return out.getvalue()
+    searches = [(row.solver, Scene().dragon.benches, row.t_s, row.late_s, row.depth_m, row.verdict, row.states, '',
+                 row.spent_s, '', '', '') for row in rows.searches]
+    checks = [(check.method, check.benches, '', '', '', 'right' if check.right else 'WRONG', 1, check.pairs,
+               *check.timing.cells) for check in rows.checks]
+    return csv_of(['what', 'benches', 'reported_s', 'late_s', 'depth_m', 'verdict', 'states', 'pairs', *TIMES],
+                  [*searches, *checks])
 
 
 def picture(rows: Measured) -> Figure:

@@ -1,6 +1,4 @@
 """``cost effects``: what each effect adds to a tick, in microseconds and bytes, alone and in each named scene."""
-import csv
-import io
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -10,8 +8,9 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.core.effects import known
-from dragon_ros.cost.measure import circumstances
+from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.cost.prices import ALONE, Price, Whole, price, wholes
+from dragon_ros.wire.cli import csv_of
 from dragon_ros.wire.scenes import load_scene, scene_names
 
 
@@ -57,17 +56,10 @@ def summary(rows: Measured) -> str:
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, times in seconds."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['what', 'scene', 'bytes', 'median_s', 'low_s', 'high_s', 'calls', 'ratio'])
-    for row in rows.prices:
-        t = row.timing
-        writer.writerow((row.effect, row.scene, row.size, *((t.median_s, t.low_s, t.high_s, t.calls) if t else
-                                                            ('', '', '', '')), ''))
-    for whole in rows.wholes:
-        t = whole.timing
-        writer.writerow((whole.name, f'over {whole.over}', '', t.median_s, t.low_s, t.high_s, t.calls, whole.ratio))
-    return out.getvalue()
+    prices = [(row.effect, row.scene, row.size, *(row.timing.cells if row.timing else [''] * 4), '')
+              for row in rows.prices]
+    wholes = [(whole.name, f'over {whole.over}', '', *whole.timing.cells, whole.ratio) for whole in rows.wholes]
+    return csv_of(['what', 'scene', 'bytes', *TIMES, 'ratio'], [*prices, *wholes])
 
 
 def picture(rows: Measured) -> Figure:

@@ -11,6 +11,8 @@ from statistics import median, quantiles
 
 from dragon_ros import __version__
 
+TIMES = ('median_s', 'low_s', 'high_s', 'calls')
+
 
 @dataclass(frozen=True)
 class Timing:
@@ -20,6 +22,11 @@ class Timing:
     low_s: float
     high_s: float
     calls: int
+
+    @property
+    def cells(self) -> tuple[float, float, float, int]:
+        """The values under the heads TIMES."""
+        return self.median_s, self.low_s, self.high_s, self.calls
 
     def shared_by(self, count: int) -> 'Timing':
         """Return the time of each of ``count`` equal parts of a call."""

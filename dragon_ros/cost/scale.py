@@ -1,6 +1,4 @@
 """``cost scale``: time and memory of each stage from 10 to 100,000 benches, and the rates that processes hold."""
-import csv
-import io
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -16,9 +14,10 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.cost import builds
 from dragon_ros.cost.builds import Build, build
 from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
-from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
+from dragon_ros.wire.cli import csv_of
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
@@ -133,20 +132,15 @@ def summary(rows: Measured) -> str:
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV: stages with time and memory, then the runs of processes."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['what', 'solver', 'benches', 'median_s', 'low_s', 'high_s', 'calls', 'peak_bytes', 'rate_hz',
-                     'ticks', 'wall_s', 'overruns', 'lost', *(f'{role}_cores' for role in ROLES), 'record_grown_mb'])
-    for row in rows.stages:
-        t = row.timing
-        writer.writerow((row.stage, row.solver, row.benches, t.median_s, t.low_s, t.high_s, t.calls, row.peak_bytes,
-                         *[''] * 9))
-    for one in rows.builds:
-        writer.writerow(('build', 'table', one.benches, one.seconds, '', '', 2, one.memory_bytes, *[''] * 9))
-    for live in [*rows.free, *rows.rates]:
-        writer.writerow(('live', '', live.benches, *[''] * 5, live.rate_hz, live.ticks, live.wall_s, live.overruns,
-                         live.lost, *(live.usage[role].cores for role in ROLES), live.usage['record'].grown_mb))
-    return out.getvalue()
+    stages = [(row.stage, row.solver, row.benches, *row.timing.cells, row.peak_bytes, *[''] * 9)
+              for row in rows.stages]
+    builds = [('build', 'table', one.benches, one.seconds, '', '', 2, one.memory_bytes, *[''] * 9)
+              for one in rows.builds]
+    lives = [('live', '', live.benches, *[''] * 5, live.rate_hz, live.ticks, live.wall_s, live.overruns, live.lost,
+              *(live.usage[role].cores for role in ROLES), live.usage['record'].grown_mb)
+             for live in [*rows.free, *rows.rates]]
+    return csv_of(['what', 'solver', 'benches', *TIMES, 'peak_bytes', 'rate_hz', 'ticks', 'wall_s', 'overruns', 'lost',
+                   *(f'{role}_cores' for role in ROLES), 'record_grown_mb'], [*stages, *builds, *lives])
 
 
 def picture(rows: Measured) -> Figure:

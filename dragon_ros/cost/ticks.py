@@ -1,6 +1,4 @@
 """``cost tick``: where the microseconds of one tick go, stage by stage, for solver and tier, before and after."""
-import csv
-import io
 import json
 import subprocess
 import sys
@@ -16,9 +14,10 @@ from tqdm import tqdm
 
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT, PAPER, TIERS
-from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
+from dragon_ros.wire.cli import csv_of
 from dragon_ros.wire.domain import free_domain, local_environment
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
@@ -110,13 +109,9 @@ def summary(rows: list[Row]) -> str:
 
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV, one line a stage, times in seconds."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['solver', 'tier', 'messages', 'stage', 'median_s', 'low_s', 'high_s', 'calls'])
-    for row in rows:
-        for stage, t in row.stages.items():
-            writer.writerow((row.solver, row.tier, row.messages, stage, t.median_s, t.low_s, t.high_s, t.calls))
-    return out.getvalue()
+    return csv_of(['solver', 'tier', 'messages', 'stage', *TIMES],
+                  [(row.solver, row.tier, row.messages, stage, *timing.cells)
+                   for row in rows for stage, timing in row.stages.items()])
 
 
 def picture(rows: list[Row]) -> Figure:

@@ -1,6 +1,4 @@
 """``cost accuracy``: error against time for every tier and for what a user would otherwise pick, in one run."""
-import csv
-import io
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -19,9 +17,10 @@ from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.types import Floats
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
-from dragon_ros.cost.measure import Timing, circumstances, timed
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.problems import Problem, problems
 from dragon_ros.cost.reference import truth
+from dragon_ros.wire.cli import csv_of
 
 _TICK_S = 1.0           # a tick of the classic table, for solvers that integrate
 _EULER_S = (1.0, 0.1, 0.01)
@@ -187,15 +186,10 @@ def summary(rows: list[Row]) -> str:
 
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV, times in seconds."""
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerow(['problem', 'solver', 'error_m', 'promise_m', 'verdict', 'median_s', 'low_s', 'high_s', 'calls',
-                     'note'])
-    for row in rows:
-        t = row.timing or Timing(np.nan, np.nan, np.nan, 0)
-        writer.writerow((row.problem, row.solver, row.error_m, row.promise_m, row.verdict, t.median_s, t.low_s,
-                         t.high_s, t.calls, row.note))
-    return out.getvalue()
+    none = Timing(np.nan, np.nan, np.nan, 0)
+    return csv_of(['problem', 'solver', 'error_m', 'promise_m', 'verdict', *TIMES, 'note'],
+                  [(row.problem, row.solver, row.error_m, row.promise_m, row.verdict, *(row.timing or none).cells,
+                    row.note) for row in rows])
 
 
 def picture(rows: list[Row]) -> Figure:

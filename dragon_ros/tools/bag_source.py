@@ -11,7 +11,7 @@ from dragon_ros.core.scene import NS
 from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import Sight, Watch
 from dragon_ros.tools.sources import Moment, Progress, Touch, thinned, witness_at
-from dragon_ros.wire.bag_frames import frames
+from dragon_ros.wire.bag_frames import frames, namespace_of
 from dragon_ros.wire.cdr_read import read_stamp_ns
 from dragon_ros.wire.log_read import LogReader
 
@@ -92,18 +92,10 @@ class BagSource:
 
 def dragon_in(bag: LogReader, namespace: str | None = None) -> BagSource:
     """Return the dragon in a bag. Raises InputError where it is not clear which, or where its topics are not there."""
-    found = sorted(name.removesuffix('/handles') for name, kinds in _kinds(bag).items()
-                   if name.endswith('/handles') and kinds == 'geometry_msgs/msg/PoseArray')
-    if namespace is None and len(found) != 1:
-        raise InputError(f'{bag.path}: has {len(found)} dragons ({", ".join(found) or "no topic .../handles"}); '
-                         'name one with --namespace')
-    chosen = found[0] if namespace is None else f'/{namespace.strip("/")}'
+    chosen = namespace_of(bag, namespace)
+    having = {topic.name for topic in bag.topics if topic.messages}
     for topic in ('handles', 'benches'):
-        if f'{chosen}/{topic}' not in _kinds(bag):
-            raise InputError(f'{bag.path}: has no topic {chosen}/{topic}, which a picture needs; '
+        if f'{chosen}/{topic}' not in having:
+            raise InputError(f'{bag.path}: has no messages on {chosen}/{topic}, which a picture needs; '
                              'record both handles and benches (scene key effects)')
     return BagSource(bag, chosen)
-
-
-def _kinds(bag: LogReader) -> dict[str, str]:
-    return {topic.name: topic.type for topic in bag.topics if topic.messages}

@@ -14,6 +14,7 @@ from dragon_ros.core.turn import Turn
 from dragon_ros.core.types import Floats
 
 POSITION, SPEED = '位置', '速度'
+ENDS = ('龙头', '龙尾（后）')
 _FIRST_S, _LAST_S = 0, 300
 _BEFORE_S = 100
 
@@ -66,7 +67,12 @@ def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[S
     columns = tuple(f'{t_s:g} s' for t_s in shown_s)
     places = tuple(f'{name}{axis} (m)' for name in names for axis in 'xy')
     return [Sheet(POSITION, 'positions', columns, places, p.reshape(len(times_s), -1).T),
-            Sheet(SPEED, 'speeds', columns, tuple(f'{name} (m/s)' for name in names), speed.T)]
+            Sheet(SPEED, 'speeds', columns, tuple(map(_speed_row, names)), speed.T)]
+
+
+def _speed_row(name: str) -> str:
+    """Return a row's name in the sheet of speeds: one space after the names of the ends, and two after all others."""
+    return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
 
 
 def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
@@ -111,7 +117,7 @@ def _write_xlsx(path: Path, sheets: list[Sheet]) -> Path:
     book.remove(book.active)
     for sheet in sheets:
         page = book.create_sheet(sheet.title)
-        page.append(['', *sheet.columns])
+        page.append([None, *sheet.columns])
         for row, values in zip(sheet.rows, _rounded(sheet.values).tolist(), strict=True):
             page.append([row, *values])
         for cells in page.iter_rows(min_row=2, min_col=2):

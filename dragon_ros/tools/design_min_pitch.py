@@ -5,8 +5,12 @@ from typing import Any
 
 from tqdm import tqdm
 
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.min_pitch import min_pitch
 from dragon_ros.wire import cli
+
+_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
+            'start_turns': 'track.start_turns'}
 
 
 def options(parser: ArgumentParser) -> None:
@@ -21,8 +25,13 @@ def answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket of the smallest pitch; of the scene only the dragon and track.start_turns count."""
     scene = cli.scene_from(arguments)
     with tqdm(desc='min-pitch', unit=' states', disable=None, leave=False, delay=1) as bar:
-        found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
-                          arguments.within, bar.update)
+        try:
+            found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
+                              arguments.within, bar.update)
+        except FieldError as error:
+            known = error.fields
+            raise FieldError(_OPTIONS.get(known['field'], known['field']), known['value'], known['limit'],
+                             known['cure']) from None
     return asdict(found)
 
 

@@ -36,7 +36,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--force', action='store_true', help='replace an existing file')
     options.add_argument('--every', type=int, default=1, metavar='N', help='every Nth tick only (1)')
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
-    options.add_argument('--namespace', help='of the dragon, where the bag holds several')
+    cli.add_namespace_option(options)
     return cli.guarded('export', partial(_run, options.parse_args(argv)))
 
 
@@ -55,7 +55,7 @@ class _Source:
 
     def __init__(self, bag: LogReader, arguments: Namespace) -> None:
         self._bag, self._every = bag, arguments.every
-        self._namespace = arguments.namespace or namespace_of(bag)
+        self._namespace = namespace_of(bag, arguments.namespace)
         first = next(frames(bag, self._namespace), None)
         if first is None:
             raise InputError(f'{bag.path}: has no handles in namespace {self._namespace}')

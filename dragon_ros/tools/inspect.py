@@ -37,7 +37,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--repair', type=Path, metavar='OUT', help='write what can be read as a whole bag')
     options.add_argument('--looks', type=int, default=200, metavar='N',
                          help='look at so many ticks for the clearance, spread evenly; 0: at all (200)')
-    options.add_argument('--namespace', help='of the dragon, where the bag holds several')
+    cli.add_namespace_option(options)
     cli.add_output_options(options, ('text', 'json'))
     return cli.guarded('inspect', partial(_run, options.parse_args(argv)))
 
@@ -54,6 +54,9 @@ def _run(arguments: Namespace) -> int:
 
 def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
     contents = _examined(arguments.bag)
+    if arguments.namespace is not None:
+        with LogReader(arguments.bag, bool(contents.problems.count)) as bag:
+            namespace_of(bag, arguments.namespace)
     values: dict[str, Any] = {
         'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
         'written_by': contents.writers, 'chunks': contents.compressions, 'problems': contents.problems.lines,
@@ -90,7 +93,7 @@ def _told(bag: LogReader, arguments: Namespace) -> dict[str, Any]:
         return out
     out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
     try:
-        namespace = arguments.namespace or namespace_of(bag)
+        namespace = namespace_of(bag, arguments.namespace)
     except InputError:
         return out
     return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, scene),
@@ -113,7 +116,7 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
         if scene is None:
             raise BagError(f'{arguments.bag}: says of no scene what it holds (metadata record {RECORD}, key scene); '
                            'it cannot be recomputed')
-        namespace = arguments.namespace or namespace_of(bag)
+        namespace = namespace_of(bag, arguments.namespace)
         frame_id = bag.metadata(RECORD).get('about.frame_id', 'dragon')
         with tqdm(desc='check', total=scene.last_tick + 1, unit=' ticks', disable=None, leave=False, delay=1) as bar:
             found = compare_with_model(bag, scene, namespace, lambda k: bar.update(k + 1 - bar.n), frame_id)

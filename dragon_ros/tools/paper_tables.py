@@ -1,6 +1,4 @@
 """The paper's three tables: printed, reproduced by its own recipe, true, and the error of the print."""
-import csv
-import io
 import json
 from dataclasses import dataclass, replace
 from functools import lru_cache
@@ -13,6 +11,7 @@ from dragon_ros.core.chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, velocity_of
 from dragon_ros.wire import config
+from dragon_ros.wire.cli import csv_of
 
 TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
           3: 'Table 3. Position (m) and speed (m/s) at the "moment of collision" (412.20 s, see the errata)'}
@@ -65,11 +64,7 @@ def text(rows: list[Cell]) -> str:
 
 def csv_text(rows: list[Cell]) -> str:
     """Return one line for each printed number."""
-    out = io.StringIO()
-    writer = csv.DictWriter(out, list(_values(rows[0])), lineterminator='\n')
-    writer.writeheader()
-    writer.writerows(_values(cell) for cell in rows)
-    return out.getvalue().rstrip('\n')
+    return csv_of(_values(rows[0]), [_values(cell).values() for cell in rows]).rstrip('\n')
 
 
 def json_text(rows: list[Cell]) -> str:

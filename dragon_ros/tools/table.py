@@ -1,6 +1,4 @@
 """``table``: positions and velocities of handles at given times."""
-import csv
-import io
 import json
 import sys
 from argparse import Namespace
@@ -30,6 +28,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
                          help='take them from a bag, each time the first tick at or after it (no scene options)')
     cli.add_scene_options(options)
+    cli.add_namespace_option(options)
     options.add_argument('--times', metavar='T,...|START:STOP:STEP', help='seconds (0, or where the bag begins)')
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
     options.add_argument('--paper', action='store_true',
@@ -40,7 +39,26 @@ def main(argv: list[str]) -> int:
     return cli.guarded('table', partial(_run, options.parse_args(argv)))
 
 
+_SCENE = {'--scene', '--set', '--accuracy'}
+_TAKES = {'--paper': {'--output'}, 'BAG': {'--times', '--handles', '--namespace', '--output'}, '--contest': _SCENE,
+          'a table of a scene': _SCENE | {'--times', '--handles', '--output'}}
+
+
+def _check(arguments: Namespace) -> None:
+    """Refuse what would not be looked at."""
+    given = {'--scene': arguments.scene != cli.DEFAULT_SCENE, '--set': arguments.overrides,
+             '--accuracy': arguments.accuracy, '--times': arguments.times, '--handles': arguments.handles,
+             '--namespace': arguments.namespace, '--output': arguments.output, '--paper': arguments.paper,
+             'BAG': arguments.bag, '--contest': arguments.contest}
+    wanted = {name for name, value in given.items() if value}
+    what = next(name for name in _TAKES if name in wanted or name == 'a table of a scene')
+    unused = sorted(wanted - _TAKES[what] - {what})
+    if unused:
+        raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
+
+
 def _run(arguments: Namespace) -> int:
+    _check(arguments)
     if arguments.paper:
         cli.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
         return cli.OK
@@ -81,7 +99,7 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
     out: list[Row] = []
     with LogReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
-        for frame in at_times(bag, namespace_of(bag), times_s):
+        for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):
             handles = handles_of(arguments.handles, len(frame.handles_m) - 1)
             values = values_of(frame, handles).tolist()
             out += [(frame.t_ns / NS, handle, *row) for handle, row in zip(handles, values, strict=True)]
@@ -124,10 +142,7 @@ def _text(rows: list[Row]) -> str:
 
 
 def _csv(rows: list[Row]) -> str:
-    out = io.StringIO()
-    writer = csv.writer(out, lineterminator='\n')
-    writer.writerows([COLUMNS, *rows])
-    return out.getvalue().rstrip('\n')
+    return cli.csv_of(COLUMNS, rows).rstrip('\n')
 
 
 def _json(rows: list[Row]) -> str:

@@ -53,14 +53,22 @@ class _Parts:
     velocity_m_s: Floats | None = None
 
 
-def namespace_of(bag: LogReader) -> str:
-    """Return the namespace of the dragon in a bag. Raises InputError where there is none, or several."""
-    found = [topic.name.removesuffix('/handles') for topic in bag.topics
-             if topic.name.endswith('/handles') and topic.type == 'geometry_msgs/msg/PoseArray']
-    if len(found) != 1:
-        what = f'{len(found)} dragons ({", ".join(found)}); give --namespace' if found else 'no dragon'
-        raise InputError(f'{bag.path}: holds {what}: topics NAMESPACE/handles of type geometry_msgs/msg/PoseArray')
-    return found[0]
+def namespace_of(bag: LogReader, asked: str | None = None) -> str:
+    """Return the namespace of the dragon that is asked for, or of the only one that has messages (or a topic at all).
+
+    Raises InputError where it is not there, or not clear which.
+    """
+    topics = [topic for topic in bag.topics
+              if topic.name.endswith('/handles') and topic.type == 'geometry_msgs/msg/PoseArray']
+    found = sorted(topic.name.removesuffix('/handles')
+                   for topic in [topic for topic in topics if topic.messages] or topics)
+    named = found if asked is None else [name for name in found if name == f'/{asked.strip("/")}'.rstrip('/')]
+    if len(named) == 1:
+        return named[0]
+    what = f'{len(found)} dragon{"s" * (len(found) > 1)} ({", ".join(found)})' if found else 'no dragon'
+    which = 'give --namespace' if asked is None else f'none in --namespace {asked}'
+    raise InputError(f'{bag.path}: holds {what}{"; " + which if found else ""}: topics NAMESPACE/handles of type '
+                     'geometry_msgs/msg/PoseArray')
 
 
 def scene_of_bag(bag: LogReader) -> Scene | None:

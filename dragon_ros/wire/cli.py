@@ -1,8 +1,10 @@
 """What the command lines of all executables share: options, exit codes, and errors in one line."""
 import argparse
+import csv
+import io
 import os
 import sys
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
@@ -49,6 +51,11 @@ def add_source_options(options: argparse.ArgumentParser) -> None:
     """Add the options of a scene, and --bag and --namespace, which take its place."""
     add_scene_options(options)
     options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording, in place of a scene')
+    add_namespace_option(options)
+
+
+def add_namespace_option(options: argparse.ArgumentParser) -> None:
+    """Add --namespace, which says which dragon of a bag (``bag_frames.namespace_of``)."""
     options.add_argument('--namespace', metavar='NAME', help='of the dragon in the bag, where it has several')
 
 
@@ -63,6 +70,13 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
     from dragon_ros.wire.scenes import load_scene
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
     return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
+
+
+def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows below their heads as CSV, each line ended."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator='\n').writerows([head, *rows])
+    return out.getvalue()
 
 
 def write_output(path: Path | None, text: str) -> None:

@@ -1,5 +1,6 @@
 """The programs in docs/examples, beside real nodes over DDS."""
 import re
+import signal
 import subprocess
 import sys
 import threading
@@ -47,3 +48,14 @@ def test_the_subscriber_of_the_tutorial_prints_the_speed_of_the_tail(example, st
         t_s, speed = map(float, re.fullmatch(r' +([\d.]+) s: the tail is at ([\d.]+) m/s\n', line).groups())
         vx, vy = velocity_of(scene, state(scene, t_s), t_s)[-1]
         assert speed == pytest.approx((vx * vx + vy * vy) ** 0.5, abs=1e-3)
+
+
+def test_ctrl_c_ends_the_subscriber_of_the_tutorial_quietly_while_messages_come(example, start):
+    child = example('tail_speed.py')
+    start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'time_scale:=0.0', '-p',
+          'wait_subscribers:=[handles=1]')
+    assert 'the tail is at' in child.stdout.readline()
+    child.send_signal(signal.SIGINT)
+    rest = child.stdout.read()
+    assert child.wait() == 0
+    assert 'Error' not in rest

@@ -106,6 +106,19 @@ def test_inspect_tells_topics_scene_contact_and_clearance(capsys, bag):
     assert 'every length, index and CRC holds' in text
 
 
+@pytest.mark.parametrize('command', [['inspect'], ['inspect', '--check'], ['table'], ['export', '--output', 'a.csv']])
+def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_not_there_is_refused(
+        capsys, tmp_path, monkeypatch, bag, command):
+    monkeypatch.chdir(tmp_path)
+    name, *options = command
+    for namespace in ('dragon', '/dragon'):
+        assert run(capsys, name, bag, *options, '--namespace', namespace)[0] == 0
+        Path('a.csv').unlink(missing_ok=True)
+    code, out, err = run(capsys, name, bag, *options, '--namespace', 'left')
+    assert (code, out) == (2, '')
+    assert '1 dragon (/dragon); none in --namespace left' in err
+
+
 def test_inspect_looks_at_no_more_ticks_than_it_is_told_to(capsys, bag):
     found = json.loads(run(capsys, 'inspect', bag, '--format', 'json', '--looks', '5')[1])['clearance']
     assert (found['looks'], found['ticks'], len(found['gap_m'])) == (5, TICKS, 5)

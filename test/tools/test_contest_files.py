@@ -61,6 +61,32 @@ def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(fold
         book.close()
 
 
+def the_organisers_rows(name, sheet):
+    """The names that the organisers' empty result files have, read from copies of them that teams published.
+
+    As handed out they are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
+    bytes); filled in in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.
+    """
+    names = ['龙头', *(f'第{n}节龙身' for n in range(1, 222)), '龙尾', '龙尾（后）']
+    if sheet == '位置':
+        return [f'{handle}{axis} (m)' for handle in names for axis in 'xy']
+    if sheet == '速度':
+        return ['龙头 (m/s)', *(f'{handle}  (m/s)' for handle in names[1:-1]), '龙尾（后） (m/s)']
+    return names
+
+
+@pytest.mark.parametrize(('name', 'heads'), [
+    ('result1', [f'{t} s' for t in range(301)]), ('result2', ['横坐标x (m)', '纵坐标y (m)', '速度 (m/s)']),
+    ('result4', [f'{t} s' for t in range(-100, 101)])])
+def test_books_have_every_name_of_the_organisers_files_to_the_character(folder, name, heads):
+    openpyxl = pytest.importorskip('openpyxl')
+    book = openpyxl.load_workbook(folder / f'{name}.xlsx')
+    assert book.sheetnames == (['Sheet1'] if name == 'result2' else ['位置', '速度'])
+    for page in book:
+        assert [cell.value for cell in page[1]] == [None, *heads]
+        assert [cell.value for cell in page['A']] == [None, *the_organisers_rows(name, page.title)]
+
+
 @pytest.mark.parametrize(('benches', 'names'), [
     (1, ['龙尾', '龙尾（后）']), (2, ['龙头', '龙尾', '龙尾（后）']),
     (4, ['龙头', '第1节龙身', '第2节龙身', '龙尾', '龙尾（后）'])])
@@ -75,6 +101,19 @@ def test_without_the_library_text_files_are_written_and_a_line_says_what_is_miss
     assert code == 0
     assert len(out.splitlines()) == len(list(tmp_path.iterdir())) == 5
     assert 'pip install openpyxl' in err
+
+
+@pytest.mark.parametrize('options', [
+    ['--contest', 'a', '--times', '0'], ['--contest', 'a', '--output', 'b'], ['--contest', 'a', '--paper'],
+    ['--paper', '--scene', 'long'], ['--paper', '--handles', '0'], ['a.mcap', '--scene', 'long'],
+    ['a.mcap', '--contest', 'a'], ['--times', '0', '--namespace', 'b']], ids=' '.join)
+def test_what_a_table_would_not_look_at_is_refused(capsys, tmp_path, monkeypatch, options):
+    monkeypatch.chdir(tmp_path)
+    assert main(['table', *options]) == 2
+    out, err = capsys.readouterr()
+    assert not out
+    assert 'does not take it' in err
+    assert not list(tmp_path.iterdir())
 
 
 @pytest.mark.parametrize(('change', 'says'), [('dragon.benches=2', 'has none'), ('dragon.benches=0', 'benches')])

@@ -87,7 +87,7 @@ def test_a_bag_of_another_namespace_is_found_and_one_without_benches_is_refused(
     path = write_bag(tmp_path / 'other.mcap', namespace='/left')
     assert plot(capsys, 'dragon', '--bag', path, '--output', tmp_path / 'a.png')[0] == 0
     code, _, err = plot(capsys, 'dragon', '--bag', path, '--namespace', 'right', '--output', tmp_path / 'a.png')
-    assert (code, 'right/handles' in err) == (2, True)
+    assert (code, '1 dragon (/left); none in --namespace right' in err) == (2, True)
     path = write_bag(tmp_path / 'bare.mcap', skip=('benches',))
     code, _, err = plot(capsys, 'dragon', '--bag', path, '--output', tmp_path / 'a.png')
     assert (code, '/dragon/benches' in err) == (2, True)
