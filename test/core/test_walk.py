@@ -54,11 +54,12 @@ def test_every_tier_keeps_its_promise_on_every_dance(name, tier):
 def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_so_far_behind(name):
     scene = CASES[name].scene
     for t_s in CASES[name].times_s:
-        chain = state(scene, t_s)
-        assert chain.worst[0] < 1e-13 * max(1, scene.size_m)
+        chain, marched = state(scene, t_s), state(replace(scene, solver='march'), t_s)
+        np.testing.assert_allclose(chain.p, marched.p, rtol=0, atol=1e-13 * max(1, scene.size_m))
+        assert max(chain.worst[0], marched.worst[0]) < 1e-13 * max(1, scene.size_m)
         for link in (0, 5):
             if scene.dragon.link_lengths_m[link]:
-                _no_nearer_root(scene.led.walk, chain, link, scene.dragon.link_lengths_m[link])
+                _no_nearer_root(scene.led.walk, marched, link, scene.dragon.link_lengths_m[link])
 
 
 def _no_nearer_root(walk, chain, front, link_m):
@@ -87,7 +88,7 @@ def test_many_states_of_a_dance_are_its_single_ones():
     many = states(TURNING, times)
     assert velocity_of(TURNING, many, times).shape == (3, 224, 2)
     for row, t_s in zip(many.p, times, strict=True):
-        assert row.tobytes() == state(TURNING, t_s).p.tobytes()
+        np.testing.assert_allclose(row, state(TURNING, t_s).p, rtol=0, atol=1e-13)
 
 
 def test_the_turn_is_centrally_symmetric_and_joins_without_a_kink():
@@ -134,6 +135,14 @@ def test_a_bend_that_is_wide_enough_never_locks(radius_m):
                                                    Line(50.0))))
     for t_s in np.linspace(0.0, scene.end.t_s, 300):
         assert state(scene, float(t_s)).worst[0] < 1e-12
+
+
+@pytest.mark.parametrize('past_m', [0.0, 1e-9, 1e-6, 1e-4, 3e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize('tier', ['fine', 'exact'])
+def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as_exact(tier, past_m):
+    track = Joined((Line(10.0), Arc(2.0, 180.0), Line(10.0)))
+    scene = Scene(dragon=Dragon(12), track=track, run=Run(0, 20), solver='march', accuracy=tier)
+    assert state(scene, 10 + 2 * pi + past_m).worst[0] < 0.1 * scene.promise_m
 
 
 def test_a_dance_ends_with_its_track_and_says_so():
