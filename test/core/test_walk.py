@@ -22,7 +22,7 @@ from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
 from dragon_ros.core.outline import outline
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.rates import conditioning
-from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state, states, tick, velocity_of
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.turn import Turn
@@ -34,11 +34,12 @@ CASES = {problem.name: problem for problem in dances()}
 TURNING = CASES['turning'].scene
 
 
+@pytest.mark.parametrize('solver', SOLVERS)
 @pytest.mark.parametrize('tier', ['preview', 'standard', 'fine', 'exact'])
 @pytest.mark.parametrize('name', CASES)
-def test_every_tier_keeps_its_promise_on_every_dance(name, tier):
+def test_every_tier_keeps_its_promise_on_every_dance(name, tier, solver):
     problem, known = CASES[name], truth(CASES[name])
-    scene, handles = replace(problem.scene, accuracy=tier), list(problem.handles)
+    scene, handles = replace(problem.scene, accuracy=tier, solver=solver), list(problem.handles)
     for number, t_s in enumerate(problem.times_s):
         chain = state(scene, t_s)
         condition = conditioning(chain)
@@ -143,6 +144,13 @@ def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as
     track = Joined((Line(10.0), Arc(2.0, 180.0), Line(10.0)))
     scene = Scene(dragon=Dragon(12), track=track, run=Run(0, 20), solver='march', accuracy=tier)
     assert state(scene, 10 + 2 * pi + past_m).worst[0] < 0.1 * scene.promise_m
+
+
+@pytest.mark.parametrize('length_m', np.arange(0.1, 3.0, 0.1).tolist())
+def test_led_by_the_tail_the_head_begins_at_the_very_end_of_its_track(length_m):
+    track = Joined((Line(1.0), Line(length_m), Line(1.0)), start_m=2.0 + length_m)
+    scene = Scene(dragon=Dragon(12, 2.2, 1.6), track=track, head=Head(1.0, 'tail'), run=Run(0, 9), solver='march')
+    assert state(scene, 0.0).p[0] == pytest.approx((2.0 + length_m, 0.0), abs=1e-12)
 
 
 def test_a_dance_ends_with_its_track_and_says_so():
