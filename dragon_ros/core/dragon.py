@@ -53,3 +53,8 @@ class Dragon:
     def bench_lengths_m(self) -> Floats:
         """Full length of each bench, shape (benches,)."""
         return read_only(np.array([self.head_length_m] + [self.body_length_m] * (self.benches - 1)))
+
+
+def is_even(lengths_m: Floats) -> bool:
+    """Return whether all behind the first are equal, as for the classic dragon (link or bench lengths, (N,))."""
+    return bool(np.all(lengths_m[1:] == lengths_m[-1]))
