@@ -1,4 +1,7 @@
-"""Many places on a walk at once: where they are, and the next handle behind or ahead of each."""
+"""Many places on a walk at once: where they are, and the next handle behind or ahead of each.
+
+The equations are those of ``walk``: results agree to the last digits and not bit for bit.
+"""
 from math import inf
 
 import numpy as np
@@ -6,7 +9,8 @@ import numpy as np
 from dragon_ros.core.angle import plus
 from dragon_ros.core.chord import reach_m, step_in
 from dragon_ros.core.march_many import first_guesses, steps
-from dragon_ros.core.placed import Placed, PlacedSpiral
+from dragon_ros.core.path import arc_between
+from dragon_ros.core.placed import BACK, Placed, PlacedSpiral, metres_between
 from dragon_ros.core.types import Array, Floats, Ints
 from dragon_ros.core.walk import Place, Walk
 
@@ -14,7 +18,7 @@ Places = tuple[Ints, Floats, Floats]        # numbers of the pieces, and the coo
 
 
 def places_at(walk: Walk, metres: Floats, lo: Floats) -> Places:
-    """Return ``walk.place_at`` of many, to the last digits and not bit for bit; all must be on the track."""
+    """Return ``walk.place_at`` of many; all must be on the track."""
     joints = [walk.joint_m(k) for k in range(1, len(walk.pieces))]
     piece = np.searchsorted(np.array(joints), metres, side='right')
     u, u_lo = np.empty_like(metres), np.empty_like(metres)
@@ -33,23 +37,23 @@ def _after(piece: Placed, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
 
 
 def next_places(walk: Walk, places: Places, chord_m: float, way: int, tolerance: float) -> tuple[Places, int]:
-    """Return ``walk.next`` of many, to the last digits and not bit for bit, and evaluations."""
+    """Return ``walk.next`` of many, and evaluations. Raises TrackEndError where any finds no track."""
     piece, u, lo = (values.copy() for values in places)
-    spent, across = 0, []
-    for k in np.unique(piece).tolist():
-        on = np.flatnonzero(piece == k)
+    spent = 0
+    for k in np.unique(places[0]).tolist():
+        on = np.flatnonzero(places[0] == k)
         edge = walk.edge(k, chord_m, way)
         delta, evaluations = _along(walk.pieces[k], u[on], chord_m, way, tolerance)
-        spent += evaluations
         found = np.isfinite(delta)
         hi, low = plus(u[on], lo[on], np.where(found, delta, 0.0))
         stays: Array = found & (np.minimum(u[on], edge) <= hi) & (hi <= np.maximum(u[on], edge))
-        across += on[~stays].tolist()
-        u[on[stays]], lo[on[stays]] = hi[stays], low[stays]
-    for n in across:
-        place = Place.of(*(values[n] for values in places))
-        (piece[n], (u[n], lo[n])), evaluations = walk.next(place, chord_m, way, tolerance)
+        over, on = on[~stays], on[stays]
         spent += evaluations
+        if over.size:
+            (piece[over], u[over], lo[over]), evaluations = _across(walk, k, (u[over], lo[over]), chord_m, way,
+                                                                    tolerance)
+            spent += evaluations
+        u[on], lo[on] = hi[stays], low[stays]
     return (piece, u, lo), spent
 
 
@@ -67,7 +71,7 @@ def _along(piece: Placed, u: Floats, chord_m: float, way: int, tolerance: float)
 def _steps_in(theta: Floats, chord: float, arc: float, tolerance: float) -> tuple[Floats, int]:
     """Return ``-chord.step_in`` of many, by Newton, and one by one where that does not settle."""
     delta = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta - np.minimum(theta, chord / theta))))
-    change, spent = np.zeros_like(theta), 0
+    change, slope, spent = np.zeros_like(theta), np.ones_like(theta), 0
     with np.errstate(all='ignore'):
         for _ in range(8):
             s, inner = np.sin(0.5 * delta), theta - delta
@@ -84,3 +88,67 @@ def _steps_in(theta: Floats, chord: float, arc: float, tolerance: float) -> tupl
         delta[n], evaluations = step_in(float(theta[n]), chord, arc, tolerance)
         spent += evaluations
     return np.where(delta < inf, -delta, -inf), spent
+
+
+def _across(walk: Walk, k: int, u: tuple[Floats, Floats], chord_m: float, way: int,
+            tolerance: float) -> tuple[Places, int]:
+    """Return the next places beyond one joint or more, of many on piece k."""
+    here = np.asarray(walk.pieces[k].at(*u), dtype=np.complex128)
+    start, reach, spent = k, reach_m(walk.bend, chord_m), 0
+    gone = _metres_to(walk.pieces[k], u[0], walk.pieces[k].first if way == BACK else walk.pieces[k].last)
+    out: Places = np.full(here.shape, k), np.empty(here.shape), np.empty(here.shape)
+    left = np.arange(here.size)
+    while left.size and 0 <= (k := k + way) < len(walk.pieces):
+        piece = walk.pieces[k]
+        near, far = piece.last if way == BACK else piece.first, walk.edge(k, chord_m, way)
+        longest = metres_between(piece, near, far) if abs(far) < inf else inf
+        hit = np.full(left.shape, True) if longest == inf else (
+            (gone[left] + longest >= reach) | (np.abs(complex(piece.at(far)) - here[left]) >= chord_m))
+        on = left[hit]
+        if on.size:
+            out[0][on] = k
+            (out[1][on], out[2][on]), evaluations = _cuts(piece, (near, far), here[on], chord_m, way,
+                                                          (gone[on], reach), tolerance)
+            spent += evaluations
+        gone, left = gone + longest, left[~hit]
+    for n in left[:1]:      # it says what is wrong
+        walk.next(Place.of(start, u[0][n], u[1][n]), chord_m, way, tolerance)
+    return out, spent
+
+
+def _metres_to(piece: Placed, u: Floats, edge: float) -> Floats:
+    """Return ``metres_between`` of many coordinates and one."""
+    if isinstance(piece, PlacedSpiral):
+        return np.asarray(np.abs(piece.spiral.b_m * arc_between(edge, edge - u)))
+    return np.asarray(np.abs(piece.metres(u) - piece.metres(edge)))
+
+
+def _cuts(piece: Placed, ends: tuple[float, float], here: Array, chord_m: float, way: int,
+          arcs_m: tuple[Floats, float], tolerance: float) -> tuple[tuple[Floats, Floats], int]:
+    """Return where a piece is at a chord's length from many points, as ``walk`` does: Newton kept inside brackets."""
+    (near, far), (gone, reach) = ends, arcs_m
+    end = _after(piece, piece.metres(near) + way * (reach - gone), np.zeros_like(gone))[0]
+    most, sense = np.minimum(np.abs(end - near), abs(far - near)), 1.0 if far > near else -1.0
+    low, high = np.zeros_like(gone), most
+    x, last, spent = most * np.clip((chord_m - gone) / (reach - gone), 0.0, 1.0), most, 0
+    for _ in range(80):
+        u = near + sense * x
+        link = piece.at(u) - here
+        value = 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m)
+        slope = (link.conjugate() * piece.heading(u)).real * _rates(piece, u) * sense
+        low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
+        step = value / np.where(slope > 0, slope, 1e-300)
+        small = np.abs(step) <= tolerance * most
+        newton = small | ((low <= x - step) & (x - step <= high) & (np.abs(step) <= 0.5 * last))
+        following = np.clip(np.where(newton, x - step, low + 0.5 * (high - low)), low, high)
+        last, x = np.abs(following - x), following
+        if np.all(small | (high - low <= 4e-16 * most)):
+            break
+    return plus(near, 0.0, sense * x), spent
+
+
+def _rates(piece: Placed, u: Floats) -> Floats | float:
+    """Return ``piece.rate`` at many coordinates."""
+    if isinstance(piece, PlacedSpiral):
+        return np.asarray(piece.way * piece.spiral.b_m * np.sqrt(1 + u * u))
+    return piece.rate(0.0)
