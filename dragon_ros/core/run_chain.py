@@ -112,7 +112,7 @@ class RunChain(Chain):
             if not part.start:
                 p[order.one(0)] = here.real, here.imag
             p[order.one(part.start + 1)] = following.real, following.imag
-        p.flags.writeable = False
+        p.setflags(write=False)
         return cls(p, links_m, spent, way, parts, marched)
 
     def velocities(self, head_speed_m_s: Any) -> Floats:
@@ -123,11 +123,11 @@ class RunChain(Chain):
             if isinstance(part, Hop):
                 speed = self._hop(part, speed, order, out)
                 continue
-            table, spot = part.table, part.spot
-            first, some = order.first_row(spot.row, part.links), out[order.some(part.start, part.links)]
-            table.fill(table.motions, spot._replace(basis=spot.basis * (speed / table.pace(spot))), first, some)
+            some = out[order.some(part.start, part.links)]
+            part.table.fill(part.table.motions, part.spot, order.first_row(part.spot.row, part.links), some)
+            some *= speed / hypot(*out[order.one(part.start)].tolist())
             speed = copysign(hypot(*out[order.one(part.start + part.links)].tolist()), speed)
-        out.flags.writeable = False
+        out.setflags(write=False)
         return out
 
     def _hop(self, hop: Hop, speed: float, order: _Order, out: Floats) -> float:

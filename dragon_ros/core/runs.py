@@ -7,18 +7,26 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate, groupby, pairwise
 from math import inf
+from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dragon_ros.core.dragon import is_even
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.march import Effort, locked
+from dragon_ros.core.joined import wound
+from dragon_ros.core.march import Effort, locked, place
+from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.run_chain import Hop, Hops, Ride, Rides, RunChain, RunChains
+from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.track_rows import track_table
 from dragon_ros.core.track_table import TrackTable
 from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_many import Places, next_places
+
+if TYPE_CHECKING:
+    from dragon_ros.core.scene import Scene
 
 FEWEST = 8              # links, below which marching is faster than a table
 _MOST_TABLES = 4
@@ -67,17 +75,17 @@ class Runs:
         Raises TrackEndError where there is no track, ChainLockError where a link finds no place.
         """
         parts: list[Hop | Ride] = []
-        place, spent, marched, rides = leader, 0, False, 0
+        here, spent, marched, rides = leader, 0, False, 0
         for run in self.runs:
             i = run.start
             while i < run.stop:
-                part, more = self._part(run, i, place)
+                part, more = self._part(run, i, here)
                 parts.append(part)
                 if isinstance(part, Ride):
                     i, rides = i + part.links, rides + 1
-                    place = part.end(self.way) if i < self.links_m.size else place
+                    here = part.end(self.way) if i < self.links_m.size else here
                     continue
-                i, place, spent = i + 1, part.following, spent + more
+                i, here, spent = i + 1, part.following, spent + more
                 marched = marched or run.stop - run.start >= FEWEST
                 if not rides and run.table and i - run.start == _TRIES:
                     return None
@@ -135,3 +143,25 @@ class Runs:
         last = spots.row - self.way * (run.stop - run.start)
         whole = np.all(known & (last >= 0) & (last < run.table.rows))
         return Rides(run.start, run.stop - run.start, run.table, spots) if whole else None
+
+
+def runs_of(scene: 'Scene') -> Runs | None:
+    """Return the runs of a scene on pieces, behind a tail or of mixed benches, with tables over the places of its run.
+
+    None elsewhere, where it asks for the march, and where nothing ends the run.
+    """
+    links, open_ended = scene.dragon.link_lengths_m, scene.run.stop_s is None and scene.limit is None
+    if scene.solver == 'march' or scene.tier is PAPER or open_ended or links.size < FEWEST:
+        return None
+    extent, work = scene.head.extent_m(scene.end.t_s), (scene.effort, scene.tier.series_m(scene.size_m))
+    if scene.led:
+        return Runs(scene.led.walk, links, scene.led.way, scene.led.span_m(extent), *work)
+    return None if is_even(links) else _on_spiral(scene.spiral, links, extent, *work)
+
+
+def _on_spiral(spiral: Spiral, links_m: Floats, extent_m: tuple[float, float], effort: Effort, error_m: float) -> Runs:
+    """Return the runs behind a head that goes between two distances."""
+    walk = wound(spiral, 0.0)
+    tail = place(spiral, links_m, spiral.inward(extent_m[0]), effort).theta[-1]
+    stretch_m = walk.distance_of(Place.of(0, tail, 0.0))[0], min(extent_m[1], walk.end_m)
+    return Runs(walk, links_m, BACK, stretch_m, effort, error_m)

@@ -15,17 +15,16 @@ from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Joined, wound
 from dragon_ros.core.led import Led
 from dragon_ros.core.lock import follower_range, head_lock_angle
-from dragon_ros.core.march import Effort, place
+from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
-from dragon_ros.core.runs import FEWEST, Runs
+from dragon_ros.core.runs import FEWEST, Runs, runs_of
 from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.table import ShiftTable
 from dragon_ros.core.table_rows import table_for
 from dragon_ros.core.tiers import PAPER, Tier, tier_for
 from dragon_ros.core.turn import Turn
 from dragon_ros.core.types import Floats
-from dragon_ros.core.walk import Place
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
@@ -167,7 +166,7 @@ class Scene:
         links = self.dragon.link_lengths_m
         if self.led or self.solver == 'march' or self.tier is PAPER or links.size < FEWEST or not links[0] * links[1]:
             return None
-        if not is_even(links):
+        if not is_even(links):      # no one map from a handle to the next
             return None
         whole = (0.0, self.end.t_s if self.limit is None else self.limit.t_s)
         tables = (table_for(self.spiral, links, self._second_handle(*times), self.effort.newton,
@@ -176,22 +175,8 @@ class Scene:
 
     @cached_property
     def runs(self) -> Runs | None:
-        """What places runs of equal links by tables where ``table`` cannot; None where all is marched.
-
-        That is on a track of pieces, behind a tail, or for mixed benches. The tables are built when they are first
-        asked for, over the whole track where it ends, else over this run.
-        """
-        links, last = self.dragon.link_lengths_m, self.limit.t_s if self.limit else self.run.stop_s
-        if self.solver == 'march' or self.tier is PAPER or last is None or links.size < FEWEST:
-            return None
-        error_m, extent = self.tier.series_m(self.size_m), self.head.extent_m(last)
-        if self.led:
-            return Runs(self.led.walk, links, self.led.way, self.led.span_m(extent), self.effort, error_m)
-        if is_even(links):
-            return None
-        walk, head = wound(self.spiral, 0.0), self.spiral.inward(extent[0])
-        tail = Place.of(0, place(self.spiral, links, head, self.effort).theta[-1], 0.0)
-        return Runs(walk, links, BACK, (walk.distance_of(tail)[0], min(extent[1], walk.end_m)), self.effort, error_m)
+        """What places runs of equal links where ``table`` cannot; tables are built when first asked for."""
+        return runs_of(self)
 
     def _second_handle(self, first_s: float, last_s: float) -> tuple[float, float]:
         """Return the least and greatest polar angle of the second handle between two times."""

@@ -79,9 +79,8 @@ def _parts(walk: Walk, link_m: float, front: Place, low_m: float) -> list[_Part]
     """Return the parts of the span behind ``front``: it is cut at every place that a joint is whole links behind of."""
     rear = walk.next(front, link_m, BACK, _STEP)[0]
     here_m, back_m = walk.distance_of(front)[0], walk.distance_of(rear)[0]
-    joints = [walk.joint_m(k) for k in range(1, len(walk.pieces))]
-    inside = [k for k, metres in enumerate(joints, 1) if low_m < metres < here_m]
-    if sum(here_m - joints[k - 1] for k in inside) / link_m > _MOST_STEPS:
+    inside = [k for k, metres in enumerate(walk.joints_m, 1) if low_m < metres < here_m]
+    if sum(here_m - walk.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
         return []
     cuts = sorted((_pulled(walk, link_m, Place.of(k, walk.pieces[k].first, 0.0), back_m) for k in inside),
                   key=walk.distance_of, reverse=True)

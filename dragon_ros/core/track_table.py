@@ -4,7 +4,7 @@ As in ``table``, with any track in place of one spiral. Let F be the map from a 
 that place is the only one a link away within reach (``chord.reach_m``), and so is the place of a handle within reach of
 the next one: F is one to one, and ahead of a tail the same rows are read the other way. F is smooth as long as both
 handles stay on their pieces. So the span, from the foremost place a back to F(a), is cut into parts where any of its
-images passes a joint, and each part has series of its own: no handle is ever near enough to a joint to be doubted.
+images passes a joint, and each part has series of its own: near a joint there is nothing to decide.
 """
 from bisect import bisect_right
 from dataclasses import dataclass
@@ -107,7 +107,9 @@ class TrackTable:
         u = 0.0
         for coefficient in inverse:
             u = u * x + coefficient
-        return Spot(row, part, np.cos(self._orders * acos(min(1.0, max(-1.0, u)))))
+        basis = self._orders * acos(min(1.0, max(-1.0, u)))
+        np.cos(basis, basis)
+        return Spot(row, part, basis)
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
         """Return where many places are, and which of them are in the table."""
@@ -152,7 +154,7 @@ class TrackTable:
         for low in range(0, flat.size, width):
             part = flat[low:low + width]
             start = 2 * first + low
-            basis[:terms].dot(series[spot.part, :terms, start:start + part.size], part)
+            np.matmul(basis[:terms], series[spot.part, :terms, start:start + part.size], part)
 
     def fill_many(self, series: Floats, spots: Spots, first: Ints, out: Floats) -> None:
         """Fill ``out`` (S, n, 2) as ``fill`` does; states of one row and part share a product."""
@@ -162,13 +164,8 @@ class TrackTable:
             terms = int(self.terms[part, row])
             np.matmul(spots.basis[some, :terms], series[part, :terms, 2 * row:2 * row + flat.shape[1]], out=flat[some])
 
-    def pace(self, spot: Spot) -> float:
-        """Return the speed of a handle for unit speed in row 0."""
-        x, y = spot.basis.dot(self.motions[spot.part, :, 2 * spot.row:2 * spot.row + 2]).tolist()
-        return float(np.hypot(x, y))
-
     def paces(self, spots: Spots) -> Floats:
-        """Return ``pace`` of many."""
+        """Return the speeds of many handles for unit speed in row 0."""
         x, y = (np.einsum('sk,sk->s', spots.basis, self.motions[spots.part, :, 2 * spots.row + n]) for n in (0, 1))
         out: Floats = np.hypot(x, y)
         return out

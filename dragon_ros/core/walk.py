@@ -4,6 +4,7 @@ The next handle is the first place behind at the chord's length. The largest cur
 (else the track is refused): then the chord grows along the track until it is reached, there is one such place within
 ``chord.reach_m``, it moves on as the handle before it moves on, and no link ever locks.
 """
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -97,9 +98,7 @@ class Walk:
 
     def place_at(self, metres: float, lo: float = 0.0) -> Place:
         """Return the place so far along the way. Raises TrackEndError where there is no track."""
-        k = len(self.pieces) - 1
-        while k and metres < self.joint_m(k):
-            k -= 1
+        k = bisect_right(self.joints_m, metres)
         hair = _HAIR * (1 + abs(metres))
         if not self.begin_m - hair <= metres <= self.end_m + hair:
             raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
@@ -107,9 +106,10 @@ class Walk:
         here, here_lo = plus(metres, lo, -self.origins_m[k])
         return Place(k, self.pieces[k].after(here, here_lo))
 
-    def joint_m(self, k: int) -> float:
-        """Return the distance along the way at the beginning of piece k >= 1."""
-        return self._distance(k, self.pieces[k].first)
+    @cached_property
+    def joints_m(self) -> list[float]:
+        """Distances along the way at the beginnings of all pieces but the first."""
+        return [self._distance(k, self.pieces[k].first) for k in range(1, len(self.pieces))]
 
     def between(self, low_m: float, high_m: float) -> list[tuple[Placed, float, float]]:
         """Return the pieces on a stretch of the way, with u where each begins and ends on it."""

@@ -19,8 +19,7 @@ Places = tuple[Ints, Floats, Floats]        # numbers of the pieces, and the coo
 
 def places_at(walk: Walk, metres: Floats, lo: Floats) -> Places:
     """Return ``walk.place_at`` of many; all must be on the track."""
-    joints = [walk.joint_m(k) for k in range(1, len(walk.pieces))]
-    piece = np.searchsorted(np.array(joints), metres, side='right')
+    piece = np.searchsorted(np.array(walk.joints_m), metres, side='right')
     u, u_lo = np.empty_like(metres), np.empty_like(metres)
     here, here_lo = plus(metres, lo, -np.array(walk.origins_m)[piece])
     for k in np.unique(piece).tolist():

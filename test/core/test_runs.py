@@ -155,6 +155,32 @@ def test_behind_a_head_on_one_spiral_runs_are_where_the_march_is(gone_m):
     np.testing.assert_allclose(one.velocities(1.0), other.velocities(1.0), rtol=0, atol=3e-13)
 
 
+class Mix(Dragon):
+    """A dragon of 60 benches of three lengths."""
+
+    @property
+    def link_lengths_m(self):
+        """Handle spacing of each bench."""
+        return np.array([2.86, 2.0] + [1.65] * 30 + [1.2] * 28)
+
+
+@pytest.mark.parametrize('speed', [1.0, -1.0])
+def test_a_scene_of_mixed_benches_has_a_table_for_each_run(speed):
+    scene = Scene(dragon=Mix(60), head=Head(speed), run=Run(0, 400))
+    assert scene.table is None
+    assert [(run.start, run.stop, bool(run.table)) for run in scene.runs.runs] == [
+        (0, 1, False), (1, 2, False), (2, 32, True), (32, 60, True)]
+    for t_s in (0.0, 200.0, 400.0):
+        assert agree(scene, t_s) == 'table'
+
+
+def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
+    scene = Scene(dragon=Mix(60), run=Run(0, 430))
+    assert agree(scene, 430.0) == 'table+march'
+    with pytest.raises(ChainLockError, match='link 0'):
+        scene.runs.place(Place(0, scene.spiral.inward(432.95)))
+
+
 def test_a_mix_that_locks_names_its_link():
     spiral, links = Spiral(), np.array([1.0] + [5.0] * 20)
     runs = Runs(wound(spiral, 0.0), links, BACK, (-500.0, 440.0), EFFORT, 2e-14)
