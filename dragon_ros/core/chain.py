@@ -2,7 +2,6 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import ClassVar
 
 import numpy as np
 
@@ -16,13 +15,17 @@ class Chain:
     """All handles at one instant (or at many: the arrays then have a leading axis).
 
     ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) the spacing of the handles, ``evaluations`` how
-    often an equation was evaluated; ``solver`` names who placed them.
+    often an equation was evaluated.
     """
 
     p: Floats
     links_m: Floats
     evaluations: int
-    solver: ClassVar[str]
+
+    @property
+    def solver(self) -> str:
+        """Who placed the handles."""
+        raise NotImplementedError
 
     @cached_property
     def residuals_m(self) -> Floats:

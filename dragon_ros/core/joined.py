@@ -4,7 +4,6 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import degrees, hypot, inf, pi, radians, remainder
 
-from dragon_ros.core.angle import Angle
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.path import Spiral
@@ -145,10 +144,9 @@ def _check_joint(k: int, piece: Piece, point: complex, direction: complex) -> No
                              'leave it out, or change the pieces before')
 
 
-def wound(spiral: Spiral) -> Walk:
-    """Return a single spiral that ends where its head starts, as a walk: the track of a dragon led by its tail."""
-    start: Angle = spiral.start
-    return Walk((PlacedSpiral(spiral, 0j, 1 + 0j, 1, -1, inf, start.hi),), (0.0,))
+def wound(spiral: Spiral, last_rad: float) -> Walk:
+    """Return a single spiral as a walk that winds in from afar to a polar angle; distances count from its start."""
+    return Walk((PlacedSpiral(spiral, 0j, 1 + 0j, 1, -1, inf, last_rad),), (0.0,))
 
 
 KINDS: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': Wind}

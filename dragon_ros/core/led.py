@@ -11,6 +11,7 @@ from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_chain import WalkChain, chain_on
+from dragon_ros.core.walk_many import Places, places_at
 
 _PRECISE = Effort(1e-8)
 
@@ -62,8 +63,13 @@ class Led:
         high, low = plus(*self._origin_m, -self.way * gone_m[0])
         return self.walk.place_at(*plus(high, low, -self.way * gone_m[1]))
 
+    def leaders(self, gone_m: tuple[Floats, Floats]) -> Places:
+        """Return ``leader`` of many."""
+        high, low = plus(*self._origin_m, -self.way * gone_m[0])
+        return places_at(self.walk, *plus(high, low, -self.way * gone_m[1]))
+
     def chain(self, gone_m: tuple[float, float], effort: Effort) -> WalkChain:
-        """Return all handles when the leader has gone (hi, lo) metres. Raises TrackEndError off the track."""
+        """Return all handles when the leader has gone (hi, lo) metres, marched. Raises TrackEndError off the track."""
         return chain_on(self.walk, self.links_m, self.leader(gone_m), self.way, effort)
 
     def end_s(self, head: Head | Profile) -> float | None:

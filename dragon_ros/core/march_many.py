@@ -38,12 +38,12 @@ def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats,
 def head_steps(spiral: Spiral, theta: Floats, chord: float, tolerance: float) -> tuple[Floats, int]:
     """Return ``steps`` of the first link behind many heads. Raises ChainLockError."""
     try:
-        return steps(theta, chord, _first_guesses(theta, chord), tolerance)
+        return steps(theta, chord, first_guesses(theta, chord), tolerance)
     except ChainLockError as error:
         raise locked(spiral, 0, error.fields['theta_rad'], chord) from None
 
 
-def _first_guesses(theta: Floats, chord: float) -> Floats:
+def first_guesses(theta: Floats, chord: float) -> Floats:
     """Return ``first_guess`` of many."""
     out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
     return out
@@ -52,7 +52,7 @@ def _first_guesses(theta: Floats, chord: float) -> Floats:
 def _guesses(theta: Floats, delta: Floats, start: int, i: int, chord: float) -> Floats:
     """Predict link i from the equal links since ``start``, as ``march.place`` does."""
     if i - start < 3:
-        return _first_guesses(theta[i], chord)
+        return first_guesses(theta[i], chord)
     square = delta[i - 3:i] * (2 * theta[i - 3:i] + delta[i - 3:i])
     ahead = np.maximum(3 * (square[2] - square[1]) + square[0], 0.0)
     predicted: Floats = ahead / (theta[i] + np.sqrt(theta[i] ** 2 + ahead) + TINY)

@@ -18,6 +18,7 @@ from dragon_ros.core.lock import follower_range, head_lock_angle
 from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
+from dragon_ros.core.runs import FEWEST, Runs, runs_of
 from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.table import ShiftTable
 from dragon_ros.core.table_rows import table_for
@@ -28,7 +29,6 @@ from dragon_ros.core.types import Floats
 NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
 SOLVERS = ('table', 'march')
-_FEWEST = 8                # benches, below which marching is faster than the table
 MARKERS = ('cubes', 'triangles')
 
 
@@ -107,7 +107,7 @@ class Scene:
         links = self.dragon.link_lengths_m
         if not isinstance(self.track, Spiral):
             return Led(self.track.walk, links, self.track.start_m, way)
-        return Led(wound(self.track), links, 0.0, way) if way == AHEAD else None
+        return Led(wound(self.track, self.track.start.hi), links, 0.0, way) if way == AHEAD else None
 
     @property
     def spiral(self) -> Spiral:
@@ -167,7 +167,7 @@ class Scene:
         over the places of this run.
         """
         links = self.dragon.link_lengths_m
-        if self.led or self.solver == 'march' or self.tier is PAPER or links.size < _FEWEST or not links[0] * links[1]:
+        if self.led or self.solver == 'march' or self.tier is PAPER or links.size < FEWEST or not links[0] * links[1]:
             return None
         if not is_even(links):      # no one map from a handle to the next
             return None
@@ -175,6 +175,11 @@ class Scene:
         tables = (table_for(self.spiral, links, self._second_handle(*times), self.effort.newton,
                             self.tier.series_m(self.size_m)) for times in (whole, (self.run.start_s, self.end.t_s)))
         return next((table for table in tables if table), None)
+
+    @cached_property
+    def runs(self) -> Runs | None:
+        """What places runs of equal links where ``table`` cannot; tables are built when first asked for."""
+        return runs_of(self)
 
     def _second_handle(self, first_s: float, last_s: float) -> tuple[float, float]:
         """Return the least and greatest polar angle of the second handle between two times."""

@@ -20,6 +20,7 @@ from dragon_ros.core.march_many import place_many
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.types import Floats
+from dragon_ros.core.walk import Place
 from dragon_ros.core.walk_chain import stacked
 
 if TYPE_CHECKING:
@@ -71,9 +72,10 @@ def state(scene: Scene, t_s: float) -> Chain:
         return _as_printed(scene, t_s)
     gone = scene.head.travelled_m(t_s)
     if scene.led:
-        return scene.led.chain(gone, scene.effort)
+        chained = scene.runs.place(scene.led.leader(gone)) if scene.runs else None
+        return chained or scene.led.chain(gone, scene.effort)
     head = scene.spiral.inward(*gone)
-    chain = scene.table.place(head) if scene.table else None
+    chain = scene.table.place(head) if scene.table else scene.runs.place(Place(0, head)) if scene.runs else None
     return chain or place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
 
 
@@ -113,9 +115,14 @@ def states(scene: Scene, times_s: Sequence[float]) -> Chain:
         return stack([_as_printed(scene, t_s) for t_s in times_s])
     times = np.asarray(times_s, dtype=np.float64)
     scene.check_times(times)
+    gone = scene.head.travelled_m(times)
     if scene.led:
-        return stacked([scene.led.chain(scene.head.travelled_m(t_s), scene.effort) for t_s in times_s])
-    heads = scene.spiral.inward_many(*scene.head.travelled_m(times))
+        if scene.runs:
+            return scene.runs.place_many(scene.led.leaders(gone))
+        return stacked([scene.led.chain(one, scene.effort) for one in zip(*map(np.ndarray.tolist, gone), strict=True)])
+    heads = scene.spiral.inward_many(*gone)
+    if scene.runs:
+        return scene.runs.place_many((np.zeros(times.shape, dtype=np.intp), *heads))
     chains = scene.table.place_many(*heads) if scene.table else None
     return chains or place_many(scene.spiral, scene.dragon.link_lengths_m, *heads, scene.effort)
 

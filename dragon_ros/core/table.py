@@ -22,7 +22,7 @@ from dragon_ros.core.path import Spiral, point, points, tangent, tangents
 from dragon_ros.core.rates import speed_ratio, speed_ratios
 from dragon_ros.core.types import Floats, Ints, read_only
 
-_TERMS = 9000       # of one product: BLAS shares larger ones among threads, which could change the last bits
+TERMS = 9000        # of one product: BLAS shares larger ones among threads, which could change the last bits
 _BATCH = 256        # states of one batch of products: what they fill stays in the cache
 
 
@@ -79,7 +79,7 @@ class ShiftTable:
         """View what one product takes of the series of a chain from ``row`` on, ``start`` columns further."""
         first = 2 * row + start
         terms = int(self.terms[first // 2])
-        return series[:terms, first:min(first + _TERMS // terms // 2 * 2, 2 * (row + self.links_m.size))]
+        return series[:terms, first:min(first + TERMS // terms // 2 * 2, 2 * (row + self.links_m.size))]
 
     @cached_property
     def _orders(self) -> Floats:
@@ -168,7 +168,7 @@ class ShiftTable:
         """Fill ``out`` (S, N+1, 2) behind the first handles; states of one row share a product."""
         width = 2 * self.links_m.size
         flat = out.reshape(out.shape[0], 2 + width)
-        for part, first in _runs(row):
+        for part, first in same_rows(row):
             terms = int(self.terms[first])
             np.matmul(basis[part, :terms], series[:terms, 2 * first:2 * first + width], out=flat[part, 2:])
 
@@ -180,7 +180,7 @@ def _closed(flat: Floats) -> Floats:
     return out
 
 
-def _runs(row: Ints) -> list[tuple[slice, int]]:
+def same_rows(row: Ints) -> list[tuple[slice, int]]:
     """Return runs of states in one row, as (slice, row), none longer than a batch."""
     ends = [0, *(np.flatnonzero(np.diff(row)) + 1).tolist(), row.size]
     return [(slice(low, min(low + _BATCH, end)), int(row[start])) for start, end in pairwise(ends)

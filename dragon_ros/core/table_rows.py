@@ -48,7 +48,7 @@ def table_for(spiral: Spiral, links_m: Floats, second: tuple[float, float], newt
     for nodes in range(_nodes(spiral, chord, (low, delta), error_m), _MOST_NODES + 1, 3):
         if 32 * nodes * (count + links_m.size) > _MOST_BYTES:
             return None
-        rows = _push(chord, _span(low, delta, nodes), count + links_m.size)
+        rows = push(chord, _span(low, delta, nodes), count + links_m.size)
         table = _table(spiral, links_m, rows, high, newton, error_m) if rows else None
         if table is None or _tail_m(table) <= _NOISE * error_m:
             return table
@@ -56,7 +56,7 @@ def table_for(spiral: Spiral, links_m: Floats, second: tuple[float, float], newt
 
 
 @lru_cache(maxsize=64)
-def _transform(nodes: int) -> tuple[Floats, Floats]:
+def transform(nodes: int) -> tuple[Floats, Floats]:
     """Return the Chebyshev nodes in [-1, 1] and the matrix from values there to the series."""
     quarter = np.cos(np.arange(4 * nodes) * (np.pi / (2 * nodes)))     # whole turns are taken off in integers
     odd = 2 * np.arange(nodes) + 1
@@ -68,20 +68,20 @@ def _transform(nodes: int) -> tuple[Floats, Floats]:
 def _span(low: float, delta: float, nodes: int) -> tuple[Floats, Floats]:
     """Return the polar angles (hi, lo) of the nodes in the span from ``low``, and of its inner edge."""
     inner = np.full(nodes + 1, low)
-    return plus(inner, np.zeros_like(inner), np.append(0.5 * (1 + _transform(nodes)[0]), 0.0) * delta)
+    return plus(inner, np.zeros_like(inner), np.append(0.5 * (1 + transform(nodes)[0]), 0.0) * delta)
 
 
 def _nodes(spiral: Spiral, chord: float, span: tuple[float, float], error_m: float) -> int:
     """Return how many terms the series of the innermost rows need, which bend the most."""
-    rows = _push(chord, _span(*span, _MOST_NODES), _PROBE_ROWS)
+    rows = push(chord, _span(*span, _MOST_NODES), _PROBE_ROWS)
     if rows is None:
         return _MOST_NODES + 1
     p = points(spiral.b_m, rows.theta[:-1], rows.low[:-1]).reshape(_MOST_NODES, -1)
-    size = np.max(np.abs(_transform(_MOST_NODES)[1] @ p), axis=1)
+    size = np.max(np.abs(transform(_MOST_NODES)[1] @ p), axis=1)
     return min(_MOST_NODES, 2 + int(np.max(np.flatnonzero(size > error_m), initial=2)))
 
 
-def _push(chord: float, first: tuple[Floats, Floats], count: int) -> _Rows | None:
+def push(chord: float, first: tuple[Floats, Floats], count: int) -> _Rows | None:
     """Return ``count`` rows, of which the first is given; None where Newton does not settle on a short link.
 
     The predictor is that of ``march.place`` with one difference more; the chord equation is solved row after row, for
@@ -128,7 +128,7 @@ def _solve(theta: Floats, square: float, delta: Floats) -> Floats | None:
 def _table(spiral: Spiral, links_m: Floats, rows: _Rows, high: float, newton: float, error_m: float) -> ShiftTable:
     """Return the table of some rows; those from which the last handle is beyond them are for its followers only."""
     nodes = rows.theta.shape[0] - 1
-    edges, matrix = rows.theta[-1], _transform(nodes)[1]
+    edges, matrix = rows.theta[-1], transform(nodes)[1]
     few = min(int(np.searchsorted(edges, high)), edges.size - links_m.size + 1)
     count = few + links_m.size - 1
     theta, low = rows.theta[:-1, :count], rows.low[:-1, :count]
@@ -141,8 +141,8 @@ def _table(spiral: Spiral, links_m: Floats, rows: _Rows, high: float, newton: fl
     centre, centre_lo = plus(edge[:-1], edge_lo[:-1], 0.5 * width)
     places, motions = matrix @ p.reshape(nodes, -1), matrix @ v.reshape(nodes, -1)
     return ShiftTable(spiral, links_m, newton, read_only(edge), read_only(centre), read_only(centre_lo),
-                      read_only(2 / width), read_only(_inverses(matrix @ x)), read_only(places), read_only(motions),
-                      _terms(places, float(links_m[1]) * motions, error_m))
+                      read_only(2 / width), read_only(powers_of(inverse_series(matrix @ x))), read_only(places),
+                      read_only(motions), _terms(places, float(links_m[1]) * motions, error_m))
 
 
 def _terms(places: Floats, motions: Floats, error_m: float) -> Ints:
@@ -152,18 +152,24 @@ def _terms(places: Floats, motions: Floats, error_m: float) -> Ints:
     return np.maximum.accumulate(needed[::-1])[::-1]
 
 
-def _inverses(series: Floats) -> Floats:
-    """Return the inverses u(x) of series x(u) (K, M), as powers of x (M, K), the highest first."""
-    nodes = series.shape[0]
-    x, matrix = _transform(nodes)
+def inverse_series(series: Floats) -> Floats:
+    """Return the inverses u(x) of series x(u) (K, M), as series in x (K, M)."""
+    x, matrix = transform(series.shape[0])
     slope = chebyshev.chebder(series)
     u = wanted = np.repeat(x[:, None], series.shape[1], axis=1)
     for _ in range(6):
         u = u - (chebyshev.chebval(u, series[:, None, :], tensor=False) - wanted) / chebyshev.chebval(
             u, slope[:, None, :], tensor=False)
+    out: Floats = matrix @ u
+    return out
+
+
+def powers_of(series: Floats) -> Floats:
+    """Return series (K, M) as powers of their variable (M, K), the highest first."""
+    nodes = series.shape[0]
     powers = np.array([np.append(chebyshev.cheb2poly(row), np.zeros(nodes - k - 1))
                        for k, row in ((k, np.eye(nodes)[k, :k + 1]) for k in range(nodes))])
-    return np.ascontiguousarray((powers.T @ (matrix @ u))[::-1].T)
+    return np.ascontiguousarray((powers.T @ series)[::-1].T)
 
 
 def _tail_m(table: ShiftTable) -> float:

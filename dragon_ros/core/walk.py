@@ -4,6 +4,7 @@ The next handle is the first place behind at the chord's length. The largest cur
 (else the track is refused): then the chord grows along the track until it is reached, there is one such place within
 ``chord.reach_m``, it moves on as the handle before it moves on, and no link ever locks.
 """
+from bisect import bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,6 +33,11 @@ class Place(NamedTuple):
 
     piece: int
     u: Angle
+
+    @classmethod
+    def of(cls, piece: Any, u: Any, lo: Any) -> 'Place':
+        """Return the place of numbers from arrays."""
+        return cls(int(piece), Angle(float(u), float(lo)))
 
 
 def least_radius_m(links_m: Floats) -> float:
@@ -64,7 +70,7 @@ class Walk:
     @property
     def winds_in(self) -> bool:
         """Whether the first piece is a spiral that winds in from afar."""
-        return self._afar is not None
+        return self.afar is not None
 
     @property
     def end_of_first_m(self) -> float:
@@ -92,9 +98,7 @@ class Walk:
 
     def place_at(self, metres: float, lo: float = 0.0) -> Place:
         """Return the place so far along the way. Raises TrackEndError where there is no track."""
-        k = len(self.pieces) - 1
-        while k and metres < self._joint_m(k):
-            k -= 1
+        k = bisect_right(self.joints_m, metres)
         hair = _HAIR * (1 + abs(metres))
         if not self.begin_m - hair <= metres <= self.end_m + hair:
             raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
@@ -102,9 +106,10 @@ class Walk:
         here, here_lo = plus(metres, lo, -self.origins_m[k])
         return Place(k, self.pieces[k].after(here, here_lo))
 
-    def _joint_m(self, k: int) -> float:
-        """Return the distance along the way at the beginning of piece k >= 1."""
-        return self._distance(k, self.pieces[k].first)
+    @cached_property
+    def joints_m(self) -> list[float]:
+        """Distances along the way at the beginnings of all pieces but the first."""
+        return [self._distance(k, self.pieces[k].first) for k in range(1, len(self.pieces))]
 
     def between(self, low_m: float, high_m: float) -> list[tuple[Placed, float, float]]:
         """Return the pieces on a stretch of the way, with u where each begins and ends on it."""
@@ -115,14 +120,14 @@ class Walk:
     def next(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
         """Return the place of the next handle, behind (``way`` BACK) or ahead, and evaluations."""
         piece, u = self.pieces[place.piece], place.u
-        edge = self._edge(place.piece, chord_m, way)
+        edge = self.edge(place.piece, chord_m, way)
         following, spent = piece.next(u, chord_m, way, tolerance)
         if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
             return Place(place.piece, following), spent
         found, more = self._across(place, chord_m, way, tolerance)
         return found, spent + more
 
-    def _edge(self, k: int, chord_m: float, way: int) -> float:
+    def edge(self, k: int, chord_m: float, way: int) -> float:
         """Return where piece k ends behind or ahead; a little further at the track's own ends."""
         piece = self.pieces[k]
         edge = piece.first if way == BACK else piece.last
@@ -138,7 +143,7 @@ class Walk:
         reach = reach_m(self.bend, chord_m)
         while 0 <= (k := k + way) < len(self.pieces):
             piece = self.pieces[k]
-            near, far = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
+            near, far = piece.last if way == BACK else piece.first, self.edge(k, chord_m, way)
             longest = metres_between(piece, near, far) if abs(far) < inf else inf
             if gone + longest >= reach or abs(complex(piece.at(far)) - here) >= chord_m:
                 return self._cut(k, here, chord_m, way, (gone, reach), tolerance)
@@ -154,7 +159,7 @@ class Walk:
         """
         gone, reach = arcs_m
         piece = self.pieces[k]
-        near, far = (piece.last, piece.first) if way == BACK else (piece.first, piece.last)
+        near, far = piece.last if way == BACK else piece.first, self.edge(k, chord_m, way)
         most = min(abs(piece.after(piece.metres(near) + way * (reach - gone)).hi - near), abs(far - near))
         sense = 1.0 if far > near else -1.0
 
@@ -173,8 +178,8 @@ class Walk:
         places, spent = [leader], 0
         for i, chord_m in enumerate(links_m.tolist()):
             place = places[-1]
-            if way == BACK and place.piece == 0 and self._afar:
-                rest = place_on_spiral(self._afar, links_m[i:], place.u, effort)
+            if way == BACK and place.piece == 0 and self.afar:
+                rest = place_on_spiral(self.afar, links_m[i:], place.u, effort)
                 places += [Place(0, Angle(*u)) for u in zip(rest.theta[1:].tolist(), rest.theta_lo[1:].tolist(),
                                                             strict=True)]
                 return places, spent + rest.evaluations
@@ -184,7 +189,7 @@ class Walk:
         return places, spent
 
     @cached_property
-    def _afar(self) -> Spiral | None:
+    def afar(self) -> Spiral | None:
         """The spiral of the first piece, where it winds in from afar: all that reaches it stays on it."""
         first = self.pieces[0]
         return first.spiral if isinstance(first, PlacedSpiral) and first.way == BACK and first.first == inf else None

@@ -138,6 +138,8 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -
     expected[...], got[...] = 0.0, 0.0      # views: what is left of the bytes is everything else
     if ours != theirs:
         return inf
+    if not np.any(off):         # at rest a speed is 0 or -0
+        return 0.0
     if name == 'velocities':
         one = speed_promise_m_s(scene.tier, scene.size_m, scene.length_m / scene.dragon.benches,
                                 conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))

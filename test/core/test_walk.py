@@ -22,7 +22,7 @@ from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
 from dragon_ros.core.outline import outline
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.rates import conditioning
-from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state, states, tick, velocity_of
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.turn import Turn
@@ -34,11 +34,12 @@ CASES = {problem.name: problem for problem in dances()}
 TURNING = CASES['turning'].scene
 
 
+@pytest.mark.parametrize('solver', SOLVERS)
 @pytest.mark.parametrize('tier', ['preview', 'standard', 'fine', 'exact'])
 @pytest.mark.parametrize('name', CASES)
-def test_every_tier_keeps_its_promise_on_every_dance(name, tier):
+def test_every_tier_keeps_its_promise_on_every_dance(name, tier, solver):
     problem, known = CASES[name], truth(CASES[name])
-    scene, handles = replace(problem.scene, accuracy=tier), list(problem.handles)
+    scene, handles = replace(problem.scene, accuracy=tier, solver=solver), list(problem.handles)
     for number, t_s in enumerate(problem.times_s):
         chain = state(scene, t_s)
         condition = conditioning(chain)
@@ -54,11 +55,12 @@ def test_every_tier_keeps_its_promise_on_every_dance(name, tier):
 def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_so_far_behind(name):
     scene = CASES[name].scene
     for t_s in CASES[name].times_s:
-        chain = state(scene, t_s)
-        assert chain.worst[0] < 1e-13 * max(1, scene.size_m)
+        chain, marched = state(scene, t_s), state(replace(scene, solver='march'), t_s)
+        np.testing.assert_allclose(chain.p, marched.p, rtol=0, atol=1e-13 * max(1, scene.size_m))
+        assert max(chain.worst[0], marched.worst[0]) < 1e-13 * max(1, scene.size_m)
         for link in (0, 5):
             if scene.dragon.link_lengths_m[link]:
-                _no_nearer_root(scene.led.walk, chain, link, scene.dragon.link_lengths_m[link])
+                _no_nearer_root(scene.led.walk, marched, link, scene.dragon.link_lengths_m[link])
 
 
 def _no_nearer_root(walk, chain, front, link_m):
@@ -87,7 +89,7 @@ def test_many_states_of_a_dance_are_its_single_ones():
     many = states(TURNING, times)
     assert velocity_of(TURNING, many, times).shape == (3, 224, 2)
     for row, t_s in zip(many.p, times, strict=True):
-        assert row.tobytes() == state(TURNING, t_s).p.tobytes()
+        np.testing.assert_allclose(row, state(TURNING, t_s).p, rtol=0, atol=1e-13)
 
 
 def test_the_turn_is_centrally_symmetric_and_joins_without_a_kink():
@@ -134,6 +136,21 @@ def test_a_bend_that_is_wide_enough_never_locks(radius_m):
                                                    Line(50.0))))
     for t_s in np.linspace(0.0, scene.end.t_s, 300):
         assert state(scene, float(t_s)).worst[0] < 1e-12
+
+
+@pytest.mark.parametrize('past_m', [0.0, 1e-9, 1e-6, 1e-4, 3e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize('tier', ['fine', 'exact'])
+def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as_exact(tier, past_m):
+    track = Joined((Line(10.0), Arc(2.0, 180.0), Line(10.0)))
+    scene = Scene(dragon=Dragon(12), track=track, run=Run(0, 20), solver='march', accuracy=tier)
+    assert state(scene, 10 + 2 * pi + past_m).worst[0] < 0.1 * scene.promise_m
+
+
+@pytest.mark.parametrize('length_m', np.arange(0.1, 3.0, 0.1).tolist())
+def test_led_by_the_tail_the_head_begins_at_the_very_end_of_its_track(length_m):
+    track = Joined((Line(1.0), Line(length_m), Line(1.0)), start_m=2.0 + length_m)
+    scene = Scene(dragon=Dragon(12, 2.2, 1.6), track=track, head=Head(1.0, 'tail'), run=Run(0, 9), solver='march')
+    assert state(scene, 0.0).p[0] == pytest.approx((2.0 + length_m, 0.0), abs=1e-12)
 
 
 def test_a_dance_ends_with_its_track_and_says_so():

@@ -1,0 +1,251 @@
+"""Runs of equal links from tables on tracks of pieces and behind a tail: as exact as the march, whatever joints do.
+
+The promises against the 50-digit reference are kept in test_walk, with and without the tables.
+"""
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.angle import Angle
+from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
+from dragon_ros.core.head import Head
+from dragon_ros.core.joined import Arc, Joined, Line, Wind, wound
+from dragon_ros.core.march import Effort, place
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.placed import AHEAD, BACK
+from dragon_ros.core.runs import Runs
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.track_rows import track_table
+from dragon_ros.core.turn import Turn
+from dragon_ros.core.walk import Place
+from dragon_ros.core.walk_chain import chain_on
+from dragon_ros.core.walk_many import places_at
+from dragon_ros.cost.dances import dances
+
+CASES = {problem.name: problem for problem in dances()}
+MARCHED = {'turn-joined-handles'}
+EFFORT = Effort(1e-8)
+TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
+SHORT = Dragon(12, 2.2, 1.6)
+
+lines = st.builds(Line, st.floats(0.05, 6))
+arcs = st.builds(Arc, st.floats(1.6, 5), st.floats(5, 400) | st.floats(-400, -5))
+winds = st.builds(Wind, st.floats(1.5, 3), st.floats(1, 3), st.floats(1, 3), st.sampled_from(['left', 'right']))
+tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
+
+
+def march(scene):
+    return replace(scene, solver='march')
+
+
+def dance(pieces, lead):
+    """Return a dance over all of a track that begins with a line and ends with one."""
+    try:
+        track = Joined((Line(1.0), *pieces, Line(1.0)))
+        if lead == 'tail':
+            track = replace(track, start_m=track.walk.end_m)
+        return Scene(dragon=SHORT, track=track, head=Head(1.0, lead), run=Run(0, track.walk.end_m + 4))
+    except FieldError:
+        assume(False)
+
+
+def agree(scene, t_s):
+    """Hold the chain, its velocities and those of many against the march, in metres of the promise."""
+    one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
+    atol = 0.5 * scene.promise_m        # each may be a quarter off
+    v = velocity_of(march(scene), other, t_s)
+    fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)
+    np.testing.assert_allclose(velocity_of(scene, one, t_s), v, rtol=0, atol=atol * fast)
+    np.testing.assert_allclose(one.tangents, other.tangents, rtol=0, atol=atol)
+    np.testing.assert_allclose(many.p, [other.p] * 2, rtol=0, atol=atol)
+    np.testing.assert_allclose(velocity_of(scene, many, [t_s, t_s]), [v] * 2, rtol=0, atol=atol * fast)
+    np.testing.assert_allclose(many.tangents, [other.tangents] * 2, rtol=0, atol=atol)
+    return one.solver
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_stats_say_that_the_table_serves_every_dance_but_one(name):
+    scene, t_s = CASES[name].scene, CASES[name].times_s[-1]
+    expected = 'walk' if name in MARCHED else 'table'
+    assert state(scene, t_s).solver == expected
+    assert states(scene, [t_s]).solver == expected
+    assert state(march(scene), t_s).solver == states(march(scene), [t_s]).solver == 'walk'
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_states_of_a_dance_are_its_single_ones_to_half_the_promise(name):
+    scene = CASES[name].scene
+    times = sorted({*np.linspace(0.0, scene.end.t_s, 40).tolist(), *CASES[name].times_s})
+    many = states(scene, times)
+    speed = velocity_of(scene, many, times)
+    for n, t_s in enumerate(times):
+        one = state(scene, t_s)
+        np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * scene.promise_m)
+        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * scene.promise_m)
+
+
+@pytest.mark.parametrize('scene', [TURNING, UNWINDING])
+def test_a_state_has_the_same_bits_whatever_was_asked_before(scene):
+    times = (0.0, 17.3, 60.0, 111.1, 150.0)
+    there, back = replace(scene), replace(scene)
+    ahead = {t_s: state(there, t_s).p.tobytes() for t_s in times}
+    states(back, times[::2])
+    for t_s in reversed(times):
+        assert state(back, t_s).p.tobytes() == ahead[t_s]
+
+
+@given(tracks, st.sampled_from(['head', 'tail']), st.floats(0, 1))
+@example([Arc(2.0, 90.0), Arc(2.0, -90.0), Arc(2.0, 90.0)], 'head', 0.5)
+@example([Line(1.05), Line(1.05), Line(1.05), Line(1.05)], 'head', 0.3)
+def test_on_any_track_the_table_is_where_the_march_is(pieces, lead, part):
+    scene = dance(pieces, lead)
+    agree(scene, part * scene.end.t_s)
+
+
+@given(tracks, st.integers(0, 8), st.integers(0, 12),
+       st.sampled_from([0.0, 1e-15, -1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-4]))
+def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, joint, handle, past_m):
+    scene = dance(pieces, 'head')
+    walk = scene.led.walk
+    joint = 1 + joint % (len(walk.pieces) - 1)
+    links = scene.dragon.link_lengths_m[:handle][::-1]
+    try:
+        head = walk.follow(links, Place(joint, Angle(walk.pieces[joint].first, 0.0)), AHEAD, EFFORT)[0][-1]
+    except TrackEndError:
+        assume(False)
+    t_s = walk.distance_of(head)[0] + past_m
+    assume(0 <= t_s <= scene.end.t_s)
+    agree(scene, t_s)
+
+
+@given(st.lists(st.tuples(st.sampled_from([0.0, 0.9, 1.65, 2.0]), st.integers(1, 30)), min_size=1, max_size=5),
+       st.sampled_from([BACK, AHEAD]), st.floats(0, 1))
+def test_benches_of_any_mix_are_where_the_march_puts_them(mix, way, part):
+    links = np.repeat(*map(np.array, zip(*mix, strict=True)))
+    assume(links.sum() > 0)
+    walk, low, high = Turn().walk, -links.sum() * 1.3 - 5, 60.0
+    metres = high * part if way == BACK else low + part * (high - links.sum() - low)
+    runs = Runs(walk, links, way, (low, high), EFFORT, 2e-14)
+    leader = walk.place_at(metres)
+    one, other = runs.place(leader), chain_on(walk, links, leader, way, EFFORT)
+    many = runs.place_many(places_at(walk, np.array([metres]), np.zeros(1)))
+    for chain, p, v in ((one, one and one.p, one and one.velocities(1.5)), (many, many.p[0], many.velocities(1.5)[0])):
+        if chain is not None:
+            np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
+            np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
+    served = [run for run in runs.runs if run.table]
+    assert (one is not None) == bool(served)
+
+
+@given(st.floats(0, 380))
+def test_behind_a_head_on_one_spiral_runs_are_where_the_march_is(gone_m):
+    spiral, links = Spiral(), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
+    runs = Runs(wound(spiral, 0.0), links, BACK, (-200.0, 380.0), EFFORT, 2e-14)
+    head = spiral.inward(gone_m)
+    one, other = runs.place(Place(0, head)), place(spiral, links, head, EFFORT)
+    assert len(runs.tables) == 2
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=3e-13)
+    np.testing.assert_allclose(one.velocities(1.0), other.velocities(1.0), rtol=0, atol=3e-13)
+
+
+class Mix(Dragon):
+    """A dragon of 60 benches of three lengths."""
+
+    @property
+    def link_lengths_m(self):
+        """Handle spacing of each bench."""
+        return np.array([2.86, 2.0] + [1.65] * 30 + [1.2] * 28)
+
+
+@pytest.mark.parametrize('speed', [1.0, -1.0])
+def test_a_scene_of_mixed_benches_has_a_table_for_each_run(speed):
+    scene = Scene(dragon=Mix(60), head=Head(speed), run=Run(0, 400))
+    assert scene.table is None
+    assert [(run.start, run.stop, bool(run.table)) for run in scene.runs.runs] == [
+        (0, 1, False), (1, 2, False), (2, 32, True), (32, 60, True)]
+    for t_s in (0.0, 200.0, 400.0):
+        assert agree(scene, t_s) == 'table'
+
+
+def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
+    spiral, links = Spiral(), np.array([0.5] + [1.65] * 40)
+    runs = Runs(wound(spiral, 0.0), links, BACK, (-100.0, 440.0), EFFORT, 2e-14)
+    head = Angle(13.0, 0.0)
+    chain, other = runs.place(Place(0, head)), place(spiral, links, head, EFFORT)
+    assert chain.solver == 'table+march'
+    np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
+    np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
+    assert runs.place(Place(0, Angle(2000.0, 0.0))) is None
+
+
+def test_a_mix_that_locks_names_its_link():
+    spiral, links = Spiral(), np.array([1.0] + [5.0] * 20)
+    runs = Runs(wound(spiral, 0.0), links, BACK, (-500.0, 440.0), EFFORT, 2e-14)
+    with pytest.raises(ChainLockError, match='link 1 of 5 m'):
+        runs.place(Place(0, Angle(8.0, 0.0)))
+    with pytest.raises(ChainLockError, match='link 1 of 5 m'):
+        runs.place_many((np.zeros(1, dtype=int), np.array([8.0]), np.zeros(1)))
+
+
+def test_beyond_its_run_a_dance_is_marched_as_before():
+    short = replace(TURNING, run=Run(0, 50))
+    assert state(short, 50.0).solver == 'table'
+    assert state(short, 90.0).solver == 'walk'
+    assert states(short, [50.0, 90.0]).solver == 'walk'
+    np.testing.assert_allclose(states(short, [50.0, 90.0]).p[1], state(short, 90.0).p, rtol=0, atol=1e-13)
+
+
+def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
+    scene = Scene(dragon=SHORT, track=Joined((Wind(1.0, 2.0, 8.0), Line(5.0)), start_m=60.0), head=Head(-1.0))
+    last = scene.end.t_s
+    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, last, 200).tolist()}
+    assert seen == {'table', 'table+march'}
+
+
+def test_links_that_have_no_length_or_are_too_many_have_no_table():
+    walk = Turn().walk
+    assert track_table(walk, 0.0, (-50.0, 50.0), 2e-14) is None
+    assert track_table(walk, 1e-4, (-50.0, 50.0), 2e-14) is None
+    assert Scene(track=Turn(), run=Run(0, 1e6)).runs.tables == []
+    assert Scene(track=Turn()).runs is None         # nothing ends the run
+    assert Scene(dragon=Dragon(7), track=Turn(), run=Run(0, 9)).runs is None
+
+
+def test_a_table_of_a_track_is_bounded_and_shows_what_it_takes():
+    table, = TURNING.runs.tables
+    assert table.memory_bytes < 1_500_000
+    assert (table.parts, table.nodes) == (4, 19)
+    assert 340 < table.rows < 360
+    fine, = replace(TURNING, accuracy='preview').runs.tables
+    assert fine.nodes < 10
+
+
+def test_far_more_handles_than_one_product_takes_join_without_a_seam():
+    long = Scene(dragon=Dragon(2000), track=Turn(), run=Run(0, 60))
+    np.testing.assert_allclose(state(long, 40.0).p, state(march(long), 40.0).p, rtol=0, atol=1e-12)
+
+
+def test_what_runs_return_is_closed_for_writing():
+    for chain in (state(TURNING, 1.0), states(TURNING, [1.0])):
+        for array in (chain.p, chain.velocities(1.0), chain.tangents):
+            with pytest.raises(ValueError, match='read-only'):
+                array[0] = 0
+
+
+def test_no_states_of_a_dance_are_a_chain_of_no_states():
+    assert states(TURNING, []).p.shape == (0, 224, 2)
+    assert states(TURNING, []).velocities(1.0).shape == (0, 224, 2)
+
+
+def test_a_dance_at_rest_has_directions():
+    chain = state(replace(TURNING, head=Head(0.0)), 1.0)
+    assert np.all(chain.velocities(0.0) == 0)
+    np.testing.assert_allclose(np.hypot(*chain.tangents.T), 1.0, rtol=1e-14)
+    assert np.max(np.abs(chain.tangents)) < inf
