@@ -14,6 +14,7 @@ from dragon_ros.core.contact import CORNERS
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.sweep import SIDES, Sweep
+from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Array, Floats
 from dragon_ros.core.visits import Visits
 
@@ -85,13 +86,17 @@ def _bench(visits: Visits, number: int) -> Sweep:
 
 
 def _stretches(visits: Visits, first: int, last: int) -> Floats:
-    """Return where the front handles of some benches go, (2, M) distances: joined where they overlap, cut at turns."""
+    """Return where the front handles of some benches go, (2, M) distances: joined where they overlap, cut at turns.
+
+    Of the laps of a circle that the track begins with, the last holds all.
+    """
     low, high = visits.ranges_m[:, first:last]
     order = np.argsort(low)
     low, high = low[order], np.maximum.accumulate(high[order])
     begins = np.flatnonzero(np.concatenate(([True], low[1:] > high[:-1])))
     ends = np.concatenate((begins[1:] - 1, [low.size - 1]))
-    out: Floats = np.stack((low[begins], high[ends]))
+    low, high = low[begins], high[ends]
+    out: Floats = np.stack((np.maximum(low, np.minimum(high, visits.walk.end_of_first_m) - visits.lap_m), high))
     for turn in visits.turns_m(first):
         inside = (out[0] < turn) & (turn < out[1])
         cut = np.array([[turn] * int(np.sum(inside)), out[1, inside]])
@@ -155,5 +160,6 @@ def _reach(visits: Visits, search: _Search, side: int) -> Reach:
     chain = state(visits.scene, t_s)
     x, y = benches_of(chain, visits.scene.dragon, axes_of(chain)).corners[bench, corner].tolist()
     low_m = (x, -x, y, -y)[side]
-    high_m = max(low_m, float(search.best[side]), float(search.high[side])) + visits.scene.promise_m
+    high_m = max(low_m, float(search.best[side]), float(search.high[side]))
+    high_m += EXACT.promise_for_m(max(visits.scene.size_m, abs(high_m)))
     return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))

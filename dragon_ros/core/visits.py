@@ -7,6 +7,7 @@ follow (docs/contact.md): their least places are where that happens.
 from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
+from math import inf, pi
 
 import numpy as np
 
@@ -14,6 +15,7 @@ from dragon_ros.core.angle import Angle
 from dragon_ros.core.inwards import inwards, span
 from dragon_ros.core.lock import turning_places, turns
 from dragon_ros.core.march import place
+from dragon_ros.core.placed import PlacedArc
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.types import Floats
@@ -38,6 +40,12 @@ class Visits:
     def walk(self) -> Walk:
         """The track as a walk."""
         return self.scene.led.walk if self.scene.led else inwards(self.scene.spiral)
+
+    @property
+    def lap_m(self) -> float:
+        """Length of the circle that the track begins with, round which it goes for ever; infinite if it has none."""
+        first = self.walk.pieces[0]
+        return 2 * pi * first.radius_m if isinstance(first, PlacedArc) and first.first == -inf else inf
 
     @cached_property
     def _chords(self) -> tuple[float, float]:

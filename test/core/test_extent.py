@@ -11,6 +11,7 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.extent import Extent, Reach, extent, fits
 from dragon_ros.core.head import Head, Profile
+from dragon_ros.core.inwards import inwards
 from dragon_ros.core.joined import Arc, Joined, Line, Wind
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
@@ -112,6 +113,20 @@ def test_looking_often_comes_close_to_the_answer_from_below():
 BENDY = Joined((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)))
 
 
+TIGHT = Joined((Line(5.0), Arc(1.45, 170.0), Arc(1.45, -170.0), Line(5.0)))
+
+
+@pytest.mark.parametrize(('walk', 'low_m', 'high_m'), [(TIGHT.walk, 4.0, 13.0), (inwards(Spiral()), 425.0, 431.5)])
+@pytest.mark.parametrize('apart_m', [1.0, 0.1, 0.01])
+def test_no_corner_is_above_the_bound_where_a_link_is_almost_as_long_as_the_bend_allows(walk, low_m, high_m, apart_m):
+    for arm_m in (0.15, 3.0):
+        bench = Sweep(walk, 2.86, 1.43 + arm_m, arm_m)
+        places = np.linspace(low_m, high_m, 100)
+        top = bench.tops(bench.look(places), bench.look(places + apart_m))
+        for part in np.linspace(0, 1, 9):
+            assert np.all(bench.look(places + part * apart_m).value <= top + 1e-13)
+
+
 @pytest.mark.parametrize('link_m', [2.86, 1.65, 0.0])
 @pytest.mark.parametrize('walk', [Turn().walk, BENDY.walk, Visits(Scene(run=Run(stop_s=1.0))).walk])
 def test_no_corner_is_above_the_bound_between_two_looks_which_falls_with_the_square_of_their_distance(walk, link_m):
@@ -132,6 +147,20 @@ def test_a_long_way_is_searched_all_the_same():
     found = extent(Scene(head=Head(-1000.0), run=Run(stop_s=1000.0)))
     check_that_it_is_met(Scene(head=Head(-1000.0), run=Run(stop_s=1000.0)), found)
     assert found.centred_m[1] - found.centred_m[0] < 1e-9
+
+
+def test_a_dragon_that_goes_round_a_circle_many_times_is_searched_once():
+    scene = Scene(Dragon(2000), Joined((Arc(3.0, 180.0),)), run=Run(stop_s=9.0))
+    found = extent(scene)
+    check_that_none_is_outside(scene, found, 40)
+    check_that_it_is_met(scene, found)
+    assert found.centred_m[1] - found.centred_m[0] < 1e-9
+    assert found.looks < 10_000
+
+
+def test_what_floats_cannot_hold_of_wide_benches_is_added():
+    low_m, high_m = extent(Scene(Dragon(width_m=1e9), run=Run(stop_s=20.0))).centred_m
+    assert 1e-4 < high_m - low_m < 1e-3
 
 
 def test_whether_a_square_is_large_enough_is_told_only_where_the_bounds_tell():
