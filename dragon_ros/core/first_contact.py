@@ -11,9 +11,10 @@ import numpy as np
 
 from dragon_ros.core.contact import Witness, gaps, witness
 from dragon_ros.core.contact_anywhere import Follower
+from dragon_ros.core.course import course_of
 from dragon_ros.core.end import End
-from dragon_ros.core.head import Head
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.path import Spiral
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Stretch
@@ -79,16 +80,27 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     ``progress(states)`` is called with every number of states just looked at. Raises FieldError where the way is so
     long that the search would not end.
     """
-    if scene.led or not isinstance(scene.head, Head):
+    if not isinstance(scene.track, Spiral):
         return _anywhere(replace(scene, accuracy='exact'), progress)
-    search = _Search(Way(scene, progress))
-    way = search.way
-    if search.start_gap_m <= 0:
-        return search.contact((way.start, way.start))
-    search.clear(way.stop)
-    if search.hit is None:
-        return NoContact(scene.end, way.states, search.certificate())
-    return search.contact(search.hit)
+    course = course_of(scene)
+    searches = {sense: _Search(Way(scene, course, sense, progress)) for sense in course.senses or [1]}
+    hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
+    if not hits:
+        proof = _together([search.certificate() for search in searches.values()])
+        return NoContact(scene.end, sum(search.way.states for search in searches.values()), proof)
+    sense = min(hits, key=lambda sense: hits[sense].t_s)
+    hit, before = hits[sense], course.until(hits[sense].t_s)
+    # What the leader has gone through the other way by then is proved apart.
+    rest = [_Search(Way(scene, before, other, progress)) for other in before.senses if other != sense]
+    proof = _together([hit.certificate, *(search.cleared() for search in rest)])
+    return replace(hit, certificate=proof, states=sum(one.way.states for one in (*searches.values(), *rest)))
+
+
+def _together(proofs: list[Certificate]) -> Certificate:
+    """Return the certificates of the ways from one start as one."""
+    return Certificate(tuple(one for proof in proofs for one in proof.head),
+                       tuple(one for proof in proofs for one in proof.body), proofs[0].start_gap_m,
+                       all(proof.complete for proof in proofs))
 
 
 def _anywhere(scene: Scene, progress: Callable[[int], object]) -> Contact | NoContact:
@@ -118,6 +130,18 @@ class _Search:
         self.hit: tuple[float, float] | None = None
         self.body_hit: tuple[float, float] | None = None
 
+    def first(self) -> Contact | None:
+        """Return the first contact on the way."""
+        if self.start_gap_m <= 0:
+            return self.contact((self.way.start, self.way.start))
+        self.clear(self.way.stop)
+        return self.contact(self.hit) if self.hit else None
+
+    def cleared(self) -> Certificate:
+        """Return the certificate of the way, which has no contact."""
+        self.clear(self.way.stop)
+        return replace(self.certificate(), complete=self.hit is None)
+
     def clear(self, stop: float) -> None:
         """Clear from the start to a place, or to the first place before it that is not clear."""
         head = self.way.clear_head(stop)
@@ -138,23 +162,23 @@ class _Search:
         found = sorted(((way.sign * self._touch(pair, *bracket), pair) for pair in pairs[touching].tolist()),
                        key=lambda row: row[0])
         theta, (i, j) = way.sign * found[0][0], found[0][1]
-        speed, error = self._approach((i, j), theta), EXACT.promise_for_m(scene.size_m)
-        unsure = error / speed if speed > 0 else float('inf')
+        slope, error = self._slope((i, j), theta), EXACT.promise_for_m(scene.size_m)
         times = [way.time(way.sign * x) for x, _ in found]
+        speed = slope * way.speed_m_s(theta, times[0])
+        unsure = error / speed if speed > 0 else float('inf')
         others = tuple((one, other) for t_s, (_, (one, other)) in zip(times[1:], found[1:], strict=True)
                        if t_s - times[0] <= unsure)
         least = float(np.min(gap))
         grazing = (least - way.tolerance_m, least + way.tolerance_m) if least > 0 else None
-        proof = self._proof(bracket[0], bracket[0] if grazing else theta, speed)
+        proof = self._proof(bracket[0], bracket[0] if grazing else theta, slope)
         if self.hit and way.sign * self.hit[0] < way.sign * bracket[0]:
             return self.contact(self.hit)       # the proof found an earlier one
         return Contact(times[0], (i, j), witness(way.benches(theta), i, j), grazing, others, speed, unsure, way.states,
                        proof)
 
-    def _proof(self, clear_end: float, theta: float, speed_m_s: float) -> Certificate:
+    def _proof(self, clear_end: float, theta: float, slope: float) -> Certificate:
         """Return the certificate up to a nanometre before a contact, or as near as its gap can be told from zero."""
         way = self.way
-        slope = speed_m_s / max(abs(self.scene.steady_m_s), 1e-300)
         back = max(_BEFORE_M, 4 * way.tolerance_m / slope if slope > 0 else np.inf) * way.metre(theta)
         end = way.sign * max(way.sign * clear_end, min(way.sign * theta - back, way.sign * theta))
         self.head = [one for one in self.head if way.sign * one.stop_rad <= way.sign * end]
@@ -184,8 +208,8 @@ class _Search:
         return illinois(lambda theta: self._gap(pair, theta), clear_end, other_end, self._gap(pair, clear_end),
                         self._gap(pair, other_end))
 
-    def _approach(self, pair: Sequence[int], theta: float) -> float:
-        """Return how fast the gap closes at a place, in m/s."""
+    def _slope(self, pair: Sequence[int], theta: float) -> float:
+        """Return how much the gap closes at a place for each metre of the head's way."""
         step = 1e-6 * self.way.sign
         slope = (self._gap(pair, theta - step) - self._gap(pair, theta + step)) / 2e-6
-        return float(slope * abs(self.scene.steady_m_s) * self.way.metre(theta))
+        return float(slope * self.way.metre(theta))

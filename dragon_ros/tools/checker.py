@@ -50,21 +50,24 @@ class Checker(Geometry):
 
         Each end of an interval has to meet another one, or an end of some bench's way.
         """
-        first, before, last = self.angle(start_s), self.angle(end_s - slack_s), self.angle(end_s)
-        last += 5e-10 * (1 + last) if last < first else 0.0      # a run ends a hair before a lock
+        start, before, last = self.angle(start_s), self.reached(start_s, end_s - slack_s), self.reached(start_s, end_s)
+        if last[0] < start:     # a run ends a hair before a lock
+            last = last[0] + 5e-10 * (1 + last[0]), last[1]
         count = len(self.links)
-        ways = np.array([self.chain(0, angle, count) for angle in (*self._extremes(first, before), last)])
+        ways = np.array([self.chain(0, angle, count) for angle in self._extremes(*before)])
+        own = [(place, place) for place in (start, *self._extremes(*before))]
+        ends = np.array([[self.chain(0, angle, count) for angle in both]
+                         for both in (*own, *zip(before, last, strict=True))])
         for lead, row_kind in enumerate(('head', 'body')):
             part = [row for row in rows if row.lead == lead]
             for bench in range(1, count - 2) if lead else range(min(1, max(count - 2, 0))):
-                self._covers(f'{row_kind} (bench {bench})', part, count - 1 - bench, ways[:-1, bench])
-            self._meet(row_kind, part, ways[:, 1:count] if lead else ways[:, :1])
+                self._covers(f'{row_kind} (bench {bench})', part, count - 1 - bench, ways[:, bench])
+            self._meet(row_kind, part, ends[..., 1:count] if lead else ends[..., :1])
 
     @staticmethod
-    def _meet(what: str, rows: list[Row], ways: Floats) -> None:
-        """Refuse rows that end where neither another one nor a way does; the last two places are as good as one."""
-        low, high = ways.copy(), ways.copy()
-        low[-2:], high[-2:] = np.min(ways[-2:], axis=0), np.max(ways[-2:], axis=0)
+    def _meet(what: str, rows: list[Row], ends: Floats) -> None:
+        """Refuse rows that end neither where another one does nor between any of the ends (M, 2, K) of ways."""
+        low, high = np.min(ends, axis=1), np.max(ends, axis=1)
         starts, stops = {row.start_rad for row in rows}, {row.stop_rad for row in rows}
         for end in [row.start_rad for row in rows if row.start_rad not in stops] + [
                 row.stop_rad for row in rows if row.stop_rad not in starts]:
@@ -83,7 +86,7 @@ class Checker(Geometry):
             raise InputError(f'{what}: the intervals leave out the place {low!r} rad')
 
     def _extremes(self, first: float, last: float) -> list[float]:
-        """Return the head's places between which every handle moves one way."""
+        """Return the head's places between which every handle moves one way, and the two that it goes between."""
         turn = self._lowest(1, first, last)
         return [first, self._lowest(2, first, turn), turn, self._lowest(2, turn, last), last]
 

@@ -198,7 +198,7 @@ def test_followed_in_time_the_classic_contact_is_the_one_that_is_proved():
     assert isinstance(followed, Contact)
     assert followed.t_s == pytest.approx(proved.t_s, abs=1e-10)
     assert (followed.benches, followed.witness.corner) == (proved.benches, proved.witness.corner)
-    assert not followed.certificate.complete
+    assert followed.certificate.complete
     slower = first_contact(Scene(run=Run(810, 826), head=Profile(((0.0, 0.5),))))
     assert slower.t_s == pytest.approx(2 * proved.t_s, abs=1e-9)
 
