@@ -5,14 +5,13 @@ where bench i is: the body's whole stretch of track is cleared once, and the hea
 the body's track does not clear, each bench's part of it is, up to the first place that one of them touches at.
 """
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 
-from dragon_ros.core.contact import Witness, gaps, witness
-from dragon_ros.core.contact_anywhere import Follower
-from dragon_ros.core.course import course_of
-from dragon_ros.core.end import End
+from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.contact_on_walk import Follower
+from dragon_ros.core.course import Course, course_of
 from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.root import illinois
@@ -20,58 +19,10 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Stretch
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.verdict import Certificate, Contact, NoContact, together
 from dragon_ros.core.way import Way
 
 _BEFORE_M = 1e-9        # of the head's way, before a contact: so far the certificate goes
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """Stretches that prove that nothing touched: of the head's way, and of the track under the body's front handles.
-
-    ``start_gap_m`` is the smallest gap at the start, in as far as benches are near each other. ``complete`` is False
-    where the stretches end short of the contact by more than a nanometre of the head's way because it is slow, and on
-    tracks and for head laws that are followed in time.
-    """
-
-    head: tuple[Stretch, ...]
-    body: tuple[Stretch, ...]
-    start_gap_m: float
-    complete: bool = True
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A first contact: when, between which benches (the inner first), which corner and edge, and how sure.
-
-    ``grazing_m`` are bounds on the smallest gap where it is zero to within what positions may err, so that nobody can
-    say if they touch, else None. ``simultaneous`` has the other pairs that touch within the uncertainty, which is the
-    position error of the exact tier over the approach speed. ``states`` counts the looks.
-    """
-
-    t_s: float
-    benches: tuple[int, int]
-    witness: Witness
-    grazing_m: tuple[float, float] | None
-    simultaneous: tuple[tuple[int, int], ...]
-    approach_m_s: float
-    uncertainty_s: float
-    states: int
-    certificate: Certificate
-
-    @property
-    def point_m(self) -> tuple[float, float]:
-        """Where they touch."""
-        return self.witness.point_m
-
-
-@dataclass(frozen=True)
-class NoContact:
-    """The run ended without one."""
-
-    end: End
-    states: int
-    certificate: Certificate
 
 
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
@@ -80,43 +31,25 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     ``progress(states)`` is called with every number of states just looked at. Raises FieldError where the way is so
     long that the search would not end.
     """
-    if not isinstance(scene.track, Spiral):
-        return _anywhere(replace(scene, accuracy='exact'), progress)
     course = course_of(scene)
-    searches = {sense: _Search(Way(scene, course, sense, progress)) for sense in course.senses or [1]}
+    searches = {sense: _search(scene, course, sense, progress) for sense in course.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
     if not hits:
-        proof = _together([search.certificate() for search in searches.values()])
-        return NoContact(scene.end, sum(search.way.states for search in searches.values()), proof)
+        proof = together([search.certificate() for search in searches.values()])
+        return NoContact(scene.end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], course.until(hits[sense].t_s)
     # What the leader has gone through the other way by then is proved apart.
-    rest = [_Search(Way(scene, before, other, progress)) for other in before.senses if other != sense]
-    proof = _together([hit.certificate, *(search.cleared() for search in rest)])
-    return replace(hit, certificate=proof, states=sum(one.way.states for one in (*searches.values(), *rest)))
+    rest = [_search(scene, before, other, progress) for other in before.senses if other != sense]
+    proof = together([hit.certificate, *(search.cleared() for search in rest)])
+    return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
 
 
-def _together(proofs: list[Certificate]) -> Certificate:
-    """Return the certificates of the ways from one start as one."""
-    return Certificate(tuple(one for proof in proofs for one in proof.head),
-                       tuple(one for proof in proofs for one in proof.body), proofs[0].start_gap_m,
-                       all(proof.complete for proof in proofs))
-
-
-def _anywhere(scene: Scene, progress: Callable[[int], object]) -> Contact | NoContact:
-    """Follow all pairs in time, on any track and for any head law: without a certificate."""
-    follower = Follower(scene, progress)
-    certificate = Certificate((), (), follower.gap_at(follower.start), False)
-    hit = follower.hit()
-    if hit is None:
-        return NoContact(scene.end, follower.states, certificate)
-    found = follower.touching(*hit)
-    t_s, pair = found[0]
-    speed = follower.approach_m_s(pair, t_s)
-    unsure = EXACT.promise_for_m(scene.size_m) / speed if speed > 0 else float('inf')
-    others = tuple(other for later, other in found[1:] if later - t_s <= unsure)
-    seen = witness(follower.benches(t_s)[1], *pair)
-    return Contact(t_s, pair, seen, None, others, speed, unsure, follower.states, certificate)
+def _search(scene: Scene, course: Course, sense: int, progress: Callable[[int], object]) -> '_Search | Follower':
+    """Return the search along one way from the start: on a single spiral by stretches, on a joined track by steps."""
+    if isinstance(scene.track, Spiral):
+        return _Search(Way(scene, course, sense, progress))
+    return Follower(scene, course, sense, progress)
 
 
 class _Search:
@@ -129,6 +62,11 @@ class _Search:
         self.body: list[Stretch] = []
         self.hit: tuple[float, float] | None = None
         self.body_hit: tuple[float, float] | None = None
+
+    @property
+    def states(self) -> int:
+        """How many chains were looked at."""
+        return self.way.states
 
     def first(self) -> Contact | None:
         """Return the first contact on the way."""

@@ -4,8 +4,8 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import Contact, NoContact
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools.certificate_file import Claims, read_claims
 from dragon_ros.tools.checker import Checker
 from dragon_ros.wire.scenes import scene_values

@@ -13,11 +13,12 @@ from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.course import course_of
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.first_contact import Contact, NoContact, first_contact
+from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 from dragon_ros.tools.going import Going
 from dragon_ros.wire.scenes import load_scene

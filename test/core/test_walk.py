@@ -15,7 +15,7 @@ from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.first_contact import Contact, NoContact, first_contact
+from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Arc, Joined, Line, Wind
 from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
@@ -26,6 +26,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick, velocity_of
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.turn import Turn
+from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.core.walk import Place
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.reference import truth
