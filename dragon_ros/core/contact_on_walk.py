@@ -25,7 +25,8 @@ from dragon_ros.core.verdict import Certificate, Contact, Step
 
 _SPACING = 0.3          # of the longest bench, between first looks
 _FINEST = 1e-8          # of a metre, or of the longest bench if it is shorter
-_LONGEST = 1e-7         # of the leader's way before a contact, that need not be cleared
+_SLACK_M = 1e-7         # of the leader's way before a contact: what may be left out at most
+_SHORTEST = 1e-11       # step before a contact
 _MOST = 2_000_000
 _SHARE, _SHRINK, _GROW = 0.9, 0.1, 2.0      # of the room for a step, and of the last one
 _FAR = 4.0              # times a step: pairs further apart than that are not looked at one by one
@@ -57,7 +58,7 @@ class Follower:
         dragon, longest = scene.dragon, float(np.max(scene.dragon.bench_lengths_m))
         self._start, self._stop = (course.gone_m(t_s) for t_s in (course.start_s, course.farthest_s(sense)))
         self._spacing, self._finest, self._reach_m = _SPACING * longest, _FINEST * min(1.0, longest), 0.5 * longest
-        self._slack_m = self._finest
+        self._slack_m, self._stuck = self._finest, False
         length_m = abs(self._stop - self._start)
         if length_m > _MOST * self._spacing:
             raise FieldError('run.stop_s', scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more than '
@@ -85,15 +86,14 @@ class Follower:
     def certificate(self) -> Certificate:
         """Return what is cleared."""
         near = self._gaps(self._first, self._first.pairs)
-        return Certificate((), (), float(np.min(near, initial=self._reach_m)), self._slack_m <= _LONGEST,
-                           tuple(self._steps))
+        return Certificate((), (), float(np.min(near, initial=self._reach_m)), not self._stuck, tuple(self._steps))
 
     def _clear(self) -> tuple[_Look, _Look] | None:
         """Clear the way, up to the first contact; return looks between which nothing is known where it gets stuck.
 
         A step is as long as the last one says that the next can be.
         """
-        here, step_m, finest_m = self._first, self._spacing, self._finest
+        here, step_m = self._first, self._spacing
         self._meet(here, here)
         while (rest_m := self._rest_m(here)) > 0:
             there = self._look(here.gone_m + self._sense * min(step_m, rest_m), _FAR * step_m)
@@ -103,12 +103,10 @@ class Follower:
             if bound_m > self._tolerance_m:
                 self._steps.append(Step(float(here.along_m[0]), float(there.along_m[0]), bound_m))
                 here = there
-            elif self._meet(here, there):
-                finest_m = 0.0
-            elif way_m <= finest_m:
-                if not any(self._meet(here, ahead) for ahead in self._ahead(here)):
+            elif not self._meet(here, there) and way_m <= (_SHORTEST if self._hits else self._finest):
+                if self._hits or not any(self._meet(here, ahead) for ahead in self._ahead(here)):
+                    self._stuck = bool(self._hits)
                     return here, there
-                finest_m = 0.0
         return None
 
     def _rest_m(self, here: _Look) -> float:
@@ -129,8 +127,9 @@ class Follower:
         if touching:
             self._hits = sorted((self._touch(pair, before, after), pair) for pair in touching)
             self._hits.sort(key=lambda hit: self._sense * hit[0])
-            slope = self._slope(self._hits[0][1], self._hits[0][0])
-            self._slack_m = max(self._finest, 4 * self._tolerance_m / slope if slope > 0 else np.inf)
+            # Closer than this a gap cannot be told from zero.
+            slope = max(self._slope(self._hits[0][1], self._hits[0][0]), 4 * self._tolerance_m / _SLACK_M)
+            self._slack_m = max(self._finest, 4 * self._tolerance_m / slope)
         return bool(touching)
 
     def _look(self, gone_m: float, reach_m: float = np.inf) -> _Look:

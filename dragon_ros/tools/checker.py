@@ -45,6 +45,8 @@ class _End:
 class Checker(Geometry):
     """Recomputes what a certificate claims for a scene."""
 
+    touch_m = 1e-9          # what benches may be apart at the contact
+
     def check_cover(self, rows: list[Row], start_s: float, end_s: float, slack_s: float) -> None:
         """Refuse intervals that leave out a part of what has to be cleared, but the last ``slack_s``, or that overhang.
 

@@ -241,7 +241,7 @@ def test_what_is_no_certificate_is_refused(tmp_path, content):
 def test_the_checker_uses_none_of_the_solvers_code():
     from pathlib import Path
     folder = Path(certificate.__file__).parent
-    used = {line.split()[1] for name in ('checker', 'geometry', 'going', 'bends', 'intervals')
+    used = {line.split()[1] for name in ('checker', 'geometry', 'going', 'bends', 'intervals', 'walk_checker', 'curve')
             for line in (folder / f'{name}.py').read_text().splitlines() if line.startswith('from dragon_ros.core')}
     assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.types'}
     text = Path(certificate.__file__).read_text()
