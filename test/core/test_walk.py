@@ -217,6 +217,7 @@ def test_a_turn_has_no_contact_and_a_loop_in_its_own_body_has():
 def test_a_link_across_a_joint_just_passed_keeps_its_length():
     """Newton's steps leave the bracket there, whose end is next to the root, and bisection alone is not exact."""
     turn = Turn(1.3739674042962116, 8.25888768959588, 1.5403046253142452)
-    scene = Scene(dragon=Dragon(7, 2.2060197130833377, 1.0938917775107062, hole_inset_m=0.2), track=turn, run=Run(0, 25))
+    dragon = Dragon(7, 2.2060197130833377, 1.0938917775107062, hole_inset_m=0.2)
+    scene = Scene(dragon=dragon, track=turn, run=Run(0, 25))
     for past_m in (0.0, *np.geomspace(1e-12, 0.1, 300).tolist()):
         assert state(scene, turn.length_m + past_m).worst[0] < 2e-14
