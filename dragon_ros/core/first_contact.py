@@ -6,72 +6,26 @@ the body's track does not clear, each bench's part of it is, up to the first pla
 lengths are mixed, that holds for benches behind which the dragon goes on alike; each such set has stretches of its own.
 """
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from math import floor
 
 import numpy as np
 
-from dragon_ros.core.contact import Witness, gaps, witness
-from dragon_ros.core.contact_anywhere import Follower
-from dragon_ros.core.end import End
-from dragon_ros.core.head import Head
+from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.contact_on_walk import Follower
+from dragon_ros.core.course import Course, course_of
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.path import Spiral
 from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Stretch
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.verdict import Certificate, Contact, NoContact, together
 from dragon_ros.core.way import Way
 
 _BEFORE_M = 1e-9        # of the head's way, before a contact: so far the certificate goes
-
-
-@dataclass(frozen=True)
-class Certificate:
-    """Stretches that prove that nothing touched: of the head's way, and of the track under the body's front handles.
-
-    ``start_gap_m`` is the smallest gap at the start, in as far as benches are near each other. ``complete`` is False
-    where the stretches end short of the contact by more than a nanometre of the head's way because it is slow, and on
-    tracks and for head laws that are followed in time.
-    """
-
-    head: tuple[Stretch, ...]
-    body: tuple[Stretch, ...]
-    start_gap_m: float
-    complete: bool = True
-
-
-@dataclass(frozen=True)
-class Contact:
-    """A first contact: when, between which benches (the inner first), which corner and edge, and how sure.
-
-    ``grazing_m`` are bounds on the smallest gap where it is zero to within what positions may err, so that nobody can
-    say if they touch, else None. ``simultaneous`` has the other pairs that touch within the uncertainty, which is the
-    position error of the exact tier over the approach speed. ``states`` counts the looks.
-    """
-
-    t_s: float
-    benches: tuple[int, int]
-    witness: Witness
-    grazing_m: tuple[float, float] | None
-    simultaneous: tuple[tuple[int, int], ...]
-    approach_m_s: float
-    uncertainty_s: float
-    states: int
-    certificate: Certificate
-
-    @property
-    def point_m(self) -> tuple[float, float]:
-        """Where they touch."""
-        return self.witness.point_m
-
-
-@dataclass(frozen=True)
-class NoContact:
-    """The run ended without one."""
-
-    end: End
-    states: int
-    certificate: Certificate
 
 
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
@@ -80,36 +34,25 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     ``progress(states)`` is called with every number of states just looked at. Raises FieldError where the way is so
     long that the search would not end.
     """
-    if scene.led or not isinstance(scene.head, Head):
-        return _anywhere(replace(scene, accuracy='exact'), progress)
-    search = _Search(Way(scene, progress))
-    way = search.way
-    if search.start_gap_m <= 0:
-        return search.contact((way.start, way.start))
-    if way.provable != way.start:
-        search.clear(way.provable)
-    if search.hit is not None:
-        return search.contact(search.hit)
-    if way.provable != way.stop:
-        rest = replace(scene.run, start_s=way.time(way.provable))
-        return _anywhere(replace(scene, accuracy='exact', run=rest), progress)
-    return NoContact(scene.end, way.states, search.certificate())
+    course = course_of(scene)
+    searches = {sense: _search(scene, course, sense, progress) for sense in course.senses or [1]}
+    hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
+    if not hits:
+        proof = together([search.certificate() for search in searches.values()])
+        return NoContact(scene.end, sum(search.states for search in searches.values()), proof)
+    sense = min(hits, key=lambda sense: hits[sense].t_s)
+    hit, before = hits[sense], course.until(hits[sense].t_s)
+    # What the leader has gone through the other way by then is proved apart.
+    rest = [_search(scene, before, other, progress) for other in before.senses if other != sense]
+    proof = together([hit.certificate, *(search.cleared() for search in rest)])
+    return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
 
 
-def _anywhere(scene: Scene, progress: Callable[[int], object]) -> Contact | NoContact:
-    """Follow all pairs in time, on any track and for any head law: without a certificate."""
-    follower = Follower(scene, progress)
-    certificate = Certificate((), (), follower.gap_at(follower.start), False)
-    hit = follower.hit()
-    if hit is None:
-        return NoContact(scene.end, follower.states, certificate)
-    found = follower.touching(*hit)
-    t_s, pair = found[0]
-    speed = follower.approach_m_s(pair, t_s)
-    unsure = EXACT.promise_for_m(scene.size_m) / speed if speed > 0 else float('inf')
-    others = tuple(other for later, other in found[1:] if later - t_s <= unsure)
-    seen = witness(follower.benches(t_s)[1], *pair)
-    return Contact(t_s, pair, seen, None, others, speed, unsure, follower.states, certificate)
+def _search(scene: Scene, course: Course, sense: int, progress: Callable[[int], object]) -> '_Search | Follower':
+    """Return the search along one way from the start: on a single spiral by stretches, on a joined track by steps."""
+    if isinstance(scene.track, Spiral):
+        return _Search(Way(scene, course, sense, progress))
+    return Follower(scene, course, sense, progress)
 
 
 class _Search:
@@ -122,6 +65,34 @@ class _Search:
         self.body: list[Stretch] = []
         self.hit: tuple[float, float] | None = None
         self.body_hit: tuple[float, float] | None = None
+
+    @property
+    def states(self) -> int:
+        """How many chains were looked at."""
+        return self.way.states
+
+    def first(self) -> Contact | None:
+        """Return the first contact on the way."""
+        if self.start_gap_m <= 0:
+            return self.contact((self.way.start, self.way.start))
+        self._clear_all()
+        return self.contact(self.hit) if self.hit else None
+
+    def cleared(self) -> Certificate:
+        """Return the certificate of the way, which has no contact."""
+        self._clear_all()
+        return replace(self.certificate(), complete=self.hit is None)
+
+    def _clear_all(self) -> None:
+        """Clear the way, or up to the first place that is not clear. Raises FieldError where no proof goes so far."""
+        way = self.way
+        if way.provable != way.start:
+            self.clear(way.provable)
+        if self.hit is None and way.provable != way.stop:
+            last_s = way.time(way.provable)
+            raise FieldError('run.stop_s', self.scene.run.stop_s, f'from {last_s:.6f} s on a long bench behind the '
+                             'second may turn back near the centre, and contacts cannot be ruled out there',
+                             f'stop at {floor(last_s * 1e6) / 1e6:.6f} s or before')
 
     def clear(self, stop: float) -> None:
         """Clear from the start to a place, or to the first place before it that is not clear."""
@@ -143,23 +114,23 @@ class _Search:
         found = sorted(((way.sign * self._touch(pair, *bracket), pair) for pair in pairs[touching].tolist()),
                        key=lambda row: row[0])
         theta, (i, j) = way.sign * found[0][0], found[0][1]
-        speed, error = self._approach((i, j), theta), EXACT.promise_for_m(scene.size_m)
-        unsure = error / speed if speed > 0 else float('inf')
+        slope, error = self._slope((i, j), theta), EXACT.promise_for_m(scene.size_m)
         times = [way.time(way.sign * x) for x, _ in found]
+        speed = slope * way.speed_m_s(theta, times[0])
+        unsure = error / speed if speed > 0 else float('inf')
         others = tuple((one, other) for t_s, (_, (one, other)) in zip(times[1:], found[1:], strict=True)
                        if t_s - times[0] <= unsure)
         least = float(np.min(gap))
         grazing = (least - way.tolerance_m, least + way.tolerance_m) if least > 0 else None
-        proof = self._proof(bracket[0], bracket[0] if grazing else theta, speed)
+        proof = self._proof(bracket[0], bracket[0] if grazing else theta, slope)
         if self.hit and way.sign * self.hit[0] < way.sign * bracket[0]:
             return self.contact(self.hit)       # the proof found an earlier one
         return Contact(times[0], (i, j), witness(way.benches(theta), i, j), grazing, others, speed, unsure, way.states,
                        proof)
 
-    def _proof(self, clear_end: float, theta: float, speed_m_s: float) -> Certificate:
+    def _proof(self, clear_end: float, theta: float, slope: float) -> Certificate:
         """Return the certificate up to a nanometre before a contact, or as near as its gap can be told from zero."""
         way = self.way
-        slope = speed_m_s / max(abs(self.scene.steady_m_s), 1e-300)
         back = max(_BEFORE_M, 4 * way.tolerance_m / slope if slope > 0 else np.inf) * way.metre(theta)
         end = way.sign * max(way.sign * clear_end, min(way.sign * theta - back, way.sign * theta))
         self.head = [one for one in self.head if way.sign * one.stop_rad <= way.sign * end]
@@ -189,8 +160,8 @@ class _Search:
         return illinois(lambda theta: self._gap(pair, theta), clear_end, other_end, self._gap(pair, clear_end),
                         self._gap(pair, other_end))
 
-    def _approach(self, pair: Sequence[int], theta: float) -> float:
-        """Return how fast the gap closes at a place, in m/s."""
+    def _slope(self, pair: Sequence[int], theta: float) -> float:
+        """Return how much the gap closes at a place for each metre of the head's way."""
         step = 1e-6 * self.way.sign
         slope = (self._gap(pair, theta - step) - self._gap(pair, theta + step)) / 2e-6
-        return float(slope * abs(self.scene.steady_m_s) * self.way.metre(theta))
+        return float(slope * self.way.metre(theta))

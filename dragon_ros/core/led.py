@@ -67,6 +67,10 @@ class Led:
         """Return ``leader`` of many."""
         high, low = plus(*self._origin_m, -self.way * gone_m[0])
         return places_at(self.walk, *plus(high, low, -self.way * gone_m[1]))
+    def gone_m(self, leader: Place) -> float:
+        """Return how far the leader has gone when it is at a place."""
+        high, low = plus(*self.walk.distance_of(leader), -self._origin_m[0])
+        return float(-self.way * (high + (low - self._origin_m[1])))
 
     def chain(self, gone_m: tuple[float, float], effort: Effort) -> WalkChain:
         """Return all handles when the leader has gone (hi, lo) metres, marched. Raises TrackEndError off the track."""

@@ -5,12 +5,11 @@ import numpy as np
 
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import Contact, NoContact
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.stretches import Stretch
 from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.verdict import Contact, NoContact
 
 _SPACING_S = 0.02
 _GOLDEN = 0.5 * (5**0.5 - 1)
@@ -28,12 +27,9 @@ class NearMiss:
 def near_misses(scene: Scene, found: Contact | NoContact, below_m: float) -> list[NearMiss]:
     """Return the head's near misses before the contact (or end), the nearest first, with gaps below ``below_m``.
 
-    Only stretches whose certified bound is below the threshold are looked at; times are right to about 1e-5 s. Raises
-    InputError where there are none because the contact was followed in time.
+    Only stretches whose certified bound is below the threshold are looked at; times are right to about 1e-5 s.
     """
     speed, spiral = abs(scene.steady_m_s), scene.spiral
-    if not (found.certificate.complete or found.certificate.head):
-        raise InputError('near misses: this run was followed in time; only a certificate tells where to look')
     out: dict[tuple[int, float], NearMiss] = {}
     for start_rad, stop_rad in _spans([s for s in found.certificate.head if s.bound_m < below_m]):
         first, last = sorted(spiral.distance_to(angle) / scene.steady_m_s for angle in (start_rad, stop_rad))

@@ -10,10 +10,10 @@ def bracketed_newton(function: Callable[[float], tuple[float, float]], low: floa
     """Return the root of an increasing function in [low, high] and the number of evaluations.
 
     ``function(x)`` gives (value, slope). The function must change sign once in the bracket, from minus to plus.
-    The result is converged when Newton's step is at most ``tolerance`` times |x|, or one ulp. A step that leaves the
-    bracket, or shrinks it too slowly, is replaced by bisection, which says nothing of convergence but at the last ulp.
+    The result is converged when a step of Newton is at most ``tolerance`` times |x|, or any step one ulp. A step that
+    leaves the bracket, or shrinks too slowly, is replaced by bisection; the next one may then be as long.
     """
-    x, newton = min(max(start, low), high), max(tolerance, _ULP)
+    x = min(max(start, low), high)
     last = high - low
     for evaluations in range(1, 400):
         value, slope = function(x)
@@ -24,13 +24,13 @@ def bracketed_newton(function: Callable[[float], tuple[float, float]], low: floa
         else:
             return x, evaluations
         step = value / slope if slope > 0 else inf
-        following, close = x - step, newton
-        if abs(step) > newton * abs(following) and (
+        following, close, longest = x - step, max(tolerance, _ULP), 1.0
+        if abs(step) > max(tolerance, _ULP) * abs(following) and (
                 not low <= following <= high or abs(step) > 0.5 * last):
-            following, close = low + 0.5 * (high - low), _ULP
-            step = following - x
-        last = abs(step)
-        if last <= close * abs(following) or nextafter(low, high) >= high:
+            following = low + 0.5 * (high - low)
+            step, close, longest = following - x, _ULP, 2.0
+        last = longest * abs(step)
+        if abs(step) <= close * abs(following) or nextafter(low, high) >= high:
             return min(max(following, low), high), evaluations
         x = following
     return x, evaluations

@@ -14,7 +14,7 @@ from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Joined, wound
 from dragon_ros.core.led import Led
-from dragon_ros.core.lock import follower_range, head_lock_angle
+from dragon_ros.core.lock import follower_range, head_lock_angle, last_stand
 from dragon_ros.core.march import Effort
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
@@ -204,7 +204,11 @@ class Scene:
         t_s = self.head.passage_s(spiral.distance_to(angle))
         if t_s is None:
             return None
-        return End(t_s, 'lock', link) if angle else End(t_s, 'track')
+        if not angle:
+            return End(t_s, 'track')
+        links = self.dragon.link_lengths_m[:link + 2]
+        last_s = last_stand(t_s, self.head.travelled_m, spiral, links, self.effort)
+        return End(last_s, 'lock', link)
 
     @cached_property
     def end(self) -> End:

@@ -9,6 +9,7 @@ from dragon_ros.core import stretches
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.course import Course
 from dragon_ros.core.dragon import goes_on_alike, is_even
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import turning_places
@@ -19,6 +20,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Cleared, Stretch, Window, comes_in
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.types import Floats
+from dragon_ros.core.walk import Place
 
 _FIRST_M = 4.0          # distance of the places looked at first
 _FINEST_M = 1e-3, 1e-8  # stretches are not halved below this: next to a contact, and next to a grazing
@@ -31,30 +33,44 @@ Bracket = tuple[float, float]
 class Way:
     """The head's way from ``start`` to ``stop``; ``sign`` is -1 inwards. ``states`` counts the looks."""
 
-    def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
-        """Take the way of a scene's run. Raises FieldError where it is too long to search."""
+    def __init__(self, scene: Scene, course: Course, sense: int, progress: Callable[[int], object]) -> None:
+        """Take the way while the leader goes on (``sense`` 1) or back. Raises FieldError where it is too long."""
         self.scene, self.dragon, self.spiral, self.states = scene, scene.dragon, scene.spiral, 0
-        length_m = abs(scene.steady_m_s) * (scene.end.t_s - scene.run.start_s)
+        self._course, self._sense, self._tell = course, sense, progress
+        stop_s = course.farthest_s(sense)
+        length_m = abs(course.gone_m(stop_s) - course.gone_m(course.start_s))
         if length_m > _LONGEST_M:
             raise FieldError('run.stop_s', scene.run.stop_s, f'the head goes {length_m:.3g} m and no more than '
                              f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
-        self._tell = progress
         self._effort = EXACT.effort(scene.size_m, scene.length_m)
         self.tolerance_m = 2 * EXACT.promise_for_m(scene.size_m)     # both benches may be off
-        self.start = self._theta(scene.run.start_s)
-        stop = 0.0 if scene.end.reason == 'track' else self._theta(scene.end.t_s)
-        # The model's own end is left out by a hair: speeds are infinite at a lock.
-        self.stop = stop if scene.end.reason == 'stop' else min(self.start, stop + 1e-9 * (1 + stop))
+        self.start, self.stop = self._theta(course.start_s), self._theta(stop_s)
+        if stop_s == scene.end.t_s and scene.end.reason != 'stop' and not scene.led:
+            # The model's own end is left out by a hair: speeds are infinite at a lock.
+            end = 0.0 if scene.end.reason == 'track' else self.stop
+            self.stop = min(self.start, end + 1e-9 * (1 + end))
         self.sign = -1.0 if self.stop <= self.start else 1.0
         self._chords = (scene.dragon.link_lengths_m / self.spiral.b_m).tolist()
 
     def _theta(self, t_s: float) -> float:
-        return self.spiral.inward(*self.scene.head.travelled_m(t_s)).hi
+        """Return where the head is at a time."""
+        gone = self.scene.head.travelled_m(t_s)
+        led = self.scene.led
+        return float(led.chain(gone, self._effort).u[0]) if led else self.spiral.inward(*gone).hi
 
     def time(self, theta: float) -> float:
-        """Return when the head is at a place, in s."""
-        return float(self.scene.run.start_s) if theta == self.start else float(
-            self.spiral.distance_to(theta) / self.scene.steady_m_s)
+        """Return when the head is at a place for the first time, in s."""
+        if theta == self.start:
+            return float(self.scene.run.start_s)
+        led = self.scene.led
+        gone_m = led.gone_m(Place(0, Angle(float(self.chain(theta).theta[-1]), 0.0))) if led else (
+            self.spiral.distance_to(theta))
+        return self._course.arrival_s(gone_m, self._sense)
+
+    def speed_m_s(self, theta: float, t_s: float) -> float:
+        """Return how fast the head is when it is at a place at a time."""
+        speed = abs(self.scene.head.speed_at_m_s(t_s))
+        return float(speed / np.hypot(*self.chain(theta).velocities(1.0)[-1])) if self.scene.led else speed
 
     def metre(self, theta: float) -> float:
         """Return how far the polar angle goes for a metre of the track."""

@@ -2,9 +2,9 @@
 from dataclasses import replace
 
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_contact import Contact
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, frame_of, state, tick
+from dragon_ros.core.verdict import Contact
 
 
 class Frames:

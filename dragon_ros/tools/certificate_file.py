@@ -6,21 +6,24 @@ from typing import Any, NamedTuple
 
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError, InputError, MissingError, ModelEnd
+from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import LATEST_S, Scene
 from dragon_ros.tools.checker import Row
+from dragon_ros.tools.walk_checker import Part
 from dragon_ros.wire.documents import Document
 from dragon_ros.wire.scenes import scene_of
 
 _LARGEST = 256 * 2**20      # bytes
 _FURTHEST_RAD = 1e10
-_LIMITS = {'start_rad': (0.0, _FURTHEST_RAD), 'stop_rad': (0.0, _FURTHEST_RAD), 'bound_m': (-1e12, 1e12)}
+_LIMITS = {'start_rad': (0.0, _FURTHEST_RAD), 'stop_rad': (0.0, _FURTHEST_RAD), 'start_m': (-1e10, 1e10),
+           'stop_m': (-1e10, 1e10), 'bound_m': (-1e12, 1e12)}
 
 
 class Claims(NamedTuple):
     """What a certificate claims: a scene, intervals, the time of contact (None: there is none), and its benches."""
 
     scene: Scene
-    rows: list[Row]
+    rows: list[Row | Part]
     t_s: float | None
     pair: tuple[int, int]
 
@@ -34,7 +37,8 @@ def read_claims(path: Path) -> Claims:
         values = json.loads(path.read_text(encoding='utf-8'))
         scene = scene_of(Document(str(path), values['scene']))
         benches = scene.dragon.benches
-        rows = [_row(row, benches) for row in values['intervals']]
+        single = isinstance(scene.track, Spiral)
+        rows = [_row(row, benches) if single else _part(row) for row in values['intervals']]
         t_s = values['contact']['t_s']
         if t_s is not None:
             t_s = number('contact.t_s', t_s, low=scene.run.start_s, high=LATEST_S)
@@ -54,9 +58,7 @@ def read_claims(path: Path) -> Claims:
 
 def _row(row: dict[str, Any], benches: int) -> Row:
     """Return an interval whose numbers can be what they claim. Raises FieldError, KeyError or TypeError."""
-    lead = _lead(row['lead'], benches)
-    start_rad, stop_rad, bound_m = (number(key, row[key], low=low, high=high) for key, (low, high) in _LIMITS.items())
-    return Row(lead, start_rad, stop_rad, bound_m,
+    return Row(_lead(row['lead'], benches), *_numbers(row, 'start_rad', 'stop_rad', 'bound_m'),
                whole('behind', row['behind'], low=0, high=benches))
 
 
@@ -67,3 +69,13 @@ def _lead(name: Any, benches: int) -> int:
     if not 0 <= lead < max(benches - 2, 2):
         raise FieldError('lead', name, 'it is head, body, or bench N with two benches behind it', 'name one')
     return lead
+
+
+def _part(row: dict[str, Any]) -> Part:
+    """Return an interval on a joined track."""
+    return Part(*_numbers(row, 'start_m', 'stop_m', 'bound_m'))
+
+
+def _numbers(row: dict[str, Any], *keys: str) -> tuple[float, float, float]:
+    one, two, three = (number(key, row[key], low=_LIMITS[key][0], high=_LIMITS[key][1]) for key in keys)
+    return one, two, three

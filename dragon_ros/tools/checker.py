@@ -50,16 +50,22 @@ class _End:
 class Checker(Geometry):
     """Recomputes what a certificate claims for a scene."""
 
+    touch_m = 1e-9          # what benches may be apart at the contact
+
     def check_cover(self, rows: list[Row], start_s: float, end_s: float, slack_s: float) -> None:
         """Refuse intervals that leave out a part of what has to be cleared, but the last ``slack_s``, or that overhang.
 
         Each end of an interval has to meet another one, or an end of some bench's way.
         """
-        first, before, last = self.angle(start_s), self.angle(end_s - slack_s), self.angle(end_s)
-        last += 5e-10 * (1 + last) if last < first else 0.0      # a run ends a hair before a lock
+        start, before, last = self.angle(start_s), self.reached(start_s, end_s - slack_s), self.reached(start_s, end_s)
+        if last[0] < start:     # a run ends a hair before a lock
+            last = last[0] + 5e-10 * (1 + last[0]), last[1]
         count = len(self.links)
-        ways = np.array([self.chain(0, angle, count) for angle in (*self._extremes(first, before), last)])
-        self._check_turns(ways)
+        ways = np.array([self.chain(0, angle, count) for angle in self._extremes(*before)])
+        own = [(place, place) for place in (start, *self._extremes(*before))]
+        ends = np.array([[self.chain(0, angle, count) for angle in both]
+                         for both in (*own, *zip(before, last, strict=True))])
+        self._check_turns(ends.reshape(-1, ends.shape[-1]))
         parts: dict[int, list[Row]] = {}
         for row in rows:
             parts.setdefault(row.lead, []).append(row)
@@ -69,9 +75,9 @@ class Checker(Geometry):
             for lead in leads:
                 spoken[lead].append(bench)
             self._covers(f'{name_of(min(bench, 1))} (bench {bench})', [row for lead in leads for row in parts[lead]],
-                         count - 1 - bench, ways[:-1, bench])
+                         count - 1 - bench, ways[:, bench])
         for lead, part in parts.items():
-            self._meet(name_of(lead), part, ways[:, spoken[lead]])
+            self._meet(name_of(lead), part, ends[..., spoken[lead]])
 
     def _speaks(self, lead: int, bench: int) -> bool:
         """Return whether what one bench meets tells of another one: if what is behind that is also behind the one."""
@@ -86,10 +92,9 @@ class Checker(Geometry):
             raise InputError('a link behind the second may turn back on the way; such runs have no certificate')
 
     @staticmethod
-    def _meet(what: str, rows: list[Row], ways: Floats) -> None:
-        """Refuse rows that end where neither another one nor a way does; the last two places are as good as one."""
-        low, high = ways.copy(), ways.copy()
-        low[-2:], high[-2:] = np.min(ways[-2:], axis=0), np.max(ways[-2:], axis=0)
+    def _meet(what: str, rows: list[Row], ends: Floats) -> None:
+        """Refuse rows that end neither where another one does nor between any of the ends (M, 2, K) of ways."""
+        low, high = np.min(ends, axis=1), np.max(ends, axis=1)
         starts, stops = {row.start_rad for row in rows}, {row.stop_rad for row in rows}
         for end in [row.start_rad for row in rows if row.start_rad not in stops] + [
                 row.stop_rad for row in rows if row.stop_rad not in starts]:
@@ -108,7 +113,7 @@ class Checker(Geometry):
             raise InputError(f'{what}: the intervals leave out the place {low!r} rad')
 
     def _extremes(self, first: float, last: float) -> list[float]:
-        """Return the head's places between which every handle moves one way."""
+        """Return the head's places between which every handle moves one way, and the two that it goes between."""
         turn = self._lowest(1, first, last)
         return [first, self._lowest(2, first, turn), turn, self._lowest(2, turn, last), last]
 

@@ -8,6 +8,7 @@ import numpy as np
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.types import Floats
+from dragon_ros.tools.going import Going
 
 
 class Geometry:
@@ -21,17 +22,37 @@ class Geometry:
         self.links = [length - 2 * d.hole_inset_m for length in self.lengths]
         self.uneven = any(length != self.lengths[-1] for length in self.lengths[1:])
         self.half_width = 0.5 * d.width_m
+        self._going = Going(scene)
 
     def angle(self, t_s: float) -> float:
-        """Return the head's polar angle by bisection on the arc length."""
-        start = 2 * pi * self.scene.spiral.start_turns
+        """Return the head's polar angle at a time."""
+        return self._angle_after(self._going.gone_m(t_s))
 
-        def arc(theta: float) -> float:
-            return self.b / 2 * (theta * sqrt(1 + theta * theta) + asinh(theta))
-        wanted = arc(start) - self.scene.steady_m_s * t_s
-        low, high = 0.0, start + 2 * abs(self.scene.steady_m_s * t_s) / self.b + 1
+    def reached(self, start_s: float, end_s: float) -> tuple[float, float]:
+        """Return the head's least and greatest polar angle between two times."""
+        one, other = (self._angle_after(gone_m) for gone_m in self._going.extent_m(start_s, end_s))
+        return min(one, other), max(one, other)
+
+    def _angle_after(self, gone_m: float) -> float:
+        """Return the head's polar angle when the leader has gone so far, by bisection; a tail goes outwards."""
+        start, count = 2 * pi * self.scene.spiral.start_turns, len(self.links)
+        if self.scene.head.lead == 'head':
+            return self._at_arc(self._arc(start) - gone_m / self.b)
+        wanted = self._at_arc(self._arc(self.chain(0, start, count)[-1]) + gone_m / self.b)
+        low, high = start, wanted
         while low < (middle := 0.5 * (low + high)) < high:
-            low, high = (middle, high) if arc(middle) < wanted else (low, middle)
+            low, high = (middle, high) if self.chain(0, middle, count)[-1] < wanted else (low, middle)
+        return high
+
+    @staticmethod
+    def _arc(theta: float) -> float:
+        """Return the length of the track from the centre, in units of b."""
+        return 0.5 * (theta * sqrt(1 + theta * theta) + asinh(theta))
+
+    def _at_arc(self, wanted: float) -> float:
+        low, high = 0.0, sqrt(max(2 * wanted, 0.0)) + 1
+        while low < (middle := 0.5 * (low + high)) < high:
+            low, high = (middle, high) if self._arc(middle) < wanted else (low, middle)
         return high
 
     def chain(self, first: int, theta: float, benches: int) -> list[float]:

@@ -12,7 +12,7 @@ from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, InputError
-from dragon_ros.core.first_contact import Certificate, Contact, NoContact, first_contact
+from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
 from dragon_ros.core.lookout import Lookout
 from dragon_ros.core.near_misses import near_misses
@@ -21,6 +21,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.stretches import Stretch, bounds
 from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.verdict import Certificate, Contact, NoContact
 from dragon_ros.tools import certificate
 
 CLASSIC = Scene(solver='march')
@@ -240,12 +241,12 @@ def test_what_is_no_certificate_is_refused(tmp_path, content):
 def test_the_checker_uses_none_of_the_solvers_code():
     from pathlib import Path
     folder = Path(certificate.__file__).parent
-    used = {line.split()[1] for name in ('checker', 'geometry', 'bends', 'intervals')
+    used = {line.split()[1] for name in ('checker', 'geometry', 'going', 'bends', 'intervals', 'walk_checker', 'curve')
             for line in (folder / f'{name}.py').read_text().splitlines() if line.startswith('from dragon_ros.core')}
     assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.types'}
     text = Path(certificate.__file__).read_text()
-    assert [line for line in text.splitlines() if 'first_contact' in line and 'import' in line] == [
-        'from dragon_ros.core.first_contact import Contact, NoContact']
+    assert [line for line in text.splitlines() if 'verdict' in line and 'import' in line] == [
+        'from dragon_ros.core.verdict import Contact, NoContact']
 
 
 def test_gaps_and_views_agree_on_who_is_apart():

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, FieldError
+from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.lock import follower, head_lock_angle, lock_angle
 from dragon_ros.core.march import Effort, chord_of, first_guess, first_peak, place, step
 from dragon_ros.core.march_many import place_many
@@ -84,6 +85,21 @@ def test_body_links_longer_than_the_heads_may_lock_first():
     head = spiral.inward(scene.end.t_s + 1e-6)
     with pytest.raises(ChainLockError, match='link 1'):
         place(spiral, scene.dragon.link_lengths_m, head, EFFORT)
+
+
+@given(st.integers(2, 12), st.floats(0.6, 4), st.floats(0.6, 3.5), st.floats(0.3, 2), st.floats(2, 20),
+       st.sampled_from([Head(1.0), Head(0.37), Profile(((0.0, 1.3), (3.0, 0.6)), 'smooth')]),
+       st.sampled_from(['exact', 'preview']), st.sampled_from(['table', 'march']))
+def test_at_the_very_time_of_a_lock_every_link_has_a_place(benches, head, body, pitch, turns, law, accuracy, solver):
+    try:
+        scene = Scene(Dragon(benches, head, body, 0.05), Spiral(pitch, turns), law, accuracy=accuracy, solver=solver)
+        assume(scene.limit.reason == 'lock')
+    except ChainLockError:
+        assume(False)
+    assert np.all(np.isfinite(state(scene, scene.limit.t_s).p))
+    assert np.all(np.isfinite(states(scene, [0.0, scene.limit.t_s]).p))
+    with pytest.raises(ChainLockError):
+        state(scene, np.nextafter(scene.limit.t_s, np.inf))
 
 
 def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
