@@ -152,7 +152,7 @@ def picture(row: Recorded) -> Figure:
              title=f'Recording {_BENCHES} benches at {_RATE_HZ} Hz')
     axes.set_ylim(bottom=0)
     axes.grid(True, linewidth=0.4)
-    axes.legend()
+    axes.legend(loc='lower right')
     figure.supxlabel(circumstances(), fontsize=7)
     return figure
 
