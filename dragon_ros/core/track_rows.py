@@ -220,7 +220,7 @@ def _table(walk: Walk, link_m: float, rows: _Rows, inverse: Floats, error_m: flo
     powers = powers_of(inverse[:nodes]).reshape(parts, count, nodes).transpose(1, 0, 2)
     chart = np.concatenate((np.stack((slack, *centre, scale.T), axis=-1), powers), axis=-1)
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
-    return TrackTable(walk, link_m, rows.piece, read_only(chart), x, p, v, terms)
+    return TrackTable(walk, rows.piece, read_only(chart), x, p, v, terms)
 
 
 def _enough(size: Floats, error_m: float) -> Ints:

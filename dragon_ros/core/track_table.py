@@ -40,7 +40,7 @@ class Spots(NamedTuple):
 
 @dataclass(frozen=True)
 class TrackTable:
-    """R rows of S parts of a span of places, for links of ``link_m`` (``track_rows.track_table`` makes it).
+    """R rows of S parts of a span of places, for links of one length (``track_rows.track_table`` makes it).
 
     Part s of row r lies on the piece ``piece[r, s]``. ``charts[r, s]`` is how far |x| may be beyond 1 by rounding, the
     piece's coordinate in the middle as (hi, lo) and the scale, with x = (coordinate - middle) * scale in [-1, 1], and
@@ -50,7 +50,6 @@ class TrackTable:
     """
 
     walk: Walk
-    link_m: float
     piece: Ints
     charts: Floats
     coordinates: Floats
