@@ -15,6 +15,7 @@ from dragon_ros.__main__ import main
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
 from dragon_ros.wire.cdr import PoseArrayTemplate
+from dragon_ros.wire.cdr_read import read_multi_array
 from dragon_ros.wire.log_read import LogReader
 from dragon_ros.wire.log_write import LogWriter
 
@@ -153,6 +154,22 @@ def test_inspect_tells_which_ticks_are_missing_and_doubled(capsys, tmp_path, bag
     assert code == 1
     assert 'ticks 3 to 4: handles is missing' in out
     assert 'tick 12: benches is there 2 times' in out
+
+
+def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
+    rest, other = tmp_path / 'rest.mcap', tmp_path / 'other.mcap'
+    scene = ('--scene', 'winding', '--set', 'dragon.benches=3', '--set', 'head.speed_m_s=0', '--set', 'run.stop_s=0.1')
+    assert main(['simulate', *scene, '--output', str(rest)]) == 0
+
+    def change(m):
+        if not m.topic.endswith('/velocities'):
+            return [m.data]
+        data = bytearray(m.data)
+        read_multi_array(data)[1][...] *= -1.0
+        return [bytes(data)]
+    code, out, _ = run(capsys, 'inspect', changed(rest, other, change), '--check')
+    assert code == 0
+    assert '6 keep the promise' in out
 
 
 def test_check_tells_other_bits_within_the_promise_from_wrong_values(capsys, tmp_path, bag):
