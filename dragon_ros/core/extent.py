@@ -1,7 +1,7 @@
 """How much room a run takes: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
 
-All benches but the head's are alike, and where one is depends on where its front handle is, not on which it is or when.
-So what has to be searched is two ways along the track: that of the head's bench, and that of all others together. Both
+Where a bench is depends on its length and on where its front handle is, not on which it is or when. So what has to be
+searched is a few ways along the track: that of the head's bench, and that of all others of one length together. They
 are cut up where their bound (``sweep``) exceeds the best value that was met. docs/model.md says what is proved.
 """
 from collections.abc import Callable
@@ -15,7 +15,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.sweep import SIDES, Sweep
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.types import Array, Floats, Ints
 from dragon_ros.core.visits import Visits
 
 _AT_ONCE = 128      # stretches
@@ -73,10 +73,16 @@ def extent(scene: Scene, within_m: float = 1e-10, progress: Callable[[int], obje
     """
     visits = Visits(scene)
     search = _Search(progress, within_m)
-    for first, last in ((0, 1), (1, scene.dragon.benches)):
-        if first < last:
-            search.sweep(_bench(visits, first), _stretches(visits, first, last), first)
-    return Extent(tuple(_reach(visits, search, side) for side in range(len(SIDES))), search.looks)
+    kinds = _alike(scene.dragon.bench_lengths_m)
+    for kind, benches in enumerate(kinds):
+        search.sweep(_bench(visits, int(benches[0])), _stretches(visits, benches), kind)
+    return Extent(tuple(_reach(visits, kinds, search, side) for side in range(len(SIDES))), search.looks)
+
+
+def _alike(lengths_m: Floats) -> list[Ints]:
+    """Return the numbers of the benches of one length, for each length: the head's alone, then those behind it."""
+    behind = dict.fromkeys(lengths_m[1:].tolist())
+    return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
 
 
 def _bench(visits: Visits, number: int) -> Sweep:
@@ -85,19 +91,19 @@ def _bench(visits: Visits, number: int) -> Sweep:
                  0.5 * dragon.width_m)
 
 
-def _stretches(visits: Visits, first: int, last: int) -> Floats:
+def _stretches(visits: Visits, benches: Ints) -> Floats:
     """Return where the front handles of some benches go, (2, M) distances: joined where they overlap, cut at turns.
 
     Of the laps of a circle that the track begins with, the last holds all.
     """
-    low, high = visits.ranges_m[:, first:last]
+    low, high = visits.ranges_m[:, benches]
     order = np.argsort(low)
     low, high = low[order], np.maximum.accumulate(high[order])
     begins = np.flatnonzero(np.concatenate(([True], low[1:] > high[:-1])))
     ends = np.concatenate((begins[1:] - 1, [low.size - 1]))
     low, high = low[begins], high[ends]
     out: Floats = np.stack((np.maximum(low, np.minimum(high, visits.walk.end_of_first_m) - visits.lap_m), high))
-    for turn in visits.turns_m(first):
+    for turn in visits.turns_m(int(benches[0])):
         inside = (out[0] < turn) & (turn < out[1])
         cut = np.array([[turn] * int(np.sum(inside)), out[1, inside]])
         out[1, inside] = turn
@@ -114,13 +120,13 @@ class _Search:
         self.high: Floats = np.full(len(SIDES), -np.inf)
         self.where = [(0, 0.0, 0)] * len(SIDES)
 
-    def sweep(self, bench: Sweep, stretches: Floats, first: int) -> None:
-        """Search stretches (2, M) of the way of a bench, ``first`` of those that go there."""
+    def sweep(self, bench: Sweep, stretches: Floats, kind: int) -> None:
+        """Search stretches (2, M) of the way of one kind of bench."""
         tops: Floats = np.array([[bench.cap_m(*ends)] * len(SIDES) for ends in stretches.T.tolist()])
         while tops.size and self.looks < _MOST:
             order = np.argsort(-np.max(tops - self.best, axis=1), kind='stable')
             now, later = order[:_AT_ONCE], order[_AT_ONCE:]
-            halves, above = self._halves(bench, stretches[:, now], first)
+            halves, above = self._halves(bench, stretches[:, now], kind)
             stretches, tops = np.concatenate((stretches[:, later], halves), 1), np.concatenate((tops[later], above))
             stretches, tops = self._put_aside(stretches, tops, np.all(tops <= self.best + self._within_m, axis=1))
         self._put_aside(stretches, tops, np.ones(len(tops), dtype=bool))
@@ -130,7 +136,7 @@ class _Search:
         self.high = np.maximum(self.high, np.max(tops[done], axis=0, initial=-np.inf))
         return stretches[:, ~done], tops[~done]
 
-    def _halves(self, bench: Sweep, stretches: Floats, first: int) -> tuple[Floats, Floats]:
+    def _halves(self, bench: Sweep, stretches: Floats, kind: int) -> tuple[Floats, Floats]:
         """Return the halves of stretches, but for those too short to be cut again, and bounds (M, 4) on them."""
         middle = 0.5 * (stretches[0] + stretches[1])
         halves: Floats = np.concatenate((np.stack((stretches[0], middle)), np.stack((middle, stretches[1]))), axis=1)
@@ -138,24 +144,23 @@ class _Search:
         seen, ends = bench.look(places), index.reshape(2, -1)
         self.looks += places.size
         self._tell(places.size)
-        self._note(seen.value, places, first)
+        self._note(seen.value, places, kind)
         tops: Floats = np.max(bench.tops(seen.rows(ends[0]), seen.rows(ends[1])), axis=1)
         return self._put_aside(halves, tops, halves[1] - halves[0] <= _FINEST * (1 + np.max(np.abs(halves), axis=0)))
 
-    def _note(self, value: Floats, places: Floats, first: int) -> None:
+    def _note(self, value: Floats, places: Floats, kind: int) -> None:
         for side, values in enumerate(np.moveaxis(value, -1, 0)):
             place, corner = np.unravel_index(int(np.argmax(values)), values.shape)
             if values[place, corner] > self.best[side]:
                 self.best[side] = values[place, corner]
-                self.where[side] = first, float(places[place]), int(corner)
+                self.where[side] = kind, float(places[place]), int(corner)
 
 
-def _reach(visits: Visits, search: _Search, side: int) -> Reach:
+def _reach(visits: Visits, kinds: list[Ints], search: _Search, side: int) -> Reach:
     """Return what was found on a side, with a bench that is there, and when."""
-    bench, along_m, corner = search.where[side]
-    if bench:
-        low, high = visits.ranges_m[:, 1:]
-        bench += int(np.argmax(np.minimum(along_m - low, high - along_m)))
+    kind, along_m, corner = search.where[side]
+    low, high = visits.ranges_m[:, kinds[kind]]
+    bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
     t_s = visits.when_s(bench, along_m)
     chain = state(visits.scene, t_s)
     x, y = benches_of(chain, visits.scene.dragon, axes_of(chain)).corners[bench, corner].tolist()

@@ -112,6 +112,7 @@ class RunChain(Chain):
             if not part.start:
                 p[order.one(0)] = here.real, here.imag
             p[order.one(part.start + 1)] = following.real, following.imag
+        _join(p, links_m, order, parts)
         p.setflags(write=False)
         return cls(p, links_m, spent, way, parts, marched)
 
@@ -175,6 +176,7 @@ class RunChains(Chain):
             if not part.start:
                 p[:, order.one(0)] = part.walk.points(*part.places)[0]
             p[:, order.one(part.start + 1)] = part.walk.points(*part.following)[0]
+        _join(p, links_m, order, parts)
         return cls(read_only(p), links_m, spent, way, parts, marched)
 
     def velocities(self, head_speed_m_s: float | Floats) -> Floats:
@@ -206,6 +208,15 @@ class RunChains(Chain):
     def tangents(self) -> Floats:
         """Unit tangents against the head's way, towards the tail."""
         return _against(self.velocities(1.0), self.way)
+
+
+def _join(p: Floats, links_m: Floats, order: _Order, parts: Sequence[Hop | Ride | Hops | Rides]) -> None:
+    """Put both handles of a link without length on one point, which a table and the march round apart."""
+    for part in parts:
+        if isinstance(part, (Hop, Hops)):
+            here, following = order.one(part.start), order.one(part.start + 1)
+            if not links_m[min(here, following)]:
+                p[..., following, :] = p[..., here, :]
 
 
 def _against(velocity: Floats, way: int) -> Floats:

@@ -12,6 +12,8 @@ from math import inf, pi
 import numpy as np
 
 from dragon_ros.core.angle import Angle
+from dragon_ros.core.dragon import is_even
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.inwards import inwards, span
 from dragon_ros.core.lock import turning_places, turns
 from dragon_ros.core.march import place
@@ -49,8 +51,13 @@ class Visits:
 
     @cached_property
     def _chords(self) -> tuple[float, float]:
-        links = self.scene.dragon.link_lengths_m / self.scene.spiral.b_m
-        return float(links[0]), float(links[min(1, links.size - 1)])
+        links = self._all_chords
+        return links[0], links[min(1, len(links) - 1)]
+
+    @cached_property
+    def _all_chords(self) -> list[float]:
+        out: list[float] = (self.scene.dragon.link_lengths_m / self.scene.spiral.b_m).tolist()
+        return out
 
     @cached_property
     def _polar(self) -> tuple[float, float]:
@@ -77,13 +84,24 @@ class Visits:
             spans.append((min(places), max(places)))
         rest = [place(scene.spiral, links[2:], Angle(edge, 0.0), scene.effort).theta[1:] for edge in spans[-1]]
         theta = np.concatenate((np.array(spans).T, rest), axis=1)[:, :links.size]
+        self._check_rest(theta)
         return np.sort(self.walk.distances(np.zeros(theta.shape, dtype=np.int64), theta), axis=0)
+
+    def _check_rest(self, theta: Floats) -> None:
+        """Refuse ranges (2, N) of polar angles in which a handle behind the third turns back: they are not all."""
+        links = self._all_chords[2:theta.shape[1]]
+        if is_even(self.scene.dragon.link_lengths_m):
+            return
+        for n, (chord, low, high) in enumerate(zip(links, *theta[:, 2:].tolist(), strict=True), 2):
+            if any(low < turn < high for turn in turns(chord)):
+                raise FieldError('dragon.groups', self.scene.dragon.link_lengths_m[n], f'bench {n} turns back near the '
+                                 'centre, and how far it comes is not known', 'stop earlier, or use shorter benches')
 
     def turns_m(self, link: int) -> list[float]:
         """Return the distances of the front handle along the walk at which a link's rear handle turns back."""
         if self.scene.led:
             return []
-        return [self._along_m(theta) for theta in turns(self._chords[min(link, 1)])]
+        return [self._along_m(theta) for theta in turns(self._all_chords[link])]
 
     def _along_m(self, theta: float) -> float:
         return self.scene.spiral.distance_to(theta)

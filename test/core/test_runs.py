@@ -11,6 +11,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.angle import Angle
+from dragon_ros.core.benches import axes_of
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.head import Head
@@ -249,3 +250,14 @@ def test_a_dance_at_rest_has_directions():
     assert np.all(chain.velocities(0.0) == 0)
     np.testing.assert_allclose(np.hypot(*chain.tangents.T), 1.0, rtol=1e-14)
     assert np.max(np.abs(chain.tangents)) < inf
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+def test_a_bench_whose_link_has_no_length_lies_along_the_track_beside_a_table_too(lead):
+    scene = Scene(Dragon(12, 0.02, 0.42, 0.01, 0.01), Turn(before_m=30.0 if lead == 'head' else -5.0),
+                  Head(1.0, lead), Run(0, 10))
+    for t_s in (0.0, 3.3):
+        chain, marched = state(scene, t_s), state(march(scene), t_s)
+        assert 'table' in chain.solver
+        assert axes_of(chain)[0] == pytest.approx(axes_of(marched)[0], abs=1e-12)
+        assert axes_of(states(scene, [t_s]))[0, 0] == pytest.approx(axes_of(marched)[0], abs=1e-12)
