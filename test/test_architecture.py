@@ -21,7 +21,7 @@ LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire',
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
 LIBRARIES = {'core': {'numpy', 'shapely'},
              'wire': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4', 'argcomplete', 'matplotlib'},
-             'tools': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl'},
+             'tools': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap'}}
 
 

@@ -96,14 +96,15 @@ class Follower:
         here, step_m = self._first, self._spacing
         self._meet(here, here)
         while (rest_m := self._rest_m(here)) > 0:
-            there = self._look(here.gone_m + self._sense * min(step_m, rest_m), _FAR * step_m)
-            way_m = self._sense * (there.gone_m - here.gone_m)
+            way_m = min(step_m, rest_m)
+            there = self._look(here.gone_m + self._sense * way_m, _FAR * step_m)
             bound_m, room = self._bound(here, there)
-            step_m = way_m * min(max(_SHARE * room, _SHRINK), _GROW)
+            least_m = 0.0 if self._hits else self._finest
+            step_m = max(way_m * min(max(_SHARE * room, _SHRINK), _GROW), least_m)
             if bound_m > self._tolerance_m:
                 self._steps.append(Step(float(here.along_m[0]), float(there.along_m[0]), bound_m))
                 here = there
-            elif not self._meet(here, there) and way_m <= (_SHORTEST if self._hits else self._finest):
+            elif not self._meet(here, there) and way_m <= max(least_m, _SHORTEST):
                 if self._hits or not any(self._meet(here, ahead) for ahead in self._ahead(here)):
                     self._stuck = bool(self._hits)
                     return here, there

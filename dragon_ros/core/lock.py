@@ -85,7 +85,7 @@ def last_stand(t_s: float, gone_m: Callable[[float], tuple[float, float]], spira
     ``gone_m(t_s)`` is how far the head has gone, as (hi, lo).
     """
     back = ulp(t_s)
-    while t_s > 0 and not _stands(gone_m(t_s), spiral, links_m, effort):
+    while 0 < t_s < inf and not _stands(gone_m(t_s), spiral, links_m, effort):
         t_s, back = max(0.0, t_s - back), 2 * back
     return t_s
 

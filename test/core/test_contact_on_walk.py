@@ -10,6 +10,7 @@ import shapely
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.core import contact_on_walk
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, InputError
@@ -192,3 +193,27 @@ def test_benches_that_touch_from_the_start_need_no_steps_and_a_false_claim_of_no
     values = {**certificate.as_values(still, first_contact(still)), 'contact': {'t_s': None}}
     with pytest.raises(InputError, match='touch at the start'):
         checked(tmp_path, values)
+
+
+def passing(width, t_s=np.linspace(112.0, 118.0, 241)):
+    """The smallest gap while the head passes through a turn, and when."""
+    scene = Scene(dragon=Dragon(24, width_m=width), track=Turn(1.2, before_m=100.0), run=Run(112, 118))
+    least = [(smallest(scene, t), float(t)) for t in t_s]
+    gap, at_s = min(least)
+    return (gap, at_s, scene) if len(t_s) < 200 else passing(width, np.linspace(at_s - 0.05, at_s + 0.05, 101))
+
+
+def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds(monkeypatch):
+    """With a coarse finest step, so that a gap of some micrometres is as hard as one of nanometres."""
+    monkeypatch.setattr(contact_on_walk, '_FINEST', 1e-5)
+    width = 0.3
+    for _ in range(8):
+        gap, at_s, scene = passing(width)
+        width += 1.3 * (gap - 3e-6)
+    found = first_contact(scene)
+    assert isinstance(found, Contact)
+    assert found.grazing_m[0] < gap < found.grazing_m[1] < 3e-5
+    assert found.t_s == pytest.approx(at_s, abs=0.02)
+    assert found.certificate.complete
+    for t_s in np.linspace(112, found.t_s, 30):
+        assert smallest(scene, t_s) > 0
