@@ -86,7 +86,7 @@ class _Search:
     def _clear_all(self) -> None:
         """Clear the way, or up to the first place that is not clear. Raises FieldError where no proof goes so far."""
         way = self.way
-        if way.provable != way.start:
+        if way.provable == way.stop or way.provable != way.start:
             self.clear(way.provable)
         if self.hit is None and way.provable != way.stop:
             last_s = way.time(way.provable)

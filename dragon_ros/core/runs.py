@@ -14,11 +14,10 @@ import numpy as np
 from dragon_ros.core.dragon import is_even
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.joined import wound
-from dragon_ros.core.march import Effort, locked, place
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.march import TIGHT, Effort, locked, near_lock, place
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.run_chain import Hop, Hops, Ride, Rides, RunChain, RunChains
-from dragon_ros.core.tiers import PAPER
+from dragon_ros.core.tiers import EXACT, PAPER
 from dragon_ros.core.track_rows import track_table
 from dragon_ros.core.track_table import TrackTable
 from dragon_ros.core.types import Floats
@@ -153,15 +152,18 @@ def runs_of(scene: 'Scene') -> Runs | None:
     links, open_ended = scene.dragon.link_lengths_m, scene.run.stop_s is None and scene.limit is None
     if scene.solver == 'march' or scene.tier is PAPER or open_ended or links.size < FEWEST:
         return None
-    extent, work = scene.head.extent_m(scene.end.t_s), (scene.effort, scene.tier.series_m(scene.size_m))
+    extent = scene.head.extent_m(scene.end.t_s)
     if scene.led:
+        work = scene.effort, scene.tier.series_m(scene.size_m)
         return Runs(scene.led.walk, links, scene.led.way, scene.led.span_m(extent), *work)
-    return None if is_even(links) else _on_spiral(scene.spiral, links, extent, *work)
+    return None if is_even(links) else _on_spiral(scene, links, extent)
 
 
-def _on_spiral(spiral: Spiral, links_m: Floats, extent_m: tuple[float, float], effort: Effort, error_m: float) -> Runs:
-    """Return the runs behind a head that goes between two distances."""
-    walk = wound(spiral, 0.0)
-    tail = place(spiral, links_m, spiral.inward(extent_m[0]), effort).theta[-1]
+def _on_spiral(scene: 'Scene', links_m: Floats, extent_m: tuple[float, float]) -> Runs:
+    """Return the runs behind a head that goes between two distances; ``march.near_lock`` tells how exact they are."""
+    spiral, walk = scene.spiral, wound(scene.spiral, 0.0)
+    tail = place(spiral, links_m, spiral.inward(extent_m[0]), scene.effort).theta[-1]
     stretch_m = walk.distance_of(Place.of(0, tail, 0.0))[0], min(extent_m[1], walk.end_m)
-    return Runs(walk, links_m, BACK, stretch_m, effort, error_m)
+    close = spiral.inward(stretch_m[1]).hi <= near_lock(spiral, links_m)
+    effort, tier = (Effort(TIGHT), EXACT) if close else (scene.effort, scene.tier)
+    return Runs(walk, links_m, BACK, stretch_m, effort, tier.series_m(scene.size_m))

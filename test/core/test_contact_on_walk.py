@@ -118,7 +118,7 @@ def test_no_gap_between_two_looks_is_below_the_bound(tmp_path_factory, benches, 
 
 def at(scene, t_s):
     """Where the head is along the track."""
-    chain = state(scene, t_s)
+    chain = state(replace(scene, solver='march'), t_s)
     return float(chain.walk.distances(chain.piece, chain.u)[0])
 
 
@@ -127,7 +127,7 @@ def test_the_checkers_track_is_the_same_curve(name):
     scene = SCENES[name]
     curve = Curve(scene)
     for t_s in np.linspace(scene.run.start_s, scene.end.t_s, 7).tolist():
-        chain = state(scene, t_s)
+        chain = state(replace(scene, solver='march'), t_s)
         points, tangents = curve.at(chain.walk.distances(chain.piece, chain.u))
         np.testing.assert_allclose(np.stack((points.real, points.imag), axis=-1), chain.p, rtol=0, atol=2e-12)
         np.testing.assert_allclose(np.stack((tangents.real, tangents.imag), axis=-1), chain.forward, atol=1e-12)

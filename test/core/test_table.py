@@ -16,7 +16,7 @@ from dragon_ros.cost.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
 MARCHED_CASES = {'centre', 'tiny-pitch', 'far-1e4', 'far-1e9', 'joined-handles', 'almost-joined', 'outwards',
-                 'mixed', 'mixed-lock'}
+                 'mixed-lock'}
 
 
 def test_stats_say_which_solver_ran():
