@@ -117,7 +117,8 @@ def _check_common(dragon: AnyDragon) -> None:
 
 
 def _check_length(field: str, length_m: float, hole_inset_m: float) -> None:
-    length = number(field, length_m, above=0.0, high=1e12)
+    number(field, length_m, above=0.0, high=1e12)
+    length = number(field, length_m, low=1e-12)
     if length < 2 * hole_inset_m:
         raise FieldError(field, length, f'a bench must hold its two holes, 2 x {hole_inset_m} m from the ends',
                          'make the bench longer or dragon.hole_inset_m smaller')

@@ -5,6 +5,7 @@ import numpy as np
 
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.stretches import Stretch
@@ -27,8 +28,11 @@ class NearMiss:
 def near_misses(scene: Scene, found: Contact | NoContact, below_m: float) -> list[NearMiss]:
     """Return the head's near misses before the contact (or end), the nearest first, with gaps below ``below_m``.
 
-    Only stretches whose certified bound is below the threshold are looked at; times are right to about 1e-5 s.
+    Only stretches whose certified bound is below the threshold are looked at; times are right to about 1e-5 s. Raises
+    FieldError but for a head that goes along one spiral at constant speed.
     """
+    if scene.head.lead != 'head':
+        raise FieldError('head.lead', scene.head.lead, 'near misses are told of a head that leads', 'leave them out')
     speed, spiral = abs(scene.steady_m_s), scene.spiral
     out: dict[tuple[int, float], NearMiss] = {}
     for start_rad, stop_rad in _spans([s for s in found.certificate.head if s.bound_m < below_m]):

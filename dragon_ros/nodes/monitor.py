@@ -10,7 +10,7 @@ from std_msgs.msg import Bool
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.nodes import contact_messages as messages
-from dragon_ros.nodes import qos, shell
+from dragon_ros.nodes import outlet, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.intake import subscribe_raw
 from dragon_ros.nodes.params import MONITOR
@@ -40,9 +40,9 @@ class Monitor(DragonNode):
         self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
-        self._out = {name: self.create_publisher(shell.message_type(rows[name].type), name, qos.of_channel(rows[name]))
-                     for name in _TOPICS}
-        self._out['collision/active'].publish(Bool(data=False))
+        self.outlets = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
+                        for name, row in rows.items() if name in _TOPICS}
+        self.outlets['collision/active'].publish(Bool(data=False))
         self.create_timer(_TELL_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
@@ -86,24 +86,24 @@ class Monitor(DragonNode):
         active = self._last is not None and self._last.count > 0
         self._last = report
         self.seen += 1
-        if self._out['clearance'].get_subscription_count():
-            self._out['clearance'].publish(float64_of(report.clearance_m))
+        if self.outlets['clearance'].get_subscription_count():
+            self.outlets['clearance'].publish(float64_of(report.clearance_m))
         self._show_clearance(report)
         if message := messages.collision_of(report):
-            self._out['collision'].publish(message)
+            self.outlets['collision'].publish(message)
             self._log(message)
         if active != (report.count > 0):
-            self._out['collision/active'].publish(Bool(data=report.count > 0))
+            self.outlets['collision/active'].publish(Bool(data=report.count > 0))
         for event in report.begins:
-            self._out['collision/point'].publish(messages.point_of(event))
-        markers = self._out['collision/markers']
+            self.outlets['collision/point'].publish(messages.point_of(event))
+        markers = self.outlets['collision/markers']
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
             markers.publish(contact_markers(report))
         self._tell_health()
 
     def _show_clearance(self, report: Report) -> None:
         """Publish the clearance for the eye, as often as an eye can read."""
-        marker, now = self._out['clearance/marker'], time.monotonic()
+        marker, now = self.outlets['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and now - self._shown >= _SHOW_S:
             self._shown = now
             marker.publish(clearance_marker(report))
@@ -124,14 +124,16 @@ class Monitor(DragonNode):
             status = messages.health_of(name, self._last, self._warn_below_m, self.dropped)
             message = DiagnosticArray(status=[status])
             message.header.stamp = self.get_clock().now().to_msg()
-            self._out['/diagnostics'].publish(message)
+            self.outlets['/diagnostics'].publish(message)
 
 
 def run(stop: threading.Event) -> int:
     """Watch in an executor of its own until told to stop; return the exit code."""
     node = Monitor()
     try:
-        return shell.spin(node, stop)
+        code = shell.spin(node, stop)
+        outlet.drain(node.outlets.values())
+        return code
     finally:
         node.get_logger().info(f'saw {node.seen} ticks')
         if node.dropped:

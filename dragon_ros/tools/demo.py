@@ -30,7 +30,6 @@ _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
 _LONGEST_S = 120.0
-_EVENT_S = 0.5          # for the event to reach the recorder, once the monitor has logged it
 
 
 def main(argv: list[str]) -> int:
@@ -134,7 +133,7 @@ def _processes(log: Path) -> Iterator['_Start']:
         start = _Start(file)
         try:
             yield start
-            for process in start.recorders:
+            for process in (*start.monitors, *start.recorders):     # a recorder hears all that a monitor has said
                 process.send_signal(signal.SIGINT)
                 _finished(process)
         finally:
@@ -154,6 +153,7 @@ class _Start:
         self.log, self.environment = log, local_environment(free_domain())
         self.environment['PYTHONUNBUFFERED'] = '1'
         self.all: list[subprocess.Popen[str]] = []
+        self.monitors: list[subprocess.Popen[str]] = []
         self.recorders: list[subprocess.Popen[str]] = []
 
     def __call__(self, name: str, *arguments: str) -> subprocess.Popen[str]:
@@ -171,12 +171,11 @@ class _Start:
             if time.monotonic() > end:
                 raise DragonError(f'the monitor reported no contact; see {self.log.name}')
             time.sleep(0.05)
-        time.sleep(_EVENT_S)
 
 
 def _bystanders(start: _Start, bag: Path) -> None:
     """Start a monitor, and a recorder that goes on until the monitor has said what it has to say."""
-    start('monitor')
+    start.monitors.append(start('monitor'))
     start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))
 
 

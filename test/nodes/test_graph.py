@@ -125,8 +125,8 @@ def test_a_replayed_bag_gives_the_same_bytes_and_the_same_event(start, node, tmp
                    '/dragon/handles=2,/dragon/benches=2,/dragon/velocities=1')
     assert replay.end() == 0, replay.text
     node.until(lambda: events)
+    assert monitor.stop(signal.SIGTERM) == 0, monitor.text      # which ends once the recorder has its event
     assert record.stop() == 0, record.text
-    assert monitor.stop(signal.SIGTERM) == 0, monitor.text
     first, second = by_topic(path), by_topic(again)
     assert {name: second[name] for name in first} == first
     assert events_of(again)[0].values == event
@@ -157,11 +157,14 @@ def test_a_late_joiner_still_gets_the_event(start, node):
 
 
 @pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
-def test_a_signal_closes_the_bag_properly(start, tmp_path, number):
+def test_a_signal_closes_the_bag_properly(start, node, tmp_path, number):
+    from geometry_msgs.msg import PoseArray
     bag = tmp_path / 'run.mcap'
     record = start('record', '--output', bag)
     sim = start('sim', '--json', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1,velocities=1]')
-    sim.wait_for('"t_s"')
+    handles = []
+    node.create_subscription(PoseArray, 'handles', handles.append, 100, raw=True)
+    node.until(lambda: len(handles) > 30)
     assert record.stop(number) == 0, record.text
     assert sim.stop(number) == 0, sim.text
     for process in (record, sim):
