@@ -1,11 +1,7 @@
 """The way that the head has come lately."""
-from dataclasses import replace
-from functools import lru_cache
-
 import numpy as np
 
-from dragon_ros.core.dragon import Group, Mixed
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, states
 from dragon_ros.core.types import Floats, read_only
@@ -15,13 +11,14 @@ def trail(scene: Scene, frame: Frame) -> Floats:
     """Return where the head was in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in metres."""
     now = frame.t_ns / NS
     times = np.linspace(max(0.0, now - scene.trails.seconds), now, scene.trails.points)
-    return read_only(np.ascontiguousarray(states(_head_of(scene), times.tolist()).p[:, 0]))
+    return read_only(np.ascontiguousarray(_head_at(scene, times)))
 
 
-@lru_cache(maxsize=8)
-def _head_of(scene: Scene) -> Scene:
-    """Return the scene of the head bench alone, which goes the same way, at any time; a tail that leads needs all."""
+def _head_at(scene: Scene, times_s: Floats) -> Floats:
+    """Return where the head is at many times, (S, 2): where a tail leads, at the end of all others."""
     if scene.head.lead == 'tail':
-        return scene
-    alone = Mixed((Group(float(scene.dragon.bench_lengths_m[0])),), scene.dragon.width_m, scene.dragon.hole_inset_m)
-    return replace(scene, dragon=alone, accuracy='exact', effects=Effect.NONE)
+        return states(scene, times_s.tolist()).p[:, 0]
+    gone = scene.head.travelled_m(times_s)
+    if scene.led:
+        return scene.led.walk.points(*scene.led.leaders(gone))[0]
+    return points(scene.spiral.b_m, *scene.spiral.inward_many(*gone))
