@@ -26,6 +26,8 @@ _FITTED = 1000          # exponents are fitted from here on
 _LIVE_TIMES = 10        # a live run is so many times as long as a timing
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#CCBB00', '#E69F00', '#D55E00'), strict=True))
 
+_OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
+
 
 @dataclass(frozen=True)
 class Stage:
@@ -158,10 +160,11 @@ def picture(rows: Measured) -> Figure:
 
 
 def _growth(axes: Axes, rows: list[Stage], value: Callable[[Stage], float], unit: str, title: str) -> None:
-    for style, solver in zip(('-', '--', ':'), dict.fromkeys(row.solver for row in rows), strict=False):
-        for stage in STAGES if style == '-' else ('chain',):        # solvers differ in the chain alone
+    solvers = [*dict.fromkeys(row.solver for row in rows)][::-1]     # the default first
+    for style, solver in zip(('-', '--', ':'), solvers, strict=False):
+        for stage in STAGES if style == '-' else _OF_SOLVERS:
             mine = [row for row in rows if (row.solver, row.stage) == (solver, stage)]
-            name = f'{stage} ({solver})' if stage == 'chain' else stage
+            name = f'{stage} ({solver})' if stage in _OF_SOLVERS else stage
             axes.loglog([row.benches for row in mine], [value(row) for row in mine], f'o{style}', markersize=4,
                         color=_COLOURS[stage], label=f'{name}: N^{exponent(mine, value):.2f}')
     axes.set(ylabel=unit, title=title)
