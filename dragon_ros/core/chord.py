@@ -8,7 +8,7 @@ def step_in(theta: float, chord: float, arc: float, tolerance: float) -> tuple[f
     """Return (angle to the next place inwards with a chord, in units of b, evaluations); inf where there is none.
 
     From theta to theta - delta the chord obeys c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2), as outwards.
-    ``arc`` is a length of track on which the chord grows to c at least (see ``reach_m``).
+    ``arc`` is a length of track on which the chord grows to c at least (see ``reach_m``); ``high`` is a hair more.
     """
     square = chord * chord
 
@@ -18,7 +18,7 @@ def step_in(theta: float, chord: float, arc: float, tolerance: float) -> tuple[f
         value = 0.5 * (delta * delta - square) + across * inner * s
         return value, delta - across * s + theta * inner * sin(delta)
 
-    high = theta - sqrt(max(theta * theta - 2 * arc, 0.0))      # an arc a little longer than asked
+    high = 2 * arc / (theta + sqrt(theta * theta - 2 * arc)) if 2 * arc < theta * theta else theta
     if chord == 0.0:
         return 0.0, 0
     delta = 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))     # on the circle half way

@@ -81,7 +81,7 @@ def _steps_in(theta: Floats, chord: float, arc: float, tolerance: float) -> tupl
             spent += theta.size
             if np.all(np.abs(change) <= tolerance * delta):
                 break
-        high = theta - np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0))
+        high = np.minimum(theta, 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0))))
         settled = (np.abs(change) <= tolerance * delta) & (slope > 0) & (delta > 0) & (delta <= high)
     for n in np.flatnonzero(~settled):
         delta[n], evaluations = step_in(float(theta[n]), chord, arc, tolerance)

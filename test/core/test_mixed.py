@@ -6,7 +6,7 @@ from math import inf
 import numpy as np
 import pytest
 import shapely
-from hypothesis import assume, given, settings
+from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
@@ -107,6 +107,7 @@ def test_links_of_any_mixed_list_hold_and_many_states_agree_with_one(dragon, pit
 
 
 @given(mixed, st.floats(0, 60), st.sampled_from(['head', 'tail']))
+@example(Mixed((Group(1.0, 5), Group(4.0, 8), Group(0.5500000000000002)), 0.25), 0.0, 'tail')      # a link of one ulp
 def test_links_of_any_mixed_list_hold_on_a_turn_behind_head_and_tail(dragon, t_s, lead):
     scene = Scene(dragon=dragon, track=Turn(2.5, 20.0, 1.0, 30.0 if lead == 'head' else -30.0), head=Head(1.0, lead),
                   run=Run(0, 60))
