@@ -145,8 +145,16 @@ class RunChain(Chain):
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's way, towards the tail."""
-        return _against(self.velocities(1.0), self.way)
+        """Unit tangents against the head's way, towards the tail, also of handles that go back for a while."""
+        order, out = _Order(self.links_m.size, self.way), np.empty_like(self.p)
+        for part in self.parts:
+            if isinstance(part, Ride):
+                first, some = order.first_row(part.spot.row, part.links), out[order.some(part.start, part.links)]
+                part.table.fill(part.table.motions, part.spot, first, some)
+                continue
+            for i, forward in enumerate(part.headings(), part.start):
+                out[order.one(i)] = forward.real, forward.imag
+        return _against(out)
 
 
 @dataclass(frozen=True)
@@ -206,8 +214,16 @@ class RunChains(Chain):
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's way, towards the tail."""
-        return _against(self.velocities(1.0), self.way)
+        """Unit tangents as ``RunChain`` has them."""
+        order, out = _Order(self.links_m.size, self.way), np.empty_like(self.p)
+        for part in self.parts:
+            if isinstance(part, Rides):
+                first, some = order.first_row(part.spots.row, part.links), out[:, order.some(part.start, part.links)]
+                part.table.fill_many(part.table.motions, part.spots, first, some)
+                continue
+            for i, places in enumerate((part.places, part.following), part.start):
+                out[:, order.one(i)] = part.walk.points(*places)[1]
+        return _against(out)
 
 
 def _join(p: Floats, links_m: Floats, order: _Order, parts: Sequence[Hop | Ride | Hops | Rides]) -> None:
@@ -219,9 +235,9 @@ def _join(p: Floats, links_m: Floats, order: _Order, parts: Sequence[Hop | Ride 
                 p[..., following, :] = p[..., here, :]
 
 
-def _against(velocity: Floats, way: int) -> Floats:
-    """Return unit vectors against the head's way from the velocities of a leader that goes its own."""
-    return read_only(way * velocity / np.hypot(velocity[..., 0], velocity[..., 1])[..., None])
+def _against(forward: Floats) -> Floats:
+    """Return unit vectors against some in the head's way."""
+    return read_only(-forward / np.hypot(forward[..., 0], forward[..., 1])[..., None])
 
 
 def _solver(parts: Sequence[object], marched: bool) -> str:

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import axes_of
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.head import Head
 from dragon_ros.core.joined import Arc, Joined, Line, Wind, wound
@@ -261,3 +261,15 @@ def test_a_bench_whose_link_has_no_length_lies_along_the_track_beside_a_table_to
         assert 'table' in chain.solver
         assert axes_of(chain)[0] == pytest.approx(axes_of(marched)[0], abs=1e-12)
         assert axes_of(states(scene, [t_s]))[0, 0] == pytest.approx(axes_of(marched)[0], abs=1e-12)
+
+
+def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_before_them_go_back():
+    benches = Mixed((Group(2.2, 2), Group(3.41, 2), Group(0.55), Group(2.2, 12), Group(0.55, 2)))
+    scene = Scene(benches, Spiral(1.184, 8.0))
+    t_s = scene.end.t_s - 0.05
+    chain, marched = state(scene, t_s), state(march(scene), t_s)
+    assert chain.solver == 'table'
+    assert np.min(np.sum(marched.velocities(1.0) * marched.tangents, axis=1)[1:]) > 1     # outwards, unlike the head
+    for tangents in (chain.tangents, states(scene, [t_s]).tangents[0]):
+        np.testing.assert_allclose(tangents, marched.tangents, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(axes_of(chain), axes_of(marched), rtol=0, atol=1e-11)
