@@ -54,6 +54,8 @@ class Course:
             hi, lo = self.law.travelled_m(t_s)
             return sense * ((hi - gone_m) + lo), sense * self.law.speed_at_m_s(t_s)
 
+        if beyond(self.start_s)[0] >= 0:        # it may rest there for a while
+            return self.start_s
         for before, after in pairwise(self._times):
             if beyond(after)[0] >= 0:
                 return bracketed_newton(beyond, before, after, 0.5 * (before + after))[0]

@@ -195,6 +195,13 @@ def test_benches_that_touch_from_the_start_need_no_steps_and_a_false_claim_of_no
         checked(tmp_path, values)
 
 
+@pytest.mark.parametrize('knots', [((0.0, 0.0), (2.0, 0.0), (4.0, 1.0)), ((0.0, 0.0), (4.0, 1.0))])
+@pytest.mark.parametrize('start_s', [0.0, 1.0])
+def test_benches_that_touch_while_the_leader_still_rests_touch_from_the_start(knots, start_s):
+    scene = replace(SCENES['loop'], track=replace(LOOP, start_m=25.0), run=Run(start_s, 4), head=Profile(knots))
+    assert first_contact(scene).t_s == start_s
+
+
 def passing(width, t_s=np.linspace(112.0, 118.0, 241)):
     """The smallest gap while the head passes through a turn, and when."""
     scene = Scene(dragon=Dragon(24, width_m=width), track=Turn(1.2, before_m=100.0), run=Run(112, 118))
