@@ -18,7 +18,6 @@ _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
 
 
-
 @dataclass(frozen=True)
 class Placement:
     """Pairs of rectangles A and B; B seen from A: centre (x, y), axis (cos, sin), and half sizes."""

@@ -67,6 +67,7 @@ class Led:
         """Return ``leader`` of many."""
         high, low = plus(*self._origin_m, -self.way * gone_m[0])
         return places_at(self.walk, *plus(high, low, -self.way * gone_m[1]))
+
     def gone_m(self, leader: Place) -> float:
         """Return how far the leader has gone when it is at a place."""
         high, low = plus(*self.walk.distance_of(leader), -self._origin_m[0])
