@@ -31,6 +31,7 @@ _MOST = 2_000_000
 _SHARE, _SHRINK, _GROW = 0.9, 0.1, 2.0      # of the room for a step, and of the last one
 _FAR = 4.0              # times a step: pairs further apart than that are not looked at one by one
 _AHEAD = 24
+_STILL_M = 1e-200       # two looks may round to one place
 
 
 @dataclass(frozen=True)
@@ -157,7 +158,7 @@ class Follower:
         apart_m, moving_m = self._gaps(a, pairs) + self._gaps(b, pairs), moved_m[i] + moved_m[j]
         far_m, most_m = a.reach_m + b.reach_m, 2 * float(np.max(moved_m))     # of all other pairs
         return (0.5 * float(np.min(apart_m - moving_m, initial=far_m - most_m)),
-                float(np.min(apart_m / moving_m, initial=far_m / most_m)))
+                float(np.min(apart_m / np.maximum(moving_m, _STILL_M), initial=far_m / max(most_m, _STILL_M))))
 
     def _contact(self, hits: list[tuple[float, int]], grazing_m: tuple[float, float] | None) -> Contact:
         """Return the contact of the first of some hits, or the grazing with bounds of the smallest gap."""

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core import contact_on_walk
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
@@ -224,3 +224,9 @@ def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds(monkeypatch):
     assert found.certificate.complete
     for t_s in np.linspace(112, found.t_s, 30):
         assert smallest(scene, t_s) > 0
+
+
+def test_looks_that_round_to_one_place_are_no_division_by_zero():
+    dragon = Mixed((Group(2.323), Group(1.9, 9), Group(2.2), Group(1.9, 10)), 0.6)
+    law = Profile(((0.0, 0.0), (10.0, -1.0), (19.0, 0.0), (57.0, 0.0)), 'smooth', 'tail')
+    first_contact(Scene(dragon=dragon, track=Turn(diameter_m=13.76, ratio=1.14), head=law, run=Run(0, 30)))
