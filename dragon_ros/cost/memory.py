@@ -150,7 +150,7 @@ def picture(row: Recorded) -> Figure:
     axes.plot(ends, start + slope * ends, '-', color='#D55E00', label=f'grows by {row.grows_kb_min:.0f} kB/min')
     axes.set(xlabel='time (s)', ylabel='memory of the recorder (MB)',
              title=f'Recording {_BENCHES} benches at {_RATE_HZ} Hz')
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, 1.15 * max(mb for _, mb in row.looks))
     axes.grid(True, linewidth=0.4)
     axes.legend(loc='lower right')
     figure.supxlabel(circumstances(), fontsize=7)
