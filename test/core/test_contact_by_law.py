@@ -5,11 +5,10 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import shapely
+from apart import smallest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.course import course_of
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, InputError
@@ -17,7 +16,6 @@ from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state
 from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 from dragon_ros.tools.going import Going
@@ -40,14 +38,6 @@ def checked(folder, scene, values):
     path = folder / 'c.json'
     path.write_text(json.dumps(values))
     return certificate.check(path)
-
-
-def smallest(scene, t_s):
-    """The smallest distance of benches that are not neighbours, by shapely; 0 for overlap."""
-    chain = state(scene, t_s)
-    shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
-    i, j = np.triu_indices(len(shapes), 2)
-    return float(np.min(shapely.distance(shapes[i], shapes[j])))
 
 
 @pytest.mark.parametrize('name', SCENES)

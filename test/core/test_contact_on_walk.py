@@ -6,12 +6,11 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-import shapely
+from apart import smallest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core import contact_on_walk
-from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.first_contact import first_contact
@@ -47,18 +46,6 @@ def checked(folder, values):
     path = folder / 'c.json'
     path.write_text(json.dumps(values))
     return certificate.check(path)
-
-
-def shapes(scene, t_s):
-    chain = state(scene, t_s)
-    return shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
-
-
-def smallest(scene, t_s):
-    """The smallest distance of benches that are not neighbours, by shapely; 0 for overlap."""
-    every = shapes(scene, t_s)
-    i, j = np.triu_indices(len(every), 2)
-    return float(np.min(shapely.distance(every[i], every[j]), initial=np.inf))
 
 
 @pytest.mark.parametrize('name', SCENES)

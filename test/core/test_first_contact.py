@@ -3,7 +3,7 @@ import json
 
 import numpy as np
 import pytest
-import shapely
+from apart import smallest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
@@ -21,14 +21,6 @@ from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
-
-
-def smallest(scene, t_s):
-    """The smallest distance of benches that are not neighbours, by shapely; 0 for overlap."""
-    chain = state(scene, t_s)
-    shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
-    i, j = np.triu_indices(len(shapes), 2)
-    return float(np.min(shapely.distance(shapes[i], shapes[j])))
 
 
 @settings(max_examples=40)

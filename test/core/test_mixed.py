@@ -5,7 +5,7 @@ from math import inf
 
 import numpy as np
 import pytest
-import shapely
+from apart import smallest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
@@ -182,14 +182,6 @@ def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitc
     assert all(smallest(scene, t_s) > 0 for t_s in np.linspace(0, before_s, 40) if before_s > 0)
     if isinstance(found, Contact) and not found.grazing_m:
         assert smallest(scene, found.t_s) < 1e-9
-
-
-def smallest(scene, t_s):
-    """The smallest distance of benches that are not neighbours, by shapely; 0 for overlap."""
-    chain = state(scene, t_s)
-    shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
-    i, j = np.triu_indices(len(shapes), 2)
-    return float(np.min(shapely.distance(shapes[i], shapes[j]), initial=inf))
 
 
 def checked(folder, values):
