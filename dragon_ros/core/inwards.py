@@ -13,6 +13,8 @@ from dragon_ros.core.walk import Place, Walk
 class Inwards(Walk):
     """The walk of ``inwards``."""
 
+    may_lock = True
+
     def next(self, place: Place, chord_m: float, way: int, tolerance: float) -> tuple[Place, int]:
         """Return the place of the next handle behind, and evaluations."""
         (piece,) = self.pieces

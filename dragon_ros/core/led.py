@@ -31,8 +31,9 @@ class Led:
     way: int
 
     def __post_init__(self) -> None:
-        """Refuse links that could lock and a start without track for the whole chain."""
-        self.walk.check_links(self.links_m)
+        """Refuse links that could lock on joined pieces, and a start without track for the whole chain."""
+        if not self.walk.may_lock:
+            self.walk.check_links(self.links_m)
         if self._least_m > self.start_m:
             raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon, '
                              f'which fits from {self._least_m:.9g} m on', 'start there, or lengthen the track')

@@ -12,6 +12,7 @@ from dragon_ros.core.effects import Effect, check_needs
 from dragon_ros.core.end import End, beyond
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd
 from dragon_ros.core.head import Head, Profile
+from dragon_ros.core.inwards import inwards
 from dragon_ros.core.joined import Joined, wound
 from dragon_ros.core.led import Led
 from dragon_ros.core.lock import follower_range, head_lock_angle, last_stand
@@ -108,6 +109,11 @@ class Scene:
         if not isinstance(self.track, Spiral):
             return Led(self.track.walk, links, self.track.start_m, way)
         return Led(wound(self.track, self.track.start.hi), links, 0.0, way) if way == AHEAD else None
+
+    @cached_property
+    def chained(self) -> Led:
+        """How the chain follows on any track: a single spiral is a walk of one piece, to its centre."""
+        return self.led or Led(inwards(self.spiral), self.dragon.link_lengths_m, 0.0, BACK)
 
     @property
     def spiral(self) -> Spiral:

@@ -52,6 +52,8 @@ class Walk:
     pieces: tuple[Placed, ...]
     origins_m: tuple[float, ...]
 
+    may_lock = False     # where links may lock, on a spiral to its centre
+
     @cached_property
     def bend(self) -> float:
         """Largest curvature in 1/m."""

@@ -6,9 +6,11 @@ import numpy as np
 
 from dragon_ros.core.chain import Chain
 from dragon_ros.core.march import Effort
+from dragon_ros.core.march_many import place_many
 from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.types import Floats, Ints, read_only
 from dragon_ros.core.walk import Place, Walk
+from dragon_ros.core.walk_many import Places, next_places
 
 
 @dataclass(frozen=True)
@@ -59,6 +61,23 @@ def chain_on(walk: Walk, links_m: Floats, leader: Place, way: int, effort: Effor
     u = np.array([place.u for place in places], dtype=np.float64)
     p, forward = walk.points(piece, u[:, 0], u[:, 1])
     return WalkChain(p, links_m, spent, walk, piece, u[:, 0], u[:, 1], forward, 0 if way == BACK else -1)
+
+
+def chains_on(walk: Walk, links_m: Floats, leaders: Places, way: int, effort: Effort) -> WalkChain:
+    """Return the chains of many leaders in one, as ``chain_on`` does for one, marched together."""
+    if way == BACK and walk.afar and not np.any(leaders[0]):
+        along = place_many(walk.afar, links_m, leaders[1], leaders[2], effort)
+        piece, u, u_lo, spent = np.zeros(along.theta.shape, dtype=np.int64), along.theta, along.theta_lo, along.evaluations
+    else:
+        order, spent = (links_m if way == BACK else links_m[::-1]), 0
+        places = [leaders]
+        for chord_m in order.tolist():
+            following, more = next_places(walk, places[-1], chord_m, way, effort.newton)
+            places.append(following)
+            spent += more
+        piece, u, u_lo = (np.stack(values, axis=1)[:, ::-way] for values in zip(*places, strict=True))
+    p, forward = walk.points(piece, u, u_lo)
+    return WalkChain(p, links_m, spent, walk, piece, u, u_lo, forward, 0 if way == BACK else -1)
 
 
 def stacked(chains: Sequence[WalkChain]) -> WalkChain:
