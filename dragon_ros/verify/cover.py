@@ -4,7 +4,8 @@ What follows a bench depends only on where its front handle is, and on the bench
 the dragon goes on alike form a set: the first of them clears the track for all of its set, at each place as many benches
 behind as any of the set that comes there has behind it. A certificate's intervals are hints where to cut, and no more.
 """
-from collections.abc import Callable, Sequence
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from flint import arb
@@ -43,8 +44,17 @@ class Way:
     members: tuple[tuple[int, Range], ...]
 
     def most(self, low: arb, high: arb) -> int | None:
-        """Return the first bench that comes between two places: it has most behind it. None if none does."""
+        """Return the first bench that goes between two places: it has most behind it. None if none does.
+
+        One that only comes to a place between two intervals belongs to the interval on the other side of it.
+        """
+        if low < high:
+            return next((bench for bench, (least, last) in self.members if not last <= low and not least >= high), None)
         return next((bench for bench, (least, last) in self.members if not last < low and not least > high), None)
+
+    def ends(self, low: arb, high: arb) -> list[arb]:
+        """Return where benches of the set begin or end their ways between two places."""
+        return [end for _, place in self.members for end in place if low < end < high]
 
     @property
     def parts(self) -> list[Range]:
@@ -78,58 +88,52 @@ class Cover:
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
         """Clear all ways. Raises Refused for the first place that cannot be proved clear."""
         parts = [(way, part) for way in every for part in way.parts]
-        whole = sum(above(high - low) for _, (low, high) in parts)
-        done = 0.0
+        whole_m = sum(above(high - low) for _, (low, high) in parts)
+        joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
+        cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
+        done_m = 0.0
         for way, (low, high) in parts:
-            cuts = sorted({cut for cut in hints.get(way.lead, ()) if above(low) < cut < below(high)}
-                          | {cut for joint in self._track.joints for cut in (below(joint), above(joint))
-                             if above(low) < cut < below(high)})
-            done = self._clear(way, [low, *map(arb, cuts), high], done, whole)
-
-    def _clear(self, way: Way, cuts: list[arb], done: float, whole: float) -> float:
-        """Clear the places between cuts: many at once where that can be proved, else halved."""
-        end = self._posture(way, cuts[-1])
-        stack = [(0, len(cuts) - 1, cuts[0], cuts[-1], end)]
-        begin = self._posture(way, cuts[0])
-        while stack:
-            first, last, low, high, end = stack.pop()
-            if self._proved(way, low, high, begin, end):
-                begin = end
-                done += above(high - low)
+            for cleared_m in self._clear(way, low, high, cuts[way.lead]):
                 self.budget.intervals += 1
-                self._tell(done, whole)
+                done_m += cleared_m
+                self._tell(done_m, whole_m)
+
+    def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
+        """Clear the places between two, as many at once as can be proved; yield how many metres."""
+        begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
+        while stack:
+            low, high, end = stack.pop()
+            stuck = self._stuck(way, low, high, begin, end)
+            if not stuck:
+                begin = end
+                yield above(high - low)
                 continue
-            if last - first > 1:
-                half = (first + last) // 2
-                middle, numbers = cuts[half], ((first, half), (half, last))
-            else:
-                middle, numbers = (HALF * (low + high)).mid(), ((0, 0), (0, 0))
-                if not above(high - low) > _FINEST * (1 + abs(float(low))):
-                    raise Refused(f'benches {self._stuck[0]} and {self._stuck[1]} could not be proved apart where '
-                                  f'the front handle of the former is {float(low):.12g} m along the track')
-            between = self._posture(way, middle)
-            stack += [(*numbers[1], middle, high, end), (*numbers[0], low, middle, between)]
-        return done
+            if not above(high - low) > _FINEST * (1 + abs(float(low))):
+                raise Refused(f'{stuck}, while the front handle of the former is {float(low):.12g} m along the track')
+            short = stuck.absent or not high - low > self._dragon.longest_m
+            middle = _middle(low, high, cuts, way.ends(low, high) if short else [])
+            stack += [(middle, high, end), (low, middle, self._posture(way, middle))]
 
     def _posture(self, way: Way, place: arb) -> Posture:
         return Posture(self._track, self._dragon, way.lead, self._track.place_at(place))
 
-    def _proved(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> bool:
-        """Return whether the leading bench is proved clear between two places of all that may be behind it there."""
+    def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> 'Stuck | None':
+        """Return what of a set of benches is not proved clear between two places of its leading one."""
         bench = way.most(low, high)
         if bench is None:
-            return True
-        behind = len(self._dragon.benches) - 1 - bench
+            return None
         placed = begin.placed + end.placed
         try:
-            stuck = Interval(self._track, self._dragon, way.lead, (begin, end), self._bend).clear(2, behind)
+            behind = Interval(self._track, self._dragon, way.lead, (begin, end), self._bend).clear(
+                2, len(self._dragon.benches) - 1 - bench)
         except Overlap as found:
             self._check_overlap(way, found, (low, high)[found.end])
-            stuck = found.benches[1] - found.benches[0]
-        self.budget.spend(begin.placed + end.placed - placed + 2)
-        if stuck is not None:
-            self._stuck = bench, bench + stuck
-        return stuck is None
+            return Stuck(f'bench {bench} and those behind it: {found}', absent=True)
+        except Refused as why:
+            return Stuck(f'bench {bench} and those behind it: {why}', absent=True)
+        finally:
+            self.budget.spend(begin.placed + end.placed - placed + 2)
+        return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
         """Refuse an overlap of benches that are there at all when the leading bench is at a place."""
@@ -137,3 +141,23 @@ class Cover:
         if bench is not None and bench + found.benches[1] - found.benches[0] < len(self._dragon.benches):
             raise Refused(f'benches {bench} and {bench + found.benches[1] - found.benches[0]} overlap where the front '
                           f'handle of the former is {float(place):.12g} m along the track')
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """Why an interval is not proved clear; ``absent`` where that may be of benches that are not there."""
+
+    why: str
+    absent: bool = False
+
+    def __str__(self) -> str:
+        """Return why."""
+        return self.why
+
+
+def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
+    """Return where to cut: where ways end, if that is asked for, else at a hint, else half way."""
+    if ends:
+        return ends[len(ends) // 2]
+    first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))
+    return arb(cuts[(first + last) // 2]) if first < last else (HALF * (low + high)).mid()

@@ -2,6 +2,7 @@
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
+from math import inf
 from typing import NamedTuple
 
 from flint import acb, arb
@@ -54,9 +55,9 @@ class Bench:
         lock (docs/contact.md, lemma 3); a link of no length turns with the track.
         """
         ways = moved_m[0] + moved_m[1]
-        if bend is not None:
-            return up(self.overhang_m * 0.5 * bend * ways)
-        return up(self.overhang_m * ways / self.link.near) if self.link.near else float('inf')
+        turned = [ways / self.link.near] if self.link.near else []
+        turned += [0.5 * bend * ways] if bend is not None else []
+        return up(self.overhang_m * min(turned)) if turned else inf
 
 
 class Dragon:

@@ -9,7 +9,7 @@ from dragon_ros.verify.balls import above, below, exact, precise, size
 from dragon_ros.verify.cover import Budget, Cover, Progress, Way, ways
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.posture import Dragon, Posture, gap, overlap
-from dragon_ros.verify.ranges import ranges
+from dragon_ros.verify.ranges import Range, ranges
 from dragon_ros.verify.reading import Claims, Contact, Row, Scene
 from dragon_ros.verify.run import Leader, run_of
 from dragon_ros.verify.track import Track, track_of
@@ -131,48 +131,42 @@ class _Proof:
         raise Refused(f'contact: benches {contact.benches[0]} and {contact.benches[1]} do not overlap {float(slack):.3g} m '
                       f'of the leader\'s way after {contact.t_s!r} s: they are {away:.3g} m apart')
 
-    def _clear(self, whole: tuple[arb, arb], part: tuple[arb, arb] | None) -> None:
+    def _clear(self, whole: Range, part: Range | None) -> None:
         """Prove that the chain stands on all of the leader's way, and that no two benches touch on a part of it."""
         self._places(whole)
-        if part is None or len(self._dragon.benches) < 3:
-            self._check_rows([], self._claims.rows)
-            return
-        every = ways(self._dragon, self._places(part))
-        self._check_rows(every, self._claims.rows)
-        self._cover.clear(every, self._hints(every))
+        places = [] if part is None else self._places(part)
+        every = ways(self._dragon, places) if places else []
+        hints = self._hints(every, places[0] if places else None)
+        self._cover.clear(every, hints)
 
-    def _places(self, gone: tuple[arb, arb]):  # type: ignore[no-untyped-def]
+    def _places(self, gone: Range) -> list[Range]:
         """Return where all front handles are while the leader has gone between two distances."""
         ends = [self._leader.head(end) for end in gone]
         low, high = ends if not self._scene.tail_leads else ends[::-1]
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
-    def _set_of(self, every: list[Way], row: Row) -> Way | None:
-        lead = row.lead or 0
-        return next((way for way in every if any(bench == lead for bench, _ in way.members)), None)
+    def _hints(self, every: list[Way], head: Range | None) -> dict[int, list[float]]:
+        """Return where intervals say to cut, by the first bench of each set.
 
-    def _check_rows(self, every: list[Way], rows: tuple[Row, ...]) -> None:
-        """Refuse intervals of places that no bench they speak of goes through: nobody would check what they say."""
+        Refuses those of places that no bench they speak of goes through: nobody would check what they say.
+        """
         count = len(self._dragon.benches)
-        for number, row in enumerate(rows):
-            way = self._set_of(every, row)
-            if way is None:
-                raise Refused(f'intervals[{number}]: there is nothing to clear for the bench that it names')
-            low, high = sorted((row.start_m, row.stop_m))
-            least, most = min(below(part[0]) for part in way.parts), max(above(part[1]) for part in way.parts)
-            if low < least - _OVERHANG_M or high > most + _OVERHANG_M:
-                raise Refused(f'intervals[{number}]: it reaches beyond what the run goes through, which is '
-                              f'{least:.9g} to {most:.9g} m')
-            if row.behind > count - 1 - (row.lead or 0):
-                raise Refused(f'intervals[{number}].behind: there are no more than {count - 1 - (row.lead or 0)} benches behind')
-
-    def _hints(self, every: list[Way]) -> dict[int, list[float]]:
+        known = {bench: (way.lead, way.parts) for way in every for bench, _ in way.members}
         out: dict[int, list[float]] = {}
-        for row in self._claims.rows:
-            way = self._set_of(every, row)
-            if way is not None:
-                out.setdefault(way.lead, []).extend((row.start_m, row.stop_m))
+        for number, row in enumerate(self._claims.rows):
+            lead, parts = known.get(row.lead or 0, (0, [head] if head else []))
+            low, high = sorted((row.start_m, row.stop_m))
+            if not parts:
+                raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
+            least, most = below(parts[0][0]), above(parts[-1][1])
+            if low < least - _OVERHANG_M or high > most + _OVERHANG_M:
+                raise Refused(f'intervals[{number}]: it reaches from {low!r} to {high!r} m, and what it speaks of goes from '
+                              f'{least:.12g} to {most:.12g} m')
+            if row.behind > count - 1 - (row.lead or 0):
+                raise Refused(f'intervals[{number}].behind: there are no more than {count - 1 - (row.lead or 0)} '
+                              'benches behind')
+            out.setdefault(lead, []).extend((row.start_m, row.stop_m))
         return out
 
 

@@ -7,6 +7,7 @@ from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
 _GOOD = 1e-13           # of a root: a guess in floats is usually nearer than that
+_CLOSE = 1e-8         # a step of Newton's method, of the root: the next one is about its square
 _FINE = 2.0**-112       # of a root: no ball in which it is looked for is narrower
 _TRIES = 12
 
@@ -23,7 +24,7 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
         following = x - value / slope if slope > 0 else low
         if not low < following < high:
             following = 0.5 * (low + high)
-        if abs(following - x) <= 1e-15 * abs(x) or not low < following < high:
+        if abs(following - x) <= _CLOSE * abs(x) or not low < following < high:
             return following
         x = following
     return x

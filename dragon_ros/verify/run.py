@@ -156,7 +156,7 @@ def _stands(chords: list[float], longest: list[float], theta: float) -> bool:
 
 def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
     """Return whether the chord from a handle is proved to turn back before it reaches a link's length."""
-    _, half_square, near = segment.chord(link)
+    half_square, near = segment.chord(link).half_square, segment.chord(link).near
     at, delta = float(theta), pi
 
     def slope(delta: float) -> float:

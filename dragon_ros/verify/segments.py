@@ -8,7 +8,7 @@ from cmath import exp
 from dataclasses import dataclass
 from functools import cached_property
 from math import asin, asinh, hypot, inf, pi, sin, sqrt
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from flint import acb, arb
 
@@ -174,6 +174,23 @@ class ArcSegment:
         return self._near[0] + self._near[1] * exp(1j * self.side * u)
 
 
+class Chord(NamedTuple):
+    """A link in units of b: its length about, half its square, the inverse of that, and from where on it is wide."""
+
+    near: float
+    half_square: arb
+    inverse_square: arb
+    wide: arb
+
+    @classmethod
+    def of(cls, chord: arb, segment: 'SpiralSegment') -> 'Chord':
+        """Return a chord; the curvature falls outwards, and beyond ``wide`` it is below 2 / chord."""
+        square, wide = chord * chord, ZERO
+        while chord.is_finite() and not segment.curvature(wide) * segment.b * chord < 2:
+            wide = wide * 1.125 + 0.25
+        return cls(float(chord), HALF * square, ONE / square, wide)
+
+
 class SpiralSegment:
     """r = b u about ``centre``, turned by ``rotation``; ``side`` 1 winds out leftwards; anchored at ``anchor``."""
 
@@ -187,14 +204,17 @@ class SpiralSegment:
         self.inner = inner
         self.bend = above(abs(self.curvature(inner)))
         self._near = complex(centre), complex(rotation * b)
-        self._chords: dict[Link, tuple[arb, arb, float]] = {}
+        self._chords: dict[Link, Chord] = {}
 
-    def chord(self, link: Link) -> tuple[arb, arb, float]:
-        """Return a link's length in units of b, half its square, and the former as a float."""
+    def chord(self, link: Link) -> 'Chord':
+        """Return a link's length in units of b."""
         if link not in self._chords:
-            chord = link.length / self.b
-            self._chords[link] = chord, HALF * chord * chord, float(chord)
+            self._chords[link] = Chord.of(link.length / self.b, self)
         return self._chords[link]
+
+    def is_wide(self, u: arb, link: Link) -> bool:
+        """Return whether the spiral bends so little from u on outwards that links can neither lock nor turn back."""
+        return u > self.chord(link).wide
 
     def point(self, u: arb) -> acb:
         """Return the point."""
@@ -246,7 +266,7 @@ class SpiralSegment:
         """
         if not link.near:
             return ZERO
-        chord, half_square, near = self.chord(link)
+        half_square, near = self.chord(link).half_square, self.chord(link).near
         guess = about_span(float(u), near)
         if guess is None:
             raise Locked('a link finds no place behind its front handle: the chain locks')
@@ -267,7 +287,7 @@ class SpiralSegment:
 
     def _span_in(self, u: arb, link: Link) -> arb:
         """Return delta > 0 at which the handle at u - delta is a link from the one at u (``track`` proves which)."""
-        _, half_square, near = self.chord(link)
+        half_square, near = self.chord(link).half_square, self.chord(link).near
         theta, twice = float(u), TWO * u
 
         def about(delta: float) -> tuple[float, float]:
@@ -323,11 +343,21 @@ def about_span(theta: float, chord: float) -> float | None:
                          2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1)))))
     step = max(1 / 64, (chord - pi) / 4096)
     delta = pi
-    while (after := _excess(theta, chord, delta + step))[0] < 0:
+    while (after := _excess(theta, chord, delta + step))[0] < 0 < after[1]:
         delta += step
-        if after[1] < 0 or delta > chord:
+        if delta > chord:
             return None
-    return bracketed(lambda delta: _excess(theta, chord, delta), delta, delta + step, delta)
+    last = delta + step if after[0] >= 0 else _peak(theta, chord, delta, delta + step)
+    if _excess(theta, chord, last)[0] < 0:
+        return None
+    return bracketed(lambda delta: _excess(theta, chord, delta), delta, last, delta)
+
+
+def _peak(theta: float, chord: float, low: float, high: float) -> float:
+    """Return where a chord stops growing between two spans."""
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if _excess(theta, chord, middle)[1] > 0 else (low, middle)
+    return low
 
 
 def _excess(theta: float, chord: float, delta: float) -> tuple[float, float]:
