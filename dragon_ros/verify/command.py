@@ -7,7 +7,6 @@ from pathlib import Path
 from dragon_ros.verify.errors import Refused
 
 OK, REFUSED = 0, 2
-_EFFORT = 1_000_000
 _EVERY_S = 0.2
 
 
@@ -15,8 +14,8 @@ def main(argv: list[str] | None = None) -> int:
     """Check a certificate: print what it proves and return 0, or say in a line why it is refused and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
     parser.add_argument('certificate', type=Path, help='file that `contact --certificate` wrote')
-    parser.add_argument('--effort', type=int, default=_EFFORT, metavar='LINKS',
-                        help='links that may be placed before the proof is given up (%(default)s)')
+    parser.add_argument('--effort', type=float, default=1.0, metavar='TIMES',
+                        help='how many times the usual budget may be spent before the proof is given up (%(default)s)')
     arguments = parser.parse_args(argv)
     try:
         print(f'{arguments.certificate}: {_sentence(arguments.certificate, arguments.effort)}')
@@ -26,7 +25,7 @@ def main(argv: list[str] | None = None) -> int:
     return OK
 
 
-def _sentence(path: Path, effort: int) -> str:
+def _sentence(path: Path, effort: float) -> str:
     try:
         import flint  # noqa: F401
     except ImportError:

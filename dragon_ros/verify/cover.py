@@ -19,21 +19,30 @@ from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-44      # of a metre, or of the distance along the track: an interval is not halved below it
+_EARLY = 50_000         # steps, before which no proof is called hopeless
+_HOPELESS = 10          # times the budget is what a proof would take that is given up early
 Progress = Callable[[float, float], None]
 
 
 @dataclass
 class Budget:
-    """How many links may still be placed before the proof is given up, and how many intervals were proved."""
+    """How many steps, links placed and pairs of benches tested, are left; how many intervals were proved."""
 
-    links: int
+    steps: int
+    spent: int = 0
     intervals: int = 0
 
-    def spend(self, links: int) -> None:
-        """Take links from the budget. Raises Refused where none are left."""
-        self.links -= links
-        if self.links < 0:
-            raise Refused('it was not proved within the budget; give a larger --effort')
+    def spend(self, steps: int) -> None:
+        """Take steps from the budget. Raises Refused where none are left."""
+        self.spent += steps
+        if self.spent > self.steps:
+            raise Refused(f'it was not proved within the budget of {self.steps} steps; for more, give --effort')
+
+    def check(self, share: float) -> None:
+        """Refuse a proof early that would take many times the budget as it goes."""
+        if self.spent > _EARLY and self.spent > _HOPELESS * self.steps * share:
+            raise Refused(f'only {100 * share:.2g} % were proved in {self.spent} of {self.steps} steps; for more, give '
+                          '--effort')
 
 
 @dataclass(frozen=True)
@@ -84,6 +93,7 @@ class Cover:
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
         """Take the track's largest curvature, or None where handles may turn back; ``progress`` is told metres."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
+        self._share = 0.0
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
         """Clear all ways. Raises Refused for the first place that cannot be proved clear."""
@@ -96,6 +106,7 @@ class Cover:
             for cleared_m in self._clear(way, low, high, cuts[way.lead]):
                 self.budget.intervals += 1
                 done_m += cleared_m
+                self._share = done_m / whole_m if whole_m else 1.0
                 self._tell(done_m, whole_m)
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
@@ -123,16 +134,17 @@ class Cover:
         if bench is None:
             return None
         placed = begin.placed + end.placed
+        interval = Interval(self._track, self._dragon, way.lead, (begin, end), self._bend)
         try:
-            behind = Interval(self._track, self._dragon, way.lead, (begin, end), self._bend).clear(
-                2, len(self._dragon.benches) - 1 - bench)
+            behind = interval.clear(2, len(self._dragon.benches) - 1 - bench)
         except Overlap as found:
             self._check_overlap(way, found, (low, high)[found.end])
             return Stuck(f'bench {bench} and those behind it: {found}', absent=True)
         except Refused as why:
             return Stuck(f'bench {bench} and those behind it: {why}', absent=True)
         finally:
-            self.budget.spend(begin.placed + end.placed - placed + 2)
+            self.budget.spend(begin.placed + end.placed - placed + interval.tested)
+            self.budget.check(self._share)
         return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:

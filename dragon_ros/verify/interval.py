@@ -44,6 +44,7 @@ class Interval:
         self._in_lead: list[float] = []
         self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
         self._outer: float | None = None
+        self.tested = 1
 
     def clear(self, first: int, last: int) -> int | None:
         """Return the number behind of the nearest bench from which the leading one is not proved clear; None if of all.
@@ -52,6 +53,7 @@ class Interval:
         Overlap where benches overlap at an end, or Refused where a handle has no place.
         """
         for n in range(first, last + 1):
+            self.tested += 1
             if self._out_of_reach(n):
                 return None
             if not (self._far(n) or self._by_bending(n) or self._by_going(n)):

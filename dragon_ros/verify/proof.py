@@ -18,8 +18,12 @@ _SLACK = 1e-9               # of a metre of the leader's way, or of the longest 
 _WIDEST = 1e-6              # likewise: no slack is wider, however slowly benches come together
 _GRAZING = 1e-7             # likewise, before a grazing; and as near as benches come there
 _PROMISE = 2e-12            # what solvers' positions may err, for coordinates up to 20 m and in proportion beyond
-_PROMISED_M = 20.0
+_PROMISED_M = 20.0          # ... which is what the head's start is held against
 _OVERHANG_M = 1e-6          # an interval may reach so far beyond what the run goes through
+
+
+_STEPS, _STEPS_EACH = 150_000, 300     # links and pairs: about ten seconds, and more for each interval of a certificate
+_MOST_STEPS = 2_000_000
 
 
 @dataclass(frozen=True)
@@ -28,29 +32,32 @@ class Proved:
 
     sentence: str
     intervals: int
+    steps: int
 
 
-def prove(claims: Claims, effort: int, progress: Progress) -> Proved:
+def prove(claims: Claims, effort: float, progress: Progress) -> Proved:
     """Return what a certificate proves. Raises Refused where it does not hold, or not within the effort."""
     return _Proof(claims, effort, progress).proved()
 
 
 class _Proof:
-    def __init__(self, claims: Claims, effort: int, progress: Progress) -> None:
+    def __init__(self, claims: Claims, effort: float, progress: Progress) -> None:
         self._claims, scene = claims, claims.scene
         precise(_ratio(scene))
         self._track, self._dragon, self._scene = track_of(scene), Dragon(scene), scene
         self._bend = None if self._track.to_centre else _bend(self._track, self._dragon)
         self._unit = min(1.0, self._dragon.longest_m)
         self._leader = Leader(self._track, self._dragon, scene.tail_leads)
-        self._budget = Budget(effort)
+        self._budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)))
+        start = self._track.point(self._track.place_at(self._track.start))
+        self._coarse = max(1.0, (abs(complex(start)) + self._dragon.longest_m) / _PROMISED_M)
         self._cover = Cover(self._track, self._dragon, self._bend, self._budget, progress)
 
     def proved(self) -> Proved:
         """Return the sentence."""
         contact = self._claims.contact
         said = self._none() if contact is None else self._contact(contact)
-        return Proved(said, self._budget.intervals)
+        return Proved(said, self._budget.intervals, self._budget.spent)
 
     def _none(self) -> str:
         run = run_of(self._scene.law, self._leader, self._scene, None, _SLACK * self._unit)
@@ -96,19 +103,18 @@ class _Proof:
         where they do; or the leader is so fast that the contact's time does not.
         """
         step = 1e3 * _SLACK * self._unit
-        gaps, coordinate = [], 1.0
+        gaps = []
         for sense in (-1, 1):
             try:
                 one, two = self._poses(contact, gone + exact(sense * step))
             except Refused:
                 continue
             gaps.append(float(gap(one, two)))
-            coordinate = max(abs(one.near), abs(two.near))
         slope = abs(gaps[0] - gaps[-1]) / (2 * step)
-        promise_m = _PROMISE * max(1.0, coordinate / _PROMISED_M)
+        promise_m = _PROMISE * self._coarse
         speed = abs(float(self._scene.law.speed_m_s(Fraction(contact.t_s))))
         slack_m = max(_SLACK * self._unit, 4 * promise_m / slope if slope else 0.0, 4 * ulp(contact.t_s) * speed)
-        return min(slack_m, _WIDEST * self._unit * max(1.0, coordinate / _PROMISED_M))
+        return min(slack_m, _WIDEST * self._unit * self._coarse)
 
     def _poses(self, contact: Contact, gone: arb):  # type: ignore[no-untyped-def]
         first, second = contact.benches
@@ -151,7 +157,7 @@ class _Proof:
 
         Refuses those of places that no bench they speak of goes through: nobody would check what they say.
         """
-        count = len(self._dragon.benches)
+        count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
         known = {bench: (way.lead, way.parts) for way in every for bench, _ in way.members}
         out: dict[int, list[float]] = {}
         for number, row in enumerate(self._claims.rows):
@@ -160,7 +166,7 @@ class _Proof:
             if not parts:
                 raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
             least, most = below(parts[0][0]), above(parts[-1][1])
-            if low < least - _OVERHANG_M or high > most + _OVERHANG_M:
+            if low < least - overhang_m or high > most + overhang_m:
                 raise Refused(f'intervals[{number}]: it reaches from {low!r} to {high!r} m, and what it speaks of goes from '
                               f'{least:.12g} to {most:.12g} m')
             if row.behind > count - 1 - (row.lead or 0):

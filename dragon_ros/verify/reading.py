@@ -16,7 +16,7 @@ from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
 MOST_BYTES = 64 * 2**20
-MOST_ROWS = 200_000
+MOST_ROWS = 500_000
 MOST_BENCHES = 100_000
 MOST_PIECES = 1000
 MOST_KNOTS = 10_000

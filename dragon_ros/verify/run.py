@@ -241,6 +241,8 @@ def _passage(law: Law, before: Fraction, after: Fraction | None, gone_m: float, 
         at, here, speed = law.last
         return at + (Fraction(gone_m) - here) / speed
     low, high = before, after
+    if sign * (law.gone_m(before) - Fraction(gone_m)) >= 0:
+        return before
     for _ in range(80):
         middle = (low + high) / 2
         low, high = (low, middle) if sign * (law.gone_m(middle) - Fraction(gone_m)) > 0 else (middle, high)
