@@ -4,7 +4,7 @@ A comparison of balls holds only where it does for all that is in them; what is 
 every claim is asked for as the comparison that proves it, never as the absence of its contrary.
 """
 from fractions import Fraction
-from math import inf, isfinite, nextafter
+from math import hypot, inf, isfinite, nextafter
 
 from flint import acb, arb, ctx, fmpq
 
@@ -46,12 +46,12 @@ def size(value: arb) -> float:
 
 def hypot_above(x: float, y: float) -> float:
     """Return a float that is no smaller than the root of the sum of two squares."""
-    return nextafter((x * x + y * y) ** 0.5 * (1 + 1e-15), inf)
+    return up(hypot(x, y))
 
 
 def up(value: float) -> float:
     """Return what a few float operations on positive numbers came to, raised beyond their rounding."""
-    return value * (1 + 1e-13)
+    return nextafter(value * (1 + 1e-13), inf)
 
 
 def direction(angle: arb) -> acb:

@@ -1,8 +1,8 @@
 """Clears all places that all benches go through: intervals, halved until each is proved, within a budget.
 
-What follows a bench depends only on where its front handle is, and on the benches behind it. So the benches from which
-the dragon goes on alike form a set: the first of them clears the track for all of its set, at each place as many benches
-behind as any of the set that comes there has behind it. A certificate's intervals are hints where to cut, and no more.
+What follows a bench depends only on where its front handle is, and on the benches behind it. So the benches from
+which the dragon goes on alike form a set: the first of them clears the track for all of its set, at each place as many
+benches behind as any of the set that comes there has behind it. A certificate's intervals are hints where to cut.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
@@ -18,7 +18,7 @@ from dragon_ros.verify.ranges import Range
 from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
-_FINEST = 2.0**-44      # of a metre, or of the distance along the track: an interval is not halved below it
+_FINEST = 2.0**-70      # of a metre, or of the distance along the track: an interval is not halved below it
 _EARLY = 50_000         # steps, before which no proof is called hopeless
 _HOPELESS = 10          # times the budget is what a proof would take that is given up early
 Progress = Callable[[float, float], None]
@@ -47,7 +47,10 @@ class Budget:
 
 @dataclass(frozen=True)
 class Way:
-    """What a set of benches goes through: its first bench, and for each bench of it where its front handle is."""
+    """What a set of benches goes through: its first bench, and for each bench of it where its front handle is.
+
+    A bench is behind those before it, at all times: so both its first and its last place are, and all are in order.
+    """
 
     lead: int
     members: tuple[tuple[int, Range], ...]
@@ -57,19 +60,33 @@ class Way:
 
         One that only comes to a place between two intervals belongs to the interval on the other side of it.
         """
-        if low < high:
-            return next((bench for bench, (least, last) in self.members if not last <= low and not least >= high), None)
-        return next((bench for bench, (least, last) in self.members if not last < low and not least > high), None)
+        n = self._first(lambda place: not (place[0] >= high if low < high else place[0] > high))
+        if n == len(self.members):
+            return None
+        bench, (_, last) = self.members[n]
+        return None if (last <= low if low < high else last < low) else bench
+
+    def _first(self, holds: Callable[[Range], bool]) -> int:
+        """Return the number of the first member for whose places something holds, as for all after it."""
+        first, after = 0, len(self.members)
+        while first < after:
+            n = (first + after) // 2
+            first, after = (first, n) if holds(self.members[n][1]) else (n + 1, after)
+        return first
 
     def ends(self, low: arb, high: arb) -> list[arb]:
         """Return where benches of the set begin or end their ways between two places."""
-        return [end for _, place in self.members for end in place if low < end < high]
+        return sorted([*self._ends(0, low, high), *self._ends(1, low, high)], key=float)
+
+    def _ends(self, end: int, low: arb, high: arb) -> Iterator[arb]:
+        first, after = (self._first(lambda place: not place[end] >= high), self._first(lambda place: place[end] <= low))
+        return (place[end] for _, place in self.members[first:after])
 
     @property
     def parts(self) -> list[Range]:
         """The places in pieces that do not touch each other."""
         out: list[Range] = []
-        for low, high in sorted((place for _, place in self.members), key=lambda place: float(place[0])):
+        for _, (low, high) in reversed(self.members):
             if out and not low > out[-1][1]:
                 out[-1] = out[-1][0].min(low), out[-1][1].max(high)
             else:
@@ -79,12 +96,33 @@ class Way:
 
 def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
     """Return the sets of benches from which the dragon goes on alike, with what they go through."""
-    lengths, count = dragon.lengths_m, len(dragon.lengths_m)
     sets: dict[int, list[int]] = {}
-    for bench in range(count - 2):
-        lead = next((lead for lead in sets if lengths[lead:lead + count - bench] == lengths[bench:]), bench)
+    for bench, lead in enumerate(_leads(dragon.lengths_m)[:-2]):
         sets.setdefault(lead, []).append(bench)
     return [Way(lead, tuple((bench, places[bench]) for bench in sets[lead])) for lead in sets]
+
+
+def _leads(lengths: Sequence[float]) -> list[int]:
+    """Return for each bench the first one from which the dragon goes on as it does from this one, up to its end.
+
+    Read from the tail, the lengths from bench i on are a prefix. ``same`` has how much of a prefix stands at each place
+    (the Z-algorithm), so the last place at which at least as much of it stands is where that bench is.
+    """
+    count, text = len(lengths), lengths[::-1]
+    same, left, right = [count] + [0] * (count - 1), 0, 0
+    for n in range(1, count):
+        length = min(same[n - left], right - n) if n < right else 0
+        while n + length < count and text[length] == text[n + length]:
+            length += 1
+        same[n] = length
+        if n + length > right:
+            left, right = n, n + length
+    last = [0] * (count + 1)
+    for place, length in enumerate(same):
+        last[length] = place
+    for length in range(count - 1, 0, -1):
+        last[length] = max(last[length], last[length + 1])
+    return [bench - last[count - bench] for bench in range(count)]
 
 
 class Cover:

@@ -11,8 +11,16 @@ from flint import acb, arb
 
 from dragon_ros.verify.balls import above, below, hypot_above, size, up
 from dragon_ros.verify.errors import Refused
-from dragon_ros.verify.motion import (Handle, Motion, Postures, Turning, leading_handle, leading_motion, next_handle,
-                                      next_motion)
+from dragon_ros.verify.motion import (
+    Handle,
+    Motion,
+    Postures,
+    Turning,
+    leading_handle,
+    leading_motion,
+    next_handle,
+    next_motion,
+)
 from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separation
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
@@ -105,7 +113,7 @@ class Interval:
             return False
         r, link = below(spiral.b * handle.low), self._dragon.longest_links[self._lead + n]
         inner = max(r * r - 0.25 * link * link, 0.0)**0.5 - self._dragon.overhangs_m[self._lead + n]
-        return inner > self._outer_m(spiral) + _ROUNDED * (abs(r) + link)
+        return bool(inner > self._outer_m(spiral) + _ROUNDED * (abs(r) + link))
 
     def _outer_m(self, spiral: SpiralSegment) -> float:
         """Return how far from a spiral's centre the leading bench is at most."""
@@ -138,7 +146,7 @@ class Interval:
 
     @staticmethod
     def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether separations at both ends, which are known in floats, exceed a bound; where it is close in balls."""
+        """Return whether separations at both ends exceed a bound: in floats where it is clear, else in balls."""
         if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
             return True
         return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
@@ -166,7 +174,7 @@ class Interval:
         return up(0.5 * sum(self._in_lead_frame(k) for k in (0, 1, n, n + 1)))
 
     def _in_lead_frame(self, k: int) -> float:
-        """Return a bound of a handle's acceleration in the frame of the leading bench; infinite about another centre."""
+        """Return a bound of a handle's acceleration in the leading bench's frame; infinite about another centre."""
         while len(self._in_lead) <= k:
             m = len(self._in_lead)
             same = self._handle(m).pole == self._handle(0).pole
@@ -202,8 +210,8 @@ class Interval:
 
 def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
     """Return more than what floats can lose of a distance or a separation of two benches."""
-    return _ROUNDED * (abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m + reach) + 4 * (
-        one.unsure_m + two.unsure_m)
+    lengths = abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m
+    return (_ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
 
 
 def size_of(value: acb) -> float:

@@ -1,7 +1,7 @@
 """The head law, exactly: how far the leader has gone, in rational arithmetic.
 
-Times and speeds in a certificate are floats, which are rational; a ramp's speed is a polynomial of time, so distances are
-rational too. Only the instant at which a smooth ramp comes to rest is not, and the distance there is bounded outwards.
+Times and speeds in a certificate are floats, which are rational; a ramp's speed is a polynomial of time, so distances
+are rational too. Only the instant at which a smooth ramp comes to rest is not; the distance there is bounded outwards.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -78,23 +78,18 @@ class Law:
 
     def extent_m(self, start_s: Fraction, end_s: Fraction) -> Extent:
         """Return bounds, rounded outwards, of how far the leader has gone at any time from start to end."""
-        slack = max((more for t_s, more in self._rests if start_s < t_s < end_s), default=Fraction(0))
+        more = max((more for t_s, more in self._rests if start_s < t_s < end_s), default=Fraction(0))
         gone = [self.gone_m(t_s) for t_s in self.turns_s(start_s, end_s)]
-        ends = self.gone_m(start_s), self.gone_m(end_s)
-        low, high = min(gone), max(gone)
-        return low - (slack if low not in ends else 0), high + (slack if high not in ends else 0)
+        return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Fraction, Fraction]]:
-        """Yield (start, end) of the pieces from 0 s on in which the leader goes one way; the last may have no end.
-
-        Without ``end_s`` the piece behind the last knot is left out.
-        """
+        """Yield (start, end) of pieces from 0 s on in which the leader goes one way; one without an end is left out."""
         last = self.knots[-1][0] if end_s is None else end_s
         yield from pairwise(self.turns_s(Fraction(0), last))
 
     @property
     def last(self) -> tuple[Fraction, Fraction, Fraction]:
-        """Time, distance gone and speed at the last knot: the speed stays."""
+        """Time, distance gone and speed at the last knot, from which on the speed stays."""
         return self.knots[-1][0], self._reached[-1], self.knots[-1][1]
 
     def rests_at(self, t_s: Fraction) -> Fraction | None:

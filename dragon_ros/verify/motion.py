@@ -1,8 +1,8 @@
 """How handles and links move while the front handle of a leading bench goes over an interval of the track, in balls.
 
 A dash is a derivative by the coordinate u of the leading handle on its segment. Each handle has bounds of its own
-coordinate and of that one's first two derivatives p and a on the whole interval; each link those of how fast it turns, w,
-and of w'. docs/contact.md derives the formulas:
+coordinate and of that one's first two derivatives p and a on the whole interval; each link those of how fast it turns,
+w, and of w'. docs/contact.md derives the formulas:
 
 - on one line or arc all handles go alike, and so do links turn;
 - on one spiral the handle at theta draws the one at theta + delta by p (1 + d1), a (1 + d1) + p^2 d2;
@@ -36,9 +36,9 @@ class Slopes:
 class Handle:
     """A handle on an interval: its segment (None: it passes a joint) and bounds of its coordinate there.
 
-    ``ends`` number the ends of the interval at which it is at these bounds (None: at neither). ``moved_m`` bounds the way
-    that it goes along the track, there and back where it may turn. ``slopes`` are those of the link to the handle in
-    front of it, where they had to be known for this.
+    ``ends`` number the ends of the interval at which it is at these bounds (None: at neither). ``moved_m`` bounds the
+    way that it goes along the track, there and back where it may turn. ``slopes`` are those of the link to the handle
+    in front of it, where they had to be known for this.
     """
 
     track: Track
@@ -152,8 +152,8 @@ def _bounded(track: Track, one: Place, two: Place) -> Handle:
     """Return a handle that goes one way between two places."""
     moved_m = track.apart_m(one, two)
     if one.segment == two.segment and not one.loose and not two.loose:
-        bounds = (one.u, two.u, (0, 1)) if float(one.u) < float(two.u) else (two.u, one.u, (1, 0))
-        return Handle(track, one.segment, *bounds, moved_m)
+        low, high, numbers = (two.u, one.u, (1, 0)) if two.u < one.u else (one.u, two.u, (0, 1))
+        return Handle(track, one.segment, low, high, numbers, moved_m)
     return Handle(track, None, ZERO, ZERO, (None, None), moved_m)
 
 
@@ -238,8 +238,8 @@ def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -
     if link.inverse is None:    # on a joint its direction has no second derivative
         return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
     # A link turns by half the curvature times both ways at most; from half way between its ends by half of that.
-    axis = between(*((end.point(n) - end.point(n + 1)) * link.inverse for end in ends),
-                   up(0.25 * track.bend * (front.handle.moved_m + handle.moved_m)))
+    one, two = ((end.point(n) - end.point(n + 1)) * link.inverse for end in ends)
+    axis = between(one, two, up(0.25 * track.bend * (front.handle.moved_m + handle.moved_m)))
     tangent, curvature = ((handle.on.heading(handle.u), handle.on.curvature(handle.u)) if handle.segment is not None
                           else _joint(handle, ends, n + 1))
     alpha, beta = (axis.conjugate() * heading for heading in (ahead.tangent, tangent))
@@ -267,8 +267,8 @@ def _settled(handle: Handle, speeds: Speeds) -> Motion:
 def _joint(handle: Handle, ends: Postures, n: int) -> tuple[acb, arb]:
     """Return the tangents and the curvatures of the track where a handle passes a joint."""
     track, places = handle.track, [end.place(n) for end in ends]
-    headings = (track.segments[place.segment].heading(place.u) for place in places)
-    return between(*headings, up(0.5 * track.bend * handle.moved_m)), track.curvatures(*places)
+    one, two = (track.segments[place.segment].heading(place.u) for place in places)
+    return between(one, two, up(0.5 * track.bend * handle.moved_m)), track.curvatures(*places)
 
 
 def between(one: acb, two: acb, turned: float) -> acb:
@@ -294,7 +294,8 @@ def _slopes(theta: arb, delta: arb, share: arb) -> Slopes:
     inverse = ONE / (delta + theta * less + area * sine)
     one = -both * less * inverse
     square = one * one
-    two = -TWO * (less + (less + both * sine) * one + (HALF + theta * sine + HALF * area * (ONE - less)) * square) * inverse
+    bent = HALF + theta * sine + HALF * area * (ONE - less)
+    two = -TWO * (less + (less + both * sine) * one + bent * square) * inverse
     rest, turned = delta - theta * one, delta * one
     psi_1 = sine * rest + HALF * both * turned
     psi_2 = ((ONE - less) * one * rest - theta * sine * two + (ONE + HALF * one) * turned

@@ -13,7 +13,6 @@ from dragon_ros.verify.segments import HALF, Link
 from dragon_ros.verify.track import Place, Track
 
 
-
 class Axis(NamedTuple):
     """An edge's normal: that of the first or the other bench, along or across it, and the side that the other is on."""
 
@@ -71,14 +70,17 @@ class Dragon:
         self.lengths_m = scene.lengths_m
         self.benches = [known[length_m] for length_m in scene.lengths_m]
         self.longest_m = max(scene.lengths_m)
-        largest = list(accumulate(reversed(self.benches), lambda one, two: max(one, two, key=lambda b: b.link.near)))
-        self.longest_links = [bench.link.near for bench in reversed(largest)]
-        overhangs = {bench: bench.overhang_m for bench in known.values()}
-        self.overhangs_m = list(accumulate((overhangs[bench] for bench in reversed(self.benches)), max))[::-1]
+        self.longest_links = _largest_from([bench.link.near for bench in self.benches])
+        self.overhangs_m = _largest_from([bench.overhang_m for bench in self.benches])
+
+
+def _largest_from(values: list[float]) -> list[float]:
+    """Return the largest of all values from each on."""
+    return list(accumulate(reversed(values), max))[::-1]
 
 
 class Pose(NamedTuple):
-    """Where a bench is: its middle and the direction of its axis, in balls; about; and how far about may be off."""
+    """Where a bench is: its middle and the direction of its axis, in balls, about, and how wide these balls are."""
 
     shape: Bench
     middle: acb
@@ -86,6 +88,7 @@ class Pose(NamedTuple):
     near: complex
     heading: complex
     unsure_m: float
+    unsure: float
 
 
 class Posture:
@@ -126,9 +129,12 @@ class Posture:
             else:
                 place = self.place(k)
                 axis = self._track.segments[place.segment].heading(place.u)
-            unsure_m = float(middle.real.rad()) + float(middle.imag.rad())
-            self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), unsure_m))
+            self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis)))
         return self._poses[n]
+
+
+def _width(value: acb) -> float:
+    return up(float(value.real.rad()) + float(value.imag.rad()))
 
 
 def about(one: Pose, two: Pose) -> list[float]:

@@ -1,8 +1,8 @@
-"""Where each bench's front handle is while the head goes through all of its places, and the proof that the chain stands.
+"""Where each front handle is while the head goes through all of its places; and the proof that the chain stands.
 
-Where the curvature says that no link can lock, every handle moves on as the head does, and the ends of the head's way are
-the ends of all. On a spiral to its centre handles may turn back, and links may lock: there each link's range is cut until
-it is proved which way the next handle goes, and that the chord grows up to its span wherever it is.
+Where the curvature says that no link can lock, every handle moves on as the head does, and the ends of the head's way
+are the ends of all. On a spiral to its centre handles may turn back, and links may lock: there each link's range is cut
+until it is proved which way the next handle goes, and that the chord grows up to its span wherever it is.
 """
 from functools import reduce
 

@@ -1,18 +1,18 @@
 """The segments of a track in balls: lines, arcs and spirals, each with one coordinate u along it.
 
 u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 where u grows in the
-head's direction of travel and -1 where it falls; ``first`` and ``last`` are where the head enters and leaves, None where
-a segment goes on without end. Points and unit tangents (in the head's direction) are complex balls.
+head's direction of travel and -1 where it falls; ``first`` and ``last`` are where the head enters and leaves, None
+where a segment goes on without end. Points and unit tangents (in the head's direction) are complex balls.
 """
 from cmath import exp
 from dataclasses import dataclass
 from functools import cached_property
-from math import asin, asinh, hypot, inf, pi, sin, sqrt
+from math import asin, asinh, hypot, pi, sin, sqrt
 from typing import NamedTuple, Protocol
 
 from flint import acb, arb
 
-from dragon_ros.verify.balls import UNIT, above, direction, size
+from dragon_ros.verify.balls import above, direction
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
 
@@ -281,7 +281,7 @@ class SpiralSegment:
             return delta + twice * sine * (sine + (u + delta) * cosine)
 
         found = certified(value, slope, guess)
-        if not found < PI and not rises(u, PI.lower(), found.upper()):
+        if not found > 0 or (not found < PI and not rises(u, PI.lower(), found.upper())):
             raise Locked('a link may find its place only beyond where its chord first turns back: the chain locks')
         return found
 
@@ -303,7 +303,10 @@ class SpiralSegment:
             sine, cosine = (HALF * delta).sin_cos()
             return delta + twice * sine * ((u - delta) * cosine - sine)
 
-        return certified(value, slope, bracketed(about, 0.0, max(theta, near), near / hypot(1, theta)))
+        found = certified(value, slope, bracketed(about, 0.0, max(theta, near), near / hypot(1, theta)))
+        if not found > 0:
+            raise Refused('a place on the track could not be proved: it may be on the wrong side of a handle')
+        return found
 
     def near(self, u: float) -> complex:
         """Return about the point."""
@@ -364,8 +367,3 @@ def _excess(theta: float, chord: float, delta: float) -> tuple[float, float]:
     s = sin(0.5 * delta)
     return (0.5 * (delta * delta - chord * chord) + 2 * theta * (theta + delta) * s * s,
             delta + 2 * theta * s * s + theta * (theta + delta) * sin(delta))
-
-
-def loosened(u: arb, more: arb) -> arb:
-    """Return a ball that is wider by the size of another one."""
-    return u + UNIT * size(more) if size(more) < inf else u * arb('nan')

@@ -1,9 +1,9 @@
 """A track in balls: its segments where they lie, places on it, and the next handle a link away.
 
-A place is a segment's number and its coordinate. Where the curvature is K at most and K l < 2 for every link l, the chord
-from a handle grows along the track for at least pi / K of it and reaches l before (Schur); so the next handle is the one
-place at a chord's length that is proved to be no more than pi / K away. On a single spiral led by its head, which comes
-to the centre, it is the smallest root instead (``SpiralSegment.span``).
+A place is a segment's number and its coordinate. Where the curvature is K at most and K l < 2 for every link l, the
+chord from a handle grows along the track for at least pi / K of it and reaches l before (Schur); so the next handle is
+the one place at a chord's length that is proved to be no more than pi / K away. On a single spiral led by its head,
+which comes to the centre, it is the smallest root instead (``SpiralSegment.span``).
 """
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -13,18 +13,23 @@ from typing import NamedTuple
 from flint import acb, arb, fmpq
 
 from dragon_ros.verify import reading
-from dragon_ros.verify.balls import UNIT, certainly, direction, exact, size
+from dragon_ros.verify.balls import UNIT, certainly, direction, exact, size, up
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
 from dragon_ros.verify.segments import HALF, ONE, PI, TWO, ZERO, ArcSegment, LineSegment, Link, SpiralSegment, root_of
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
-_HAIR = 1e-9                        # of a metre: a place may be so far beyond the track's end
+_HAIR = 1e-12                       # of a metre: a place may be so far beyond the track's end
+_NARROW = 1e-15                     # of a metre, or of the tightest radius: no place is so unsure next to a joint
 
 
 class Place(NamedTuple):
-    """A segment's number, the coordinate on it, and how far (as a size) it may be off a joint nearby."""
+    """A segment's number and the coordinate on it; within ``loose`` metres of a joint, nobody knows on which side.
+
+    Then it is on the segment's curve continued. Beyond the joint the track strays from that by K d^2 at most after a
+    way of d, which is far below d: so u and the point, widened by twice d, hold all that may be there.
+    """
 
     segment: int
     u: arb
@@ -52,17 +57,26 @@ class Track:
         return self.origins[place.segment] + self.segments[place.segment].metres(place.u)
 
     def place_at(self, metres: arb) -> Place:
-        """Return the place at a distance along the track."""
+        """Return the place at a distance along the track. Raises Refused beyond its ends."""
+        for end, sense in ((self.begin, -1), (self.end, 1)):
+            if end is not None and (metres - end) * sense > _HAIR:
+                raise Refused(f'{float(metres):.12g} m along the track is beyond its end, at {float(end):.12g} m')
         k = bisect_left(self._joints, float(metres))
         while k < len(self.joints) and metres >= self.joints[k]:
             k += 1
         while k and metres < self.joints[k - 1]:
             k -= 1
-        loose = 0.0
-        for joint in self.joints[max(k - 1, 0):k + 1]:
-            if not (metres < joint or metres >= joint):
-                loose = size(metres - joint)
-        return Place(k, self.segments[k].after(metres - self.origins[k]) + UNIT * loose, loose)
+        beyond = [size(metres - joint) for joint in self.joints[max(k - 1, 0):k + 1]
+                  if not (metres < joint or metres >= joint)]
+        return self._loosened(k, self.segments[k].after(metres - self.origins[k]), max(beyond, default=0.0))
+
+    def _loosened(self, k: int, u: arb, beyond_m: float, loose: float = 0.0) -> Place:
+        """Return a place that may be some metres beyond a joint."""
+        if not beyond_m:
+            return Place(k, u, loose)
+        beyond_m = 2 * beyond_m + loose
+        certainly(beyond_m * max(self.bend, 1.0) < _NARROW, 'a handle next to a joint of the track could not be placed')
+        return Place(k, u + UNIT * size(beyond_m / self.segments[k].speed(u)), beyond_m)
 
     def point(self, place: Place) -> acb:
         """Return the point of a place."""
@@ -72,21 +86,18 @@ class Track:
     def next(self, place: Place, link: Link, way: int) -> Place:
         """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused where there is none."""
         k, segment = place.segment, self.segments[place.segment]
-        edge = segment.last if way > 0 else segment.first
-        if edge is not None and not link.near:
+        if not link.near:
             return place
+        edge = segment.last if way > 0 else segment.first
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u, place.loose)
         inside = (edge - u) * (segment.sense * way)
-        if inside >= 0:
-            if isinstance(segment, SpiralSegment) and way != segment.sense:
-                self._within(segment.b * abs(place.u - u) * root_of(place.u))
-            return Place(k, u, place.loose)
-        if not inside < 0:      # on the joint, as far as is known
-            loose = place.loose + size(inside)
-            return Place(k, u + UNIT * loose, loose)
-        return self._across(place, link, way)
+        if inside < 0:
+            return self._across(place, link, way)
+        if isinstance(segment, SpiralSegment) and way != segment.sense:
+            self._within(segment.b * abs(place.u - u) * root_of(place.u))
+        return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)), place.loose)
 
     def _within(self, gone: arb) -> None:
         certainly(gone * self.bend < PI, 'a link could reach two places on the track, which bends too tightly for it')
@@ -102,12 +113,13 @@ class Track:
             segment = self.segments[k]
             near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
             assert near is not None
-            whole = None if far is None else abs(segment.metres(far) - segment.metres(near))
-            # A segment that the chord is sure to grow along, and at whose end it is too short, is passed.
-            if far is None or whole is None or not ((gone + whole) * self.bend < PI
-                                                    and abs(segment.point(far) - here) < link.length):
+            if far is None:
                 return self._cut(k, here, link, way, gone)
-            gone += whole
+            # A segment that the chord is sure to grow along, and at whose end it is too short, is passed.
+            past = gone + abs(segment.metres(far) - segment.metres(near))
+            if not (past * self.bend < PI and abs(segment.point(far) - here) < link.length):
+                return self._cut(k, here, link, way, gone)
+            gone = past
         raise Refused('a handle leaves the track: it is too short for the dragon')
 
     def _cut(self, k: int, here: acb, link: Link, way: int, gone: arb) -> Place:
@@ -140,13 +152,10 @@ class Track:
             return (away.conjugate() * segment.heading(u)).real * segment.speed(u) * segment.sense
 
         u = certified(value, slope, guess)
-        beyond = (u - near) * sense
-        loose = 0.0 if beyond >= 0 else size(beyond)
-        if beyond < 0 or (far is not None and not (far - u) * sense >= 0):
-            loose = max(loose, size((u - near) if beyond < 0 else (u - far)))    # at a joint, as far as is known
-            certainly(loose < 1e-20 * (1 + length), 'a handle next to a joint of the track could not be placed')
+        outside = [size(beyond * segment.speed(u)) for beyond in (
+            (near - u) * sense, ZERO - ONE if far is None else (u - far) * sense) if not beyond <= 0]
         self._within(gone + abs(segment.metres(u) - segment.metres(near)))
-        return Place(k, u + UNIT * loose, loose)
+        return self._loosened(k, u, max(outside, default=0.0))
 
     def curvatures(self, one: Place, two: Place) -> arb:
         """Return all curvatures from one place to another; on a spiral it is monotone."""
@@ -158,7 +167,7 @@ class Track:
             passed = [segment.last if k < last.segment else None, segment.first if k > first.segment else None,
                       *(place.u for place in (one, two) if place.segment == k)]
             for u in passed:
-                out = out if u is None else out.union(segment.curvature(u))
+                out = out if u is None else out.union(segment.curvature(u + UNIT * (one.loose + two.loose)))
         return out
 
     def apart_m(self, one: Place, two: Place) -> float:
@@ -168,7 +177,7 @@ class Track:
         segment = self.segments[one.segment]
         if isinstance(segment, SpiralSegment):
             outer = one.u if float(one.u) > float(two.u) else two.u
-            return size(segment.b * (one.u - two.u) * root_of(outer))
+            return up(size(segment.b * (one.u - two.u) * root_of(outer)))
         return size(segment.speed(one.u) * (one.u - two.u)) + one.loose + two.loose
 
 
