@@ -19,6 +19,11 @@ def precise(ratio: float) -> None:
     ctx.prec = BITS + 2 * max(0, int(ratio).bit_length()) if isfinite(ratio) else 4 * BITS
 
 
+def half_turn() -> arb:
+    """Return pi, to as many bits as are kept now."""
+    return arb.pi()
+
+
 def exact(value: float | Fraction) -> arb:
     """Return a float as it is, a rational number within the last bit."""
     if isinstance(value, Fraction):

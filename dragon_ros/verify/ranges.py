@@ -8,9 +8,10 @@ from functools import reduce
 
 from flint import arb
 
+from dragon_ros.verify.balls import half_turn
 from dragon_ros.verify.motion import spiral_slopes
 from dragon_ros.verify.posture import Dragon
-from dragon_ros.verify.segments import HALF, ONE, PI, Link, Locked, SpiralSegment, rises
+from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, rises
 from dragon_ros.verify.track import Place, Track
 
 _HALVINGS = 40
@@ -80,7 +81,7 @@ def _ratio(segment: SpiralSegment, left: arb, right: arb, from_left: arb, from_r
     """Return how much the next handle goes for the one in front, and whether the chord grows up to every span."""
     theta, longest = left.union(right), from_left - left
     slopes = spiral_slopes(segment, theta, longest.union(from_right - right), link)
-    stands = longest < PI or rises(theta, PI.lower(), longest.upper())
+    stands = longest < half_turn() or rises(theta, half_turn().lower(), longest.upper())
     return ONE + slopes.delta_1, stands
 
 

@@ -10,14 +10,14 @@ from math import cos, pi, sin
 
 from flint import arb
 
-from dragon_ros.verify.balls import certainly, exact
+from dragon_ros.verify.balls import certainly, exact, half_turn
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Extent, Law
 from dragon_ros.verify.posture import Dragon
 from dragon_ros.verify.ranges import Range
 from dragon_ros.verify.reading import Scene
-from dragon_ros.verify.segments import HALF, PI, TWO, Link, SpiralSegment, about_span
+from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_span
 from dragon_ros.verify.track import Place, Track
 
 _SAMPLES = 4000         # places at which a lock is looked for
@@ -173,7 +173,7 @@ def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
     last = arb(delta + 1e-3)
     if not _slope(theta, last) < 0:
         return False
-    parts = [(PI.lower(), last)]
+    parts = [(half_turn().lower(), last)]
     while parts:
         low, high = parts.pop()
         both, middle = low.union(high), (HALF * (low + high)).mid()

@@ -12,13 +12,12 @@ from typing import NamedTuple, Protocol
 
 from flint import acb, arb
 
-from dragon_ros.verify.balls import above, direction
+from dragon_ros.verify.balls import above, direction, half_turn
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
-PI = arb.pi()
 
 
 class Locked(Refused):
@@ -281,7 +280,7 @@ class SpiralSegment:
             return delta + twice * sine * (sine + (u + delta) * cosine)
 
         found = certified(value, slope, guess)
-        if not found > 0 or (not found < PI and not rises(u, PI.lower(), found.upper())):
+        if not found > 0 or (not found < half_turn() and not rises(u, half_turn().lower(), found.upper())):
             raise Locked('a link may find its place only beyond where its chord first turns back: the chain locks')
         return found
 

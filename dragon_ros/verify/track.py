@@ -13,10 +13,10 @@ from typing import NamedTuple
 from flint import acb, arb, fmpq
 
 from dragon_ros.verify import reading
-from dragon_ros.verify.balls import UNIT, certainly, direction, exact, size, up
+from dragon_ros.verify.balls import UNIT, certainly, direction, exact, half_turn, size, up
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
-from dragon_ros.verify.segments import HALF, ONE, PI, TWO, ZERO, ArcSegment, LineSegment, Link, SpiralSegment, root_of
+from dragon_ros.verify.segments import HALF, ONE, TWO, ZERO, ArcSegment, LineSegment, Link, SpiralSegment, root_of
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
@@ -100,7 +100,7 @@ class Track:
         return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)), place.loose)
 
     def _within(self, gone: arb) -> None:
-        certainly(gone * self.bend < PI, 'a link could reach two places on the track, which bends too tightly for it')
+        certainly(gone * self.bend < half_turn(), 'a link could reach two places: the track bends too tightly for it')
 
     def _across(self, place: Place, link: Link, way: int) -> Place:
         """Return the next handle beyond one joint or more."""
@@ -117,7 +117,7 @@ class Track:
                 return self._cut(k, here, link, way, gone)
             # A segment that the chord is sure to grow along, and at whose end it is too short, is passed.
             past = gone + abs(segment.metres(far) - segment.metres(near))
-            if not (past * self.bend < PI and abs(segment.point(far) - here) < link.length):
+            if not (past * self.bend < half_turn() and abs(segment.point(far) - here) < link.length):
                 return self._cut(k, here, link, way, gone)
             gone = past
         raise Refused('a handle leaves the track: it is too short for the dragon')
@@ -191,21 +191,21 @@ def track_of(scene: reading.Scene) -> Track:
 
 def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
     """Return the classic track: to its centre, or to where the head starts where the tail leads."""
-    start = TWO * PI * exact(spiral.start_turns)
+    start = TWO * half_turn() * exact(spiral.start_turns)
     last = start if tail_leads else ZERO
-    segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * PI), acb(0), acb(1), 1, -1, start, None, last)
+    segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * half_turn()), acb(0), acb(1), 1, -1, start, None, last)
     return Track([segment], [ZERO], ZERO, not tail_leads, [0])
 
 
 def _turn(turn: reading.Turn) -> Track:
     """Return the S-turn: with tan gamma = R / b both arcs turn by 2 gamma, and their radii sum to R / sin gamma."""
-    b, radius = exact(turn.pitch_m) / (TWO * PI), HALF * exact(turn.diameter_m)
+    b, radius = exact(turn.pitch_m) / (TWO * half_turn()), HALF * exact(turn.diameter_m)
     theta = radius / b
     gamma = theta.atan()
     second = radius / gamma.sin() / (ONE + exact(turn.ratio))
     inwards, outwards = (SpiralSegment(b, acb(0), acb(sign), 1, -sign, theta, *ends)
                          for sign, ends in ((1, (None, theta)), (-1, (theta, None))))
-    turned, heading = TWO * gamma, theta + gamma + PI
+    turned, heading = TWO * gamma, theta + gamma + half_turn()
     first = ArcSegment(inwards.point(theta), direction(heading), exact(turn.ratio) * second, -1, ZERO, turned)
     other = ArcSegment(first.point(turned), direction(heading - turned), second, 1, ZERO, turned)
     halfway = first.radius * turned
@@ -227,7 +227,7 @@ class _Heading:
 
     @property
     def radians(self) -> arb:
-        return exact(self._halves) * PI + self._rest
+        return exact(self._halves) * half_turn() + self._rest
 
     @property
     def direction(self) -> acb:
@@ -261,10 +261,10 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
         return LineSegment(point, leaves, first, exact(piece.length_m))
     if isinstance(piece, reading.Arc):
         heading.turn_degrees(piece.angle_deg)
-        angle = exact(abs(Fraction(piece.angle_deg)) / 180) * PI
+        angle = exact(abs(Fraction(piece.angle_deg)) / 180) * half_turn()
         return ArcSegment(point, leaves, exact(piece.radius_m), 1 if piece.angle_deg > 0 else -1, first, angle)
-    b = exact(piece.pitch_m) / (TWO * PI)
-    begin, last = (TWO * PI * exact(turns) for turns in (piece.from_turns, piece.to_turns))
+    b = exact(piece.pitch_m) / (TWO * half_turn())
+    begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
     sense = 1 if piece.to_turns > piece.from_turns else -1
     side = sense if piece.left else -sense
     # At polar angle u the bare spiral heads to side (u + atan u), and against that where the head winds in.
