@@ -139,14 +139,21 @@ class Claims:
 def read(path: Path) -> Claims:
     """Return what a certificate file says. Raises Refused."""
     try:
-        if path.stat().st_size > MOST_BYTES:
-            raise Refused(f'it has {path.stat().st_size} bytes; the largest that is read has {MOST_BYTES}')
-        text = path.read_text(encoding='utf-8')
-        values = json.loads(text, parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
+        with path.open('rb') as file:
+            data = file.read(MOST_BYTES + 1)
     except OSError as error:
-        raise Refused(f'cannot be read: {error.strerror}') from None
+        raise Refused(f'it cannot be read: {error.strerror}') from None
+    if len(data) > MOST_BYTES:
+        raise Refused(f'it is larger than {MOST_BYTES} bytes, the most that is read')
+    return claims_of(data)
+
+
+def claims_of(data: bytes) -> Claims:
+    """Return what a certificate says, in UTF-8. Raises Refused."""
+    try:
+        values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:
-        raise Refused(f'is no certificate: {str(error)[:160]}') from None
+        raise Refused(f'it is no certificate: {str(error)[:160]}') from None
     return _claims(values)
 
 
