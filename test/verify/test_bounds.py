@@ -28,9 +28,8 @@ STEP = 1e-9         # of differences, in balls of 128 bits: they lose nothing
 
 def compiled(dragon, track):
     """What an interval needs, of benches on a track."""
-    values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
-    plain = reading._claims(values).scene
-    shape = reading._kind('scene.track', scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))['track'], reading._TRACKS)
+    plain = reading._scene(scene_values(Scene(dragon=dragon, track=Spiral())))
+    shape = reading._scene(scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))).track
     precise(1e3)
     placed = track_of(reading.Scene(plain.lengths_m, plain.width_m, plain.inset_m, shape, plain.law, False, 0.0, None))
     benches = Benches(plain)
@@ -83,10 +82,11 @@ def check(track, benches, bend, start, stop, count=3):
             assert not any(overlap(three[1].pose(0), three[1].pose(n)) for three in postures for n in range(2, BENCHES))
 
 
+links = st.just(0.0) | st.floats(0.2, 2.2)
 dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
-                     st.just(0.0) | st.floats(0.2, 2.2), st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
+                     links, st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
            | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),
-                       st.lists(st.just(0.0) | st.floats(0.2, 2.2), min_size=BENCHES, max_size=BENCHES)))
+                       st.lists(links, min_size=BENCHES, max_size=BENCHES)))
 
 
 @settings(max_examples=80)
