@@ -111,3 +111,13 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     assert isinstance(found, NoContact)
     assert min(scene.track.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
         min(places), abs=1e-3)
+
+
+def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():
+    """The near miss of bench 11 is a few picometres wide, and benches 0 and 8 cross 2.6 s later."""
+    scene = Scene(dragon=Dragon(20, width_m=0.30097406869751), run=Run(408.0))
+    found = first_contact(scene)
+    assert (found.benches, found.grazing_m) == ((0, 8), None)
+    assert found.approach_m_s == pytest.approx(0.026934, abs=1e-6)
+    assert smallest(scene, found.t_s - 1e-8) > 0 == smallest(scene, found.t_s + 1e-8)
+    assert found.certificate.complete
