@@ -17,9 +17,9 @@ from dragon_ros.executables import EXECUTABLES
 
 ROOT = Path(__file__).parents[1]
 PACKAGE = ROOT / 'dragon_ros'
-LAYERS = {'core': ('core',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
+LAYERS = {'core': ('core',), 'verify': ('verify',), 'wire': ('core', 'wire'), 'tools': ('core', 'wire', 'tools'),
           'nodes': ('core', 'wire', 'nodes'), 'cost': ('core', 'wire', 'cost')}
-LIBRARIES = {'core': {'numpy', 'shapely'},
+LIBRARIES = {'core': {'numpy', 'shapely'}, 'verify': {'flint'},
              'wire': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4', 'argcomplete', 'matplotlib'},
              'tools': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap'}}
