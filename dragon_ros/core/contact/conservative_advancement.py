@@ -163,8 +163,8 @@ class _Space:
         apart = [self._apart(each, row, i, j) for each in (a, b)]
         low_m, room = np.full(i.size, -np.inf), np.zeros(i.size)
         for frame in (0, 1):
-            for one, two in zip(apart[0][frame], apart[1][frame], strict=True):
-                least = np.minimum(one, two)
+            for at_a, at_b in zip(apart[0][frame], apart[1][frame], strict=True):
+                least = np.minimum(at_a, at_b)
                 low_m = np.maximum(low_m, least - sag[frame])
                 with np.errstate(divide='ignore'):
                     room = np.maximum(room, np.sqrt(np.maximum(least, 0.0) / np.maximum(sag[frame], _STILL_M)))
