@@ -67,7 +67,8 @@ def chains_on(walk: Walk, links_m: Floats, leaders: Places, way: int, effort: Ef
     """Return the chains of many leaders in one, as ``chain_on`` does for one, marched together."""
     if way == BACK and walk.afar and not np.any(leaders[0]):
         along = place_many(walk.afar, links_m, leaders[1], leaders[2], effort)
-        piece, u, u_lo, spent = np.zeros(along.theta.shape, dtype=np.int64), along.theta, along.theta_lo, along.evaluations
+        piece, u, u_lo = np.zeros(along.theta.shape, dtype=np.int64), along.theta, along.theta_lo
+        spent = along.evaluations
     else:
         order, spent = (links_m if way == BACK else links_m[::-1]), 0
         places = [leaders]
