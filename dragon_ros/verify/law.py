@@ -3,15 +3,26 @@
 Times and speeds in a certificate are floats, which are rational; a ramp's speed is a polynomial of time, so distances
 are rational too. Only the instant at which a smooth ramp comes to rest is not; the distance there is bounded outwards.
 """
+from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
 from itertools import pairwise
+from math import asin, sin
+from typing import NamedTuple
 
-_HALVINGS = 80      # of a smooth ramp, towards its rest: the speed left there is below 2^-78 of the ramp's
+_NEAR = Fraction(1, 2**50)      # of a smooth ramp: how near to its rest floats come
 
 Extent = tuple[Fraction, Fraction]
+
+
+class Mark(NamedTuple):
+    """A knot, or about a rest: a time, how far the leader has gone by then, and how much further it may have been."""
+
+    t_s: Fraction
+    gone_m: Fraction
+    more_m: Fraction = Fraction(0)
 
 
 @dataclass(frozen=True)
@@ -22,6 +33,10 @@ class Law:
     smooth: bool = False
 
     @cached_property
+    def _times(self) -> list[Fraction]:
+        return [t_s for t_s, _ in self.knots]
+
+    @cached_property
     def _reached(self) -> list[Fraction]:
         """Distance gone at each knot: a ramp's mean speed is the mean of its ends, for both kinds of ramps."""
         out = [Fraction(0)]
@@ -29,68 +44,71 @@ class Law:
             out.append(out[-1] + (t1 - t0) * (v0 + v1) / 2)
         return out
 
-    def _ramp(self, t_s: Fraction) -> int:
-        """Return the number of the last knot that is not after a time."""
-        low, high = 0, len(self.knots)
-        while high - low > 1:
-            middle = (low + high) // 2
-            low, high = (middle, high) if self.knots[middle][0] <= t_s else (low, middle)
-        return low
+    def _share(self, n: int, t_s: Fraction) -> Fraction:
+        """Return how much of the ramp behind knot n has passed; 0 where the speed stays."""
+        t0, _ = self.knots[n]
+        return (t_s - t0) / (self.knots[n + 1][0] - t0) if n + 1 < len(self.knots) else Fraction(0)
 
-    def gone_m(self, t_s: Fraction) -> Fraction:
-        """Return how far the leader has gone since 0 s."""
-        n = self._ramp(t_s)
-        t0, v0 = self.knots[n]
+    def _gone(self, n: int, t_s: Fraction) -> Fraction:
+        (t0, v0), x = self.knots[n], self._share(n, t_s)
         gone = self._reached[n] + v0 * (t_s - t0)
-        if n + 1 < len(self.knots):
+        if x:
             t1, v1 = self.knots[n + 1]
-            x = (t_s - t0) / (t1 - t0)
             gone += (v1 - v0) * (t1 - t0) * (x**3 * (1 - x / 2) if self.smooth else x * x / 2)
         return gone
 
+    def _speed(self, n: int, t_s: Fraction) -> Fraction:
+        v0, x = self.knots[n][1], self._share(n, t_s)
+        return v0 + (self.knots[n + 1][1] - v0) * (x * x * (3 - 2 * x) if self.smooth else x) if x else v0
+
+    def gone_m(self, t_s: Fraction) -> Fraction:
+        """Return how far the leader has gone since 0 s."""
+        return self._gone(bisect_right(self._times, t_s) - 1, t_s)
+
     def speed_m_s(self, t_s: Fraction) -> Fraction:
         """Return the leader's speed; at a jump, the one after it."""
-        n = self._ramp(t_s)
-        t0, v0 = self.knots[n]
-        if n + 1 == len(self.knots):
-            return v0
-        t1, v1 = self.knots[n + 1]
-        x = (t_s - t0) / (t1 - t0)
-        return v0 + (v1 - v0) * (x * x * (3 - 2 * x) if self.smooth else x)
+        return self._speed(bisect_right(self._times, t_s) - 1, t_s)
 
     @cached_property
-    def _rests(self) -> list[tuple[Fraction, Fraction]]:
-        """For each ramp on which the speed changes sign: a time next to the rest, and how far it may be from there."""
+    def marks(self) -> list[Mark]:
+        """All knots and rests, in order: between them the leader goes one way."""
         out = []
-        for (t0, v0), (t1, v1) in pairwise(self.knots):
-            if v0 * v1 < 0 and t0 < t1:
-                share, width = v0 / (v0 - v1), Fraction(0)
-                if self.smooth:
-                    share, width = _smooth_rest(share)
-                t_s = t0 + share * (t1 - t0)
-                out.append((t_s, abs(self.speed_m_s(t_s)) * width * (t1 - t0)))
+        for n, (t_s, speed) in enumerate(self.knots):
+            out.append(Mark(t_s, self._reached[n]))
+            if n + 1 < len(self.knots) and speed * self.knots[n + 1][1] < 0 and t_s < self.knots[n + 1][0]:
+                out.append(self._rest(n))
         return out
 
-    def turns_s(self, start_s: Fraction, end_s: Fraction) -> list[Fraction]:
-        """Return the times from start to end between which the leader goes one way: both ends, knots and rests."""
-        inner = {t_s for t_s, _ in (*self.knots, *self._rests) if start_s < t_s < end_s}
-        return sorted({start_s, end_s} | inner)
+    def _rest(self, n: int) -> Mark:
+        (t0, v0), (t1, v1) = self.knots[n:n + 2]
+        share, width = _smooth_rest(v0 / (v0 - v1)) if self.smooth else (v0 / (v0 - v1), Fraction(0))
+        t_s = t0 + share * (t1 - t0)
+        return Mark(t_s, self._gone(n, t_s), abs(self._speed(n, t_s)) * width * (t1 - t0))
+
+    @cached_property
+    def _mark_times(self) -> list[Fraction]:
+        return [mark.t_s for mark in self.marks]
 
     def extent_m(self, start_s: Fraction, end_s: Fraction) -> Extent:
         """Return bounds, rounded outwards, of how far the leader has gone at any time from start to end."""
-        more = max((more for t_s, more in self._rests if start_s < t_s < end_s), default=Fraction(0))
-        gone = [self.gone_m(t_s) for t_s in self.turns_s(start_s, end_s)]
+        inside = self.marks[bisect_right(self._mark_times, start_s):bisect_left(self._mark_times, end_s)]
+        gone = [self.gone_m(start_s), self.gone_m(end_s), *(mark.gone_m for mark in inside)]
+        more = max((mark.more_m for mark in inside), default=Fraction(0))
         return min(gone) - more, max(gone) + more
 
-    def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Fraction, Fraction]]:
-        """Yield (start, end) of pieces from 0 s on in which the leader goes one way; one without an end is left out."""
-        last = self.knots[-1][0] if end_s is None else end_s
-        yield from pairwise(self.turns_s(Fraction(0), last))
+    def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
+        """Yield the pieces from 0 s on in which the leader goes one way; one without an end is left out."""
+        for before, after in pairwise(self.marks):
+            if end_s is not None and after.t_s >= end_s:
+                break
+            yield before, after
+        if end_s is not None and end_s > 0:
+            yield self.marks[bisect_left(self._mark_times, end_s) - 1], Mark(end_s, self.gone_m(end_s))
 
     @property
-    def last(self) -> tuple[Fraction, Fraction, Fraction]:
-        """Time, distance gone and speed at the last knot, from which on the speed stays."""
-        return self.knots[-1][0], self._reached[-1], self.knots[-1][1]
+    def last(self) -> tuple[Mark, Fraction]:
+        """The last knot, and the speed that stays from there on."""
+        return self.marks[-1], self.knots[-1][1]
 
     def rests_at(self, t_s: Fraction) -> Fraction | None:
         """Return since when the leader has rested, where it rests at a time and a while before; else None."""
@@ -103,9 +121,13 @@ class Law:
 
 
 def _smooth_rest(share: Fraction) -> tuple[Fraction, Fraction]:
-    """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and how much below it is at most."""
-    low, high = Fraction(0), Fraction(1)
-    for _ in range(_HALVINGS):
-        middle = (low + high) / 2
-        low, high = (middle, high) if middle * middle * (3 - 2 * middle) <= share else (low, middle)
-    return low, high - low
+    """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and how much below it is at most.
+
+    The root is solved for in floats, by the third of an angle, and its bracket checked exactly.
+    """
+    about, width = Fraction(0.5 - sin(asin(1 - 2 * float(share)) / 3)), _NEAR
+    while True:
+        low, high = max(about - width, Fraction(0)), min(about + width, Fraction(1))
+        if low * low * (3 - 2 * low) <= share <= high * high * (3 - 2 * high):
+            return low, high - low
+        width *= 4

@@ -13,7 +13,7 @@ from flint import arb
 from dragon_ros.verify.balls import certainly, exact, half_turn
 from dragon_ros.verify.cover import Budget
 from dragon_ros.verify.errors import Refused
-from dragon_ros.verify.law import Extent, Law
+from dragon_ros.verify.law import Extent, Law, Mark
 from dragon_ros.verify.posture import Dragon
 from dragon_ros.verify.ranges import Range
 from dragon_ros.verify.reading import Scene
@@ -22,7 +22,7 @@ from dragon_ros.verify.track import Place, Track
 
 _SAMPLES = 4000         # places at which a lock is looked for
 _HALVINGS = 80          # of times and places that are only told, or proved later on
-_SHARE = 20             # links in floats that count as one step of the budget
+_SHARE = 10             # links in floats that count as one step of the budget
 
 
 @dataclass(frozen=True)
@@ -207,12 +207,12 @@ def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_
     limits = leader.limits(slack_m, None if stop is None else exact(law.extent_m(Fraction(0), stop)[1]))
     for before, after in law.pieces(stop):
         for limit, sense in zip(limits, (-1, 1), strict=True):
-            if limit and exact(law.gone_m(after)) * sense > limit.gone * sense:
+            if limit and exact(after.gone_m) * sense > limit.gone * sense:
                 return _ended(law, start, before, after, limit, sense)
     if stop is not None:
         whole, part = (_within(law.extent_m(first, stop), limits) for first in (Fraction(0), start))
         return Run(whole, part, float(stop), 'it stops', 0.0)
-    knot, _, speed = law.last
+    knot, speed = law.last
     ahead = limits[1] if speed > 0 else limits[0] if speed < 0 else None
     if ahead is None:
         raise Refused('scene.run.stop_s: nothing ends the run')
@@ -226,13 +226,13 @@ def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
     return (low if back is None else low.max(back.gone)).lower(), (high if on is None else high.min(on.gone)).upper()
 
 
-def _ended(law: Law, start: Fraction, before: Fraction, after: Fraction | None, limit: Limit, sense: int) -> Run:
+def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
     """Return a run that a limit ends while the leader goes one way from ``before`` on; all counts but the slack."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
         raise Refused(f'scene.run.start_s: the model ends before, at {float(end_s):.12g} s: {limit.why}')
     end = limit.gone - exact(limit.slack_m) * sense
-    whole, part = (_up_to(law.extent_m(first, max(first, before)), end, sense) for first in (Fraction(0), start))
+    whole, part = (_up_to(law.extent_m(first, max(first, before.t_s)), end, sense) for first in (Fraction(0), start))
     return Run(whole, part, float(end_s), limit.why, limit.slack_m)
 
 
@@ -242,14 +242,13 @@ def _up_to(extent: Extent, end: arb, sense: int) -> Range:
     return (low.lower(), high.max(end).upper()) if sense > 0 else (low.min(end).lower(), high.upper())
 
 
-def _passage(law: Law, before: Fraction, after: Fraction | None, gone_m: Fraction, sense: int) -> Fraction:
+def _passage(law: Law, before: Mark, after: Mark | None, gone_m: Fraction, sense: int) -> Fraction:
     """Return about when the leader has gone so far, on a piece of the law on which it goes one way."""
-    if (law.gone_m(before) - gone_m) * sense >= 0:
-        return before
+    if (before.gone_m - gone_m) * sense >= 0:
+        return before.t_s
     if after is None:
-        at, here, speed = law.last
-        return at + (gone_m - here) / speed
-    low, high = before, after
+        return before.t_s + (gone_m - before.gone_m) / law.last[1]
+    low, high = before.t_s, after.t_s
     for _ in range(_HALVINGS):
         middle = (low + high) / 2
         low, high = (low, middle) if (law.gone_m(middle) - gone_m) * sense > 0 else (middle, high)

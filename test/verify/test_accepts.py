@@ -17,12 +17,13 @@ CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body t
 LOOP = Joined((Line(5.0), Arc(3.0, 720.0)))
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 SCENES = {
-    'the classic contact': (Scene(), '412.4738376821'),
+    'the classic contact': (Scene(), 'contact at 412.4738376821'),
     'ten thousand turns out': (load_scene('winding', ['dragon.benches=200', 'track.start_turns=1e4', 'run.stop_s=20']),
                                'end of the run at 20 s (it stops)'),
     'a hundred thousand turns out': (load_scene('winding', ['dragon.benches=200', 'track.start_turns=1e5',
                                                             'run.stop_s=20']), 'end of the run at 20 s'),
-    'a third of the speed of light': (Scene(head=Head(1e8)), 'contact at 4.1247383768211'),
+    'a third of the speed of light': (Scene(head=Head(1e8), dragon=Dragon(40), run=Run(4e-6)),
+                                      'contact at 4.12473837682'),
     'a tail led backwards': (Scene(head=Head(-1.0, 'tail'), dragon=Dragon(40), run=Run(0, 20)),
                              'end of the run at 0 s (the head is back at its end of the track)'),
     'a lock': (Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
@@ -33,14 +34,14 @@ SCENES = {
     'the centre': (Scene(dragon=Dragon(3, width_m=0.01), track=Spiral(5.0, 1.0)), 'the head reaches the centre'),
     'at the start': (Scene(run=Run(413.0)), 'starts with its contact at 413.0 s: benches 0 and 8 overlap'),
     'two benches': (Scene(dragon=Dragon(2)), 'the chain locks at link 0'),
-    'out and in': (Scene(track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)), 'contact at'),
+    'out and in': (Scene(dragon=Dragon(60), track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)), 'contact at'),
     'a body in': (Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), run=Run(0, 5)), 'benches 1 and 7 overlap'),
     'a body out': (Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5)),
                    'benches 2 and 10 overlap'),
     'a tail': (Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5)), 'contact at'),
     'unwinding': (load_scene('unwinding', ['run.stop_s=40', 'dragon.benches=40']), 'it stops'),
     'rest': (Scene(dragon=Dragon(30), head=Head(0.0), run=Run(0, 5)), 'it stops'),
-    'a mixed dragon': (load_scene('mixed', ['run.start_s=394.5']), 'benches 40 and 71 overlap'),
+    'a mixed dragon': (load_scene('mixed', ['run.start_s=395.6']), 'benches 40 and 71 overlap'),
     'two lengths by turns': (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (
         2.2, 1.7)))), run=Run(405)), 'benches 0 and 9 overlap'),
     'an S-turn': (Scene(dragon=Dragon(60), track=Turn(before_m=100.0), run=Run(95, 115)), 'it stops'),
@@ -68,7 +69,7 @@ def test_an_honest_certificate_is_accepted(name):
 @pytest.mark.parametrize('seed', range(4))
 def test_random_honest_certificates_are_accepted(seed):
     """A longer run by hand: ``python test/verify/runs.py SEED COUNT``."""
-    for _, _, values in islice(certificates(f'suite {seed}'), 12):
+    for _, _, values in islice(certificates(f'suite {seed}'), 8):
         proved(values)
 
 
@@ -77,7 +78,7 @@ def bare(scene, **contact):
     return {'scene': scene_values(scene), 'contact': {'t_s': None, **contact}, 'intervals': []}
 
 
-@pytest.mark.parametrize('name', ['the classic contact', 'a lock', 'an S-turn', 'a mixed dragon', 'a tail'])
+@pytest.mark.parametrize('name', ['a lock', 'an S-turn', 'out and in', 'a tail'])
 def test_intervals_are_hints_and_none_is_needed(name):
     values = written(SCENES[name][0])
     assert len(values['intervals']) > 10

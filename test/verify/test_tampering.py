@@ -134,7 +134,6 @@ TAMPERINGS = [
     ('contact', (*ROW, 'lead'), 'tail', 'names no bench'),
     ('contact', (*ROW, 'lead'), 'bench 10', 'no two benches behind'),
     ('contact', (*ROW, 'behind'), 12, 'only 11 benches'), ('contact', (*ROW, 'behind'), -1, 'not within'),
-    ('contact', (*ROW, 'start_m'), 411.4, 'more than the track'),
     ('contact', (*ROW, 'stop_m'), 412.6, 'more than the track'),
     ('contact', ('intervals', -1, 'start_m'), -1e3, 'more than the track'), ('contact', (*ROW, 'stop_m'), nan, 'NaN'),
     ('contact', (*ROW, 'stop_m'), inf, 'Infinity'), ('contact', (*ROW, 'stop_m'), '411', 'no number'),

@@ -1,9 +1,12 @@
 """Certificates from strangers: whatever stands in them, the checker refuses it in one clear error, and soon."""
 import copy
 import json
+import re
 from contextlib import suppress
+from pathlib import Path
 
 import pytest
+from certificates import refusal
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
@@ -11,7 +14,7 @@ from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.tools import certificate
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove
-from dragon_ros.verify.reading import claims_of
+from dragon_ros.verify.reading import claims_of, read
 from dragon_ros.wire.scenes import load_scene
 
 STRANGE = [None, True, -1, 0, 2, 1e308, -1e308, 1e-308, 10**400, float('nan'), float('inf'), '', 'x', '1', [], [[]], {},
@@ -79,3 +82,48 @@ def test_a_cut_or_changed_certificate_is_refused_or_harmless(proof, keep, at, va
 def test_what_is_no_json_is_refused(text):
     with pytest.raises(Refused):
         check(text)
+
+
+def hostile(**sections):
+    """A claim of no contact, of a scene that takes long to look through."""
+    scene = {'dragon': {'kind': 'equal', 'benches': 223, 'head_length_m': 3.41, 'body_length_m': 2.2, 'width_m': 0.01,
+                        'hole_inset_m': 0.275},
+             'track': {'kind': 'spiral', 'pitch_m': 0.55, 'start_turns': 16.0},
+             'head': {'kind': 'constant', 'speed_m_s': 1.0, 'lead': 'head'}, 'run': {'start_s': 0.0, 'stop_s': None}}
+    for section, values in sections.items():
+        scene[section] = values if 'kind' in values else {**scene[section], **values}
+    return {'scene': scene, 'contact': {'t_s': None}, 'intervals': []}
+
+
+@pytest.mark.parametrize(('values', 'line'), [
+    (hostile(dragon={'benches': 10**6}), 'benches: 1000000.0 is not within'),
+    (hostile(dragon={'benches': 10**300}), 'benches: 1e.300 is not within'),
+    (hostile(dragon={'benches': 10**5}), 'within the budget'),
+    (hostile(dragon={'kind': 'mixed', 'width_m': 0.01, 'hole_inset_m': 0.0, 'groups': [
+        {'length_m': 1e-4, 'count': 60_000}, {'length_m': 50.0, 'count': 1}]}), 'within the budget'),
+    (hostile(dragon={'kind': 'mixed', 'width_m': 0.01, 'hole_inset_m': 0.0, 'groups': [
+        {'length_m': 1.0, 'count': 1}] * 20_000}), 'list of 1 to 10000'),
+    (hostile(track={'pitch_m': 1e12}), 'within the budget'), (hostile(track={'pitch_m': 1e-12}), 'beyond its end'),
+    (hostile(head={'speed_m_s': -1e9}, run={'stop_s': 2e9}), 'within the budget'),
+    (hostile(head={'kind': 'profile', 'ramps': 'smooth', 'lead': 'head', 'knots': [[0.0, 1.0]] * 20_000}),
+     'list of 1 to 10000'),
+    (hostile(track={'kind': 'joined', 'start_m': 0.0, 'pieces': [{'kind': 'line', 'length_m': 1.0}] * 2000}),
+     'list of 1 to 1000'),
+    (hostile(track={'kind': 'joined', 'start_m': 3.0, 'pieces': [{'kind': 'line', 'length_m': 1e-9}] * 1000}),
+     'beyond its end'),
+    ({**hostile(), 'intervals': [{}] * 300_000}, 'to 250000')])
+def test_a_scene_that_would_take_forever_is_refused_within_its_budget(values, line):
+    assert re.search(line, refusal(values, effort=0.1))
+
+
+def test_a_file_without_end_is_not_read(tmp_path):
+    with pytest.raises(Refused, match='larger than'):
+        read(Path('/dev/zero'))
+    with pytest.raises(Refused, match='cannot be read'):
+        read(tmp_path)
+
+
+def test_equal_keys_that_readers_could_take_for_one_another_are_refused(proof):
+    text = json.dumps(proof).replace('"width_m": 0.3', '"width_m": 0.3, "width_m": 0.1')
+    with pytest.raises(Refused, match='stands twice'):
+        check(text.encode())
