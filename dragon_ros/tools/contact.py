@@ -8,15 +8,12 @@ from collections.abc import Callable
 from functools import partial
 from math import isfinite
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tqdm import tqdm
-
-from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.near_misses import near_misses
-from dragon_ros.tools import certificate
 from dragon_ros.wire import cli
+
+if TYPE_CHECKING:       # --verify starts without the solver
+    from dragon_ros.core.contact.certificate import Contact, NoContact
 
 
 def main(argv: list[str]) -> int:
@@ -37,6 +34,11 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     if arguments.verify:
         return _verify(arguments.verify, arguments.output)
+    from tqdm import tqdm
+
+    from dragon_ros.core.contact.first_contact import first_contact
+    from dragon_ros.core.contact.near_misses import near_misses
+    from dragon_ros.tools import certificate
     scene = cli.scene_from(arguments)
     start = time.perf_counter()
     with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
@@ -63,8 +65,9 @@ def _verify(certificate_file: Path, output: Path | None) -> int:
     return done.returncode
 
 
-def values_of(found: Contact | NoContact) -> dict[str, Any]:
+def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
     """Return the result as plain values."""
+    from dragon_ros.core.contact.certificate import NoContact
     if isinstance(found, NoContact):
         end = found.end
         return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link,

@@ -10,6 +10,7 @@ w, and of w'. docs/contact.md derives the formulas:
 """
 from dataclasses import dataclass
 from functools import cached_property
+from typing import NamedTuple
 
 from flint import acb, arb
 
@@ -22,8 +23,7 @@ NAN = arb('nan')
 Postures = tuple[Posture, Posture]
 
 
-@dataclass(frozen=True, eq=False)
-class Slopes:
+class Slopes(NamedTuple):
     """First and second derivatives by theta of a link's span delta and of its direction, theta + psi."""
 
     delta_1: arb
@@ -120,8 +120,7 @@ class Motion:
         return segment.radius, ZERO, ZERO, *angle
 
 
-@dataclass(frozen=True, eq=False)
-class Turning:
+class Turning(NamedTuple):
     """How fast a link turns, and the rate of that."""
 
     w: arb
