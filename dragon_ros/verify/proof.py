@@ -114,20 +114,21 @@ class _Proof:
     def _slack_m(self, contact: Contact, gone: arb) -> float:
         """Return how near to a contact it is shown that there is none before: as near as a solver in floats can tell.
 
-        That is a nanometre, unless benches come together so slowly, or so far out, that positions in floats do not say
-        where they do; or the leader is so fast that the contact's time does not.
+        That is a nanometre, unless the leader is so fast that the contact's time does not say where it is; or benches
+        touch there to within what positions in floats may err, and come together so slowly that those do not.
         """
-        step = 1e3 * _SLACK * self._unit
-        gaps = []
+        step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse
+        here, gaps = float(gap(*self._poses(contact, gone))), []
         for sense in (-1, 1):
             try:
                 gaps.append(float(gap(*self._poses(contact, gone + exact(sense * step)))))
             except Refused:     # beyond the end of the track, or of the model
                 continue
-        slope = abs(gaps[0] - gaps[-1]) / (2 * step) if gaps else 0.0
         speed = abs(float(self._scene.law.speed_m_s(Fraction(contact.t_s))))
-        slack_m = max(_SLACK * self._unit, 4 * _PROMISE_M * self._coarse / slope if slope else 0.0,
-                      4 * ulp(contact.t_s) * speed)
+        slack_m = max(_SLACK * self._unit, 4 * ulp(contact.t_s) * speed)
+        slope = abs(gaps[0] - gaps[-1]) / (2 * step) if gaps else 0.0
+        if slope and abs(here) < 2 * (error_m + slack_m):
+            slack_m = max(slack_m, error_m / slope)
         return min(slack_m, _WIDEST * self._unit * self._coarse)
 
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
