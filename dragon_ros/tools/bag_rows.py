@@ -3,8 +3,8 @@ from collections.abc import Iterable, Iterator
 
 import numpy as np
 
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS
-from dragon_ros.core.types import Floats
 from dragon_ros.wire.bag_frames import BagFrame, frames
 from dragon_ros.wire.log_read import LogReader
 

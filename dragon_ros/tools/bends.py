@@ -1,7 +1,7 @@
 """Second derivatives of corners over a stretch, in intervals; for the checker of certificates alone."""
 import numpy as np
 
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.tools.intervals import Interval
 
 

@@ -10,7 +10,7 @@ from math import cos, hypot, inf, pi, sin, sqrt
 import numpy as np
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.tools.bends import bends_of
 from dragon_ros.tools.geometry import Geometry, least
 from dragon_ros.tools.intervals import hull

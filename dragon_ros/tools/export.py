@@ -13,8 +13,8 @@ import numpy as np
 from tqdm import tqdm
 
 from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
-from dragon_ros.core.types import Array
 from dragon_ros.tools.bag_rows import values_of
 from dragon_ros.tools.table import COLUMNS, handles_of
 from dragon_ros.wire import cli

@@ -6,8 +6,8 @@ from math import asinh, atan2, cos, hypot, inf, pi, sin, sqrt
 import numpy as np
 
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 from dragon_ros.tools.going import Going
 
 

@@ -12,7 +12,7 @@ from dragon_ros.wire import cli, figures
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dragon_ros.core.types import Floats
+    from dragon_ros.core.numerics.types import Floats
     from dragon_ros.tools.sources import Progress, Source
 
 _COMMAND = 'python -m dragon_ros plot'

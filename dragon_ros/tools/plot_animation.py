@@ -11,7 +11,7 @@ from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 
 from dragon_ros.core.errors import FieldError, InputError, MissingError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.tools.plot_dragon import draw, extent, frame
 from dragon_ros.tools.sources import Moment, Progress, Source, check_times, moment
 from dragon_ros.wire.figures import BODY, HEAD, TOUCHED

@@ -7,7 +7,7 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.tools.sources import Moment, Source, Touch, moment
 from dragon_ros.wire.figures import BODY, HEAD, POINT, QUIET, TOUCHED, TRACK
 

@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.tools.sources import Moment, Progress, Source, Touch, check_times, clearances
 from dragon_ros.wire.figures import HEAD, LINES, POINT, QUIET
 

@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.tools.sources import Moment, Progress, Source, Touch, clearances, moment, thinned
 
 MOST_TICKS = 100_000

@@ -4,7 +4,7 @@ from base64 import b64encode
 from pathlib import Path
 
 from dragon_ros.core.errors import MissingError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.tools.sources import Progress, Source
 from dragon_ros.tools.view_data import ViewData
 

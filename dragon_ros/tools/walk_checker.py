@@ -11,8 +11,8 @@ import numpy as np
 import shapely
 
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Array, Floats, Ints
 from dragon_ros.tools.curve import Curve
 from dragon_ros.tools.going import Going
 

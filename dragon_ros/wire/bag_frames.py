@@ -11,8 +11,8 @@ from dragon_ros.core.benches import Benches
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 from dragon_ros.core.watch import NEAR_M
 from dragon_ros.wire.cdr_read import MessageError, Poses, read_multi_array
 from dragon_ros.wire.documents import parse_document

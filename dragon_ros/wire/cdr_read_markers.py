@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.types import Array, Floats, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.wire.cdr import NS, strided
 from dragon_ros.wire.cdr_read import Layout, MessageError, Reader, layout_of
 from dragon_ros.wire.schemas import fields_of
