@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from math import inf, pi
 
-from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.march import first_guess, first_peak, step
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import PlacedSpiral
@@ -20,7 +20,7 @@ class Inwards(Walk):
         (piece,) = self.pieces
         assert isinstance(piece, PlacedSpiral)
         delta, spent = span(place.u.hi, chord_m / piece.spiral.b_m, tolerance)
-        return Place(0, Angle(*plus(*place.u, delta))), spent
+        return Place(0, DoubleDouble(*plus(*place.u, delta))), spent
 
 
 def inwards(spiral: Spiral) -> Inwards:

@@ -3,7 +3,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 
-from dragon_ros.core.angle import plus
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.march import Effort

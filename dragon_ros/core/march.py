@@ -12,8 +12,8 @@ from math import asin, cos, inf, pi, sin, sqrt
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Floats, read_only
@@ -35,7 +35,7 @@ class Effort:
     trust: float = 0.0
 
 
-def place(spiral: Spiral, links_m: Floats, head: Angle, effort: Effort) -> SpiralChain:
+def place(spiral: Spiral, links_m: Floats, head: DoubleDouble, effort: Effort) -> SpiralChain:
     """Place every handle behind ``head``. Raises ChainLockError where a link has no place.
 
     The next link is predicted from theta'^2 - theta^2, which is almost 2 chord: by the parabola through the last

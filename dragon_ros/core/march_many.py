@@ -6,8 +6,8 @@ from math import pi
 
 import numpy as np
 
-from dragon_ros.core.angle import plus
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.march import TIGHT, Effort, chain_of, first_guess, locked, near_lock, step
 from dragon_ros.core.numerics.types import Floats

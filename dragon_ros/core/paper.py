@@ -9,7 +9,7 @@ from math import cos, pi, sqrt
 
 import numpy as np
 
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import Spiral, tangents

@@ -12,7 +12,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, from_turns, plus, product
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus, product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import TrackEndError
 from dragon_ros.core.numerics.roots import bracketed_newton
@@ -40,7 +40,7 @@ class Spiral:
         return self.pitch_m / (2 * pi)
 
     @cached_property
-    def start(self) -> Angle:
+    def start(self) -> DoubleDouble:
         """Polar angle of the head's front handle at t = 0."""
         return from_turns(self.start_turns)
 
@@ -49,7 +49,7 @@ class Spiral:
         """Arc length from the start to the centre: S(theta) = b/2 (theta sqrt(1 + theta^2) + asinh theta)."""
         return self.distance_to(0.0)
 
-    def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> Angle:
+    def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> DoubleDouble:
         """Return the place that lies some arc length further in than the start (negative: further out).
 
         Solved for the angle turned, from a difference of arc lengths, in floats; what floats then miss is made up for
@@ -60,8 +60,8 @@ class Spiral:
             raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
                                 f'{self.length_m:.9g} m', distance_m=distance_m, limit_m=self.length_m)
         if distance_m == 0 or distance_m >= self.length_m:
-            return Angle(0.0, 0.0) if distance_m else self.start
-        return Angle(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
+            return DoubleDouble(0.0, 0.0) if distance_m else self.start
+        return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
         """Return ``inward`` of many distances at once as (hi, lo), to the last digits and not bit for bit."""
@@ -74,7 +74,7 @@ class Spiral:
         return self._corrected(_almost_turned(self.start.hi, arc), distance_m, distance_lo_m)
 
     @cached_property
-    def _per_b(self) -> Angle:
+    def _per_b(self) -> DoubleDouble:
         """1 / b in 1/m."""
         return from_turns(1 / Fraction(self.pitch_m))
 

@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.chord import reach_m, step_in
 from dragon_ros.core.march import first_guess, step
 from dragon_ros.core.path import Spiral, arc_between
@@ -57,7 +57,7 @@ class Placed(Protocol):
         """Return the curvature in 1/m, positive where the head's way turns left; monotone along the piece."""
         ...
 
-    def after(self, metres: float, lo: float = 0.0) -> Angle:
+    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
         """Return u so many metres from the anchor in the head's way."""
         ...
 
@@ -65,7 +65,7 @@ class Placed(Protocol):
         """Return a bound on the distance from the origin between two coordinates."""
         ...
 
-    def next(self, u: Angle, chord_m: float, way: int, tolerance: float) -> tuple[Angle, int]:
+    def next(self, u: DoubleDouble, chord_m: float, way: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the nearest place at a chord, on this curve however long, and evaluations."""
         ...
 
@@ -100,17 +100,17 @@ class PlacedLine:
         """Return 0."""
         return np.zeros_like(u)
 
-    def after(self, metres: float, lo: float = 0.0) -> Angle:
+    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
         """Return u so many metres from the start."""
-        return Angle(*plus(metres, lo, 0.0))
+        return DoubleDouble(*plus(metres, lo, 0.0))
 
     def far_m(self, a: float, b: float) -> float:
         """Return a bound on the distance from the origin between two coordinates."""
         return max(abs(complex(self.at(a))), abs(complex(self.at(b))))
 
-    def next(self, u: Angle, chord_m: float, way: int, tolerance: float) -> tuple[Angle, int]:
+    def next(self, u: DoubleDouble, chord_m: float, way: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
-        return Angle(*plus(*u, way * chord_m)), 1
+        return DoubleDouble(*plus(*u, way * chord_m)), 1
 
 
 @dataclass(frozen=True)
@@ -151,17 +151,17 @@ class PlacedArc:
         """Return the signed curvature."""
         return np.full_like(u, self.side / self.radius_m)
 
-    def after(self, metres: float, lo: float = 0.0) -> Angle:
+    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
         """Return u so many metres from the start."""
-        return Angle(*plus(metres / self.radius_m, lo / self.radius_m, 0.0))
+        return DoubleDouble(*plus(metres / self.radius_m, lo / self.radius_m, 0.0))
 
     def far_m(self, a: float, b: float) -> float:
         """Return a bound on the distance from the origin between two coordinates."""
         return abs(self.centre) + self.radius_m
 
-    def next(self, u: Angle, chord_m: float, way: int, tolerance: float) -> tuple[Angle, int]:
+    def next(self, u: DoubleDouble, chord_m: float, way: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
-        return Angle(*plus(*u, way * 2 * asin(chord_m / (2 * self.radius_m)))), 1
+        return DoubleDouble(*plus(*u, way * 2 * asin(chord_m / (2 * self.radius_m)))), 1
 
 
 def arc_from(start: complex, direction: complex, radius_m: float, side: int, angle_rad: float) -> PlacedArc:
@@ -215,7 +215,7 @@ class PlacedSpiral:
         square = 1 + u * u
         return self.side * self.way / self.spiral.b_m * (1 + 1 / square) / np.sqrt(square)
 
-    def after(self, metres: float, lo: float = 0.0) -> Angle:
+    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
         """Return u so many metres from the anchor."""
         return self.spiral.inward(-self.way * metres, -self.way * lo)
 
@@ -223,15 +223,15 @@ class PlacedSpiral:
         """Return a bound on the distance from the origin between two coordinates."""
         return abs(self.centre) + self.spiral.b_m * max(a, b)
 
-    def next(self, u: Angle, chord_m: float, way: int, tolerance: float) -> tuple[Angle, int]:
+    def next(self, u: DoubleDouble, chord_m: float, way: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the nearest place at a chord: further out, or further in."""
         chord = chord_m / self.spiral.b_m
         if way == self.way:
             delta, spent = step(u.hi, chord, first_guess(u.hi, chord), tolerance)
-            return Angle(*plus(*u, delta)) if delta < inf else Angle(inf, 0.0), spent
+            return DoubleDouble(*plus(*u, delta)) if delta < inf else DoubleDouble(inf, 0.0), spent
         arc = reach_m(self.bend, chord_m) / self.spiral.b_m
         delta, spent = step_in(u.hi, chord, arc, tolerance)
-        return Angle(*plus(*u, -delta)) if delta < inf else Angle(-inf, 0.0), spent
+        return DoubleDouble(*plus(*u, -delta)) if delta < inf else DoubleDouble(-inf, 0.0), spent
 
 
 def _exp(z: Any) -> Any:

@@ -12,7 +12,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import tangents
 
 if TYPE_CHECKING:
-    from dragon_ros.core.chain import Chain, SpiralChain
+    from dragon_ros.core.old_chain import Chain, SpiralChain
 
 
 def along_track(theta: Floats, delta: Floats) -> tuple[Floats, Floats]:

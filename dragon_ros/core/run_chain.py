@@ -6,7 +6,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.chain import Chain
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.track_table import Spot, Spots, TrackTable

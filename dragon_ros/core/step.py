@@ -12,7 +12,7 @@ import numpy as np
 
 from dragon_ros.core import paper
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.chain import Chain, SpiralChain, stack
+from dragon_ros.core.old_chain import Chain, SpiralChain, stack
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.march import place

@@ -14,8 +14,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, plus
-from dragon_ros.core.chain import Chain
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.march import first_guess, locked, step
 from dragon_ros.core.march_many import head_steps
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
@@ -85,7 +85,7 @@ class ShiftTable:
     def _orders(self) -> Floats:
         return np.arange(self.nodes, dtype=np.float64)
 
-    def place(self, head: Angle) -> 'TableChain | None':
+    def place(self, head: DoubleDouble) -> 'TableChain | None':
         """Return the chain behind ``head``; None where the second handle is outside the table.
 
         Raises ChainLockError where the head's link finds no place.

@@ -14,7 +14,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.table import TERMS, same_rows
@@ -138,7 +138,7 @@ class TrackTable:
         """Return the place of the handle in another row."""
         _, middle, middle_lo, scale = self.charts[row, spot.part, :4].tolist()
         x = float(spot.basis @ self.coordinates[spot.part, :, row])
-        return Place(int(self.piece[row, spot.part]), Angle(*plus(middle, middle_lo, x / scale)))
+        return Place(int(self.piece[row, spot.part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
         """Return ``place_at`` of many."""

@@ -51,7 +51,7 @@ class Turn:
 
     @cached_property
     def gamma_rad(self) -> float:
-        """Angle between the track and the radius at the entry."""
+        """DoubleDouble between the track and the radius at the entry."""
         return atan(2 * pi * self.entry_turns)
 
     @cached_property
@@ -92,7 +92,7 @@ class Turn:
 
     @property
     def angle_rad(self) -> float:
-        """Angle by which each arc turns."""
+        """DoubleDouble by which each arc turns."""
         return 2 * self.gamma_rad
 
     @cached_property

@@ -11,7 +11,7 @@ from math import inf, pi
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.dragon import is_even
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.inwards import inwards, span
@@ -82,7 +82,7 @@ class Visits:
             low, high = spans[-1]
             places = [_behind(theta, chord) for theta in (low, high, *turns(chord)) if low <= theta <= high]
             spans.append((min(places), max(places)))
-        rest = [place(scene.spiral, links[2:], Angle(edge, 0.0), scene.effort).theta[1:] for edge in spans[-1]]
+        rest = [place(scene.spiral, links[2:], DoubleDouble(edge, 0.0), scene.effort).theta[1:] for edge in spans[-1]]
         theta = np.concatenate((np.array(spans).T, rest), axis=1)[:, :links.size]
         self._check_rest(theta)
         return np.sort(self.walk.distances(np.zeros(theta.shape, dtype=np.int64), theta), axis=0)
@@ -144,7 +144,7 @@ class Visits:
         theta = self._polar_at(gone_m)
         for chord in self._chords[:handle]:
             theta = _behind(theta, chord)
-        rest = place(scene.spiral, scene.dragon.link_lengths_m[2:handle], Angle(theta, 0.0), scene.effort)
+        rest = place(scene.spiral, scene.dragon.link_lengths_m[2:handle], DoubleDouble(theta, 0.0), scene.effort)
         return self._along_m(float(rest.theta[-1]))
 
 

@@ -13,7 +13,7 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.chord import reach_m
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.march import Effort
@@ -32,12 +32,12 @@ class Place(NamedTuple):
     """A place on a walk: the piece's number and its coordinate."""
 
     piece: int
-    u: Angle
+    u: DoubleDouble
 
     @classmethod
     def of(cls, piece: Any, u: Any, lo: Any) -> 'Place':
         """Return the place of numbers from arrays."""
-        return cls(int(piece), Angle(float(u), float(lo)))
+        return cls(int(piece), DoubleDouble(float(u), float(lo)))
 
 
 def least_radius_m(links_m: Floats) -> float:
@@ -173,7 +173,7 @@ class Walk:
 
         start = most + most * min(max((chord_m - gone) / (reach - gone), 0.0), 1.0)
         x, spent = bracketed_newton(excess, most, 2 * most, start, tolerance)
-        return Place(k, Angle(*plus(near, 0.0, sense * (x - most)))), spent
+        return Place(k, DoubleDouble(*plus(near, 0.0, sense * (x - most)))), spent
 
     def follow(self, links_m: Floats, leader: Place, way: int, effort: Effort) -> tuple[list[Place], int]:
         """Return the places of all handles from the leader on, and evaluations."""
@@ -182,7 +182,7 @@ class Walk:
             place = places[-1]
             if way == BACK and place.piece == 0 and self.afar:
                 rest = place_on_spiral(self.afar, links_m[i:], place.u, effort)
-                places += [Place(0, Angle(*u)) for u in zip(rest.theta[1:].tolist(), rest.theta_lo[1:].tolist(),
+                places += [Place(0, DoubleDouble(*u)) for u in zip(rest.theta[1:].tolist(), rest.theta_lo[1:].tolist(),
                                                             strict=True)]
                 return places, spent + rest.evaluations
             place, more = self.next(place, chord_m, way, effort.newton)

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.chain import Chain
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.numerics.types import Floats, Ints, read_only

@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros.core.angle import plus
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.chord import reach_m, step_in
 from dragon_ros.core.march_many import first_guesses, steps
 from dragon_ros.core.numerics.types import Array, Floats, Ints

@@ -6,9 +6,9 @@ from functools import cached_property
 import numpy as np
 
 from dragon_ros.core import stretches
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.course import Course
 from dragon_ros.core.dragon import goes_on_alike, is_even
 from dragon_ros.core.errors import FieldError
@@ -63,7 +63,7 @@ class Way:
         if theta == self.start:
             return float(self.scene.run.start_s)
         led = self.scene.led
-        gone_m = led.gone_m(Place(0, Angle(float(self.chain(theta).theta[-1]), 0.0))) if led else (
+        gone_m = led.gone_m(Place(0, DoubleDouble(float(self.chain(theta).theta[-1]), 0.0))) if led else (
             self.spiral.distance_to(theta))
         return self._course.arrival_s(gone_m, self._sense)
 
@@ -78,7 +78,7 @@ class Way:
 
     def chain(self, theta: float, benches: int | None = None) -> SpiralChain:
         """Return the chain, or its first benches, with the head's front handle at ``theta``."""
-        return place(self.spiral, self.dragon.link_lengths_m[:benches], Angle(theta, 0.0), self._effort)
+        return place(self.spiral, self.dragon.link_lengths_m[:benches], DoubleDouble(theta, 0.0), self._effort)
 
     def benches(self, theta: float) -> Benches:
         """Return all benches with the head's front handle at ``theta``."""

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.neighbours import candidates
@@ -35,6 +35,6 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
             'encode': lambda: [one(frame) for one in encode]}
 
 
-def _head(scene: Scene, t_s: float) -> Angle:
+def _head(scene: Scene, t_s: float) -> DoubleDouble:
     scene.check_time(t_s)
     return scene.spiral.inward(*scene.head.travelled_m(t_s))

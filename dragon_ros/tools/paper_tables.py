@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.chain import Chain
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, velocity_of
 from dragon_ros.wire import config

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.bending import bend
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
@@ -26,7 +26,7 @@ COUNT = 24
 
 def corners(dragon, theta):
     """Corners of benches 2 and on in the frame of bench 0, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
-    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, Angle(theta, 0.0), EFFORT)
+    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT)
     z = chain.p @ [1, 1j]
     angle = chain.theta[:-1]
     along = np.where(chain.links_m > 0, z[:-1] - z[1:], -np.exp(1j * angle) * (1 + 1j * angle))
@@ -38,7 +38,7 @@ def corners(dragon, theta):
 
 
 def ends(dragon, *places):
-    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, Angle(theta, 0.0), EFFORT) for theta in places]
+    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT) for theta in places]
 
 
 def bound(dragon, start, stop):

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dragon_ros.core.chain import Chain
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.closeness import closeness
 from dragon_ros.core.contact import gaps, witness
 from dragon_ros.core.dragon import Dragon

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.benches import axes_of
 from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
@@ -118,7 +118,7 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
     joint = 1 + joint % (len(walk.pieces) - 1)
     links = scene.dragon.link_lengths_m[:handle][::-1]
     try:
-        head = walk.follow(links, Place(joint, Angle(walk.pieces[joint].first, 0.0)), AHEAD, EFFORT)[0][-1]
+        head = walk.follow(links, Place(joint, DoubleDouble(walk.pieces[joint].first, 0.0)), AHEAD, EFFORT)[0][-1]
     except TrackEndError:
         assume(False)
     t_s = walk.distance_of(head)[0] + past_m
@@ -178,19 +178,19 @@ def test_a_scene_of_mixed_benches_has_a_table_for_each_run(speed):
 def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
     spiral, links = Spiral(), np.array([0.5] + [1.65] * 40)
     runs = Runs(wound(spiral, 0.0), links, BACK, (-100.0, 440.0), EFFORT, 2e-14)
-    head = Angle(13.0, 0.0)
+    head = DoubleDouble(13.0, 0.0)
     chain, other = runs.place(Place(0, head)), place(spiral, links, head, EFFORT)
     assert chain.solver == 'table+march'
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
-    assert runs.place(Place(0, Angle(2000.0, 0.0))) is None
+    assert runs.place(Place(0, DoubleDouble(2000.0, 0.0))) is None
 
 
 def test_a_mix_that_locks_names_its_link():
     spiral, links = Spiral(), np.array([1.0] + [5.0] * 20)
     runs = Runs(wound(spiral, 0.0), links, BACK, (-500.0, 440.0), EFFORT, 2e-14)
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
-        runs.place(Place(0, Angle(8.0, 0.0)))
+        runs.place(Place(0, DoubleDouble(8.0, 0.0)))
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
         runs.place_many((np.zeros(1, dtype=int), np.array([8.0]), np.zeros(1)))
 

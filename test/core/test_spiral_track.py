@@ -5,7 +5,7 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.angle import Angle, from_turns, plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.head import Head
@@ -59,7 +59,7 @@ def test_tangents_are_unit_vectors_along_the_growing_angle(theta):
 
 @given(st.floats(0, 1e9), st.floats(-3, 3))
 def test_an_angle_pair_keeps_what_one_float_loses(hi, delta):
-    total = Angle(*plus(hi, 0.0, delta))
+    total = DoubleDouble(*plus(hi, 0.0, delta))
     from fractions import Fraction
     assert Fraction(total.hi) + Fraction(total.lo) == Fraction(hi) + Fraction(delta)
 

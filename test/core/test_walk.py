@@ -10,7 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from shapely import LineString
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.dragon import Dragon
@@ -74,7 +74,7 @@ def _no_nearer_root(walk, chain, front, link_m):
 
 
 def _place(chain, n):
-    return Place(int(chain.piece[n]), Angle(float(chain.u[n]), float(chain.u_lo[n])))
+    return Place(int(chain.piece[n]), DoubleDouble(float(chain.u[n]), float(chain.u_lo[n])))
 
 
 @pytest.mark.parametrize('name', ['turning', 'wiggle', 'loop', 'law', 'unwinding', 'turn-by-the-tail'])

@@ -2,7 +2,7 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.bending import bend
 from dragon_ros.core.bending_by_scale import bend_by_scale
 from dragon_ros.core.dragon import Dragon
@@ -55,7 +55,7 @@ def test_a_winding_is_the_chain_that_the_march_places():
     found = winding(radius_m, scale)
     for r, s, p in zip(radius_m, scale, found.p, strict=True):
         spiral = Spiral(2 * np.pi / s)
-        chain = place(spiral, Dragon().link_lengths_m[:COUNT], Angle(s * r, 0.0), EFFORT)
+        chain = place(spiral, Dragon().link_lengths_m[:COUNT], DoubleDouble(s * r, 0.0), EFFORT)
         assert p / s == pytest.approx(chain.p, abs=1e-11)
 
 

@@ -1,27 +1,28 @@
-"""Numbers as an unevaluated sum of two floats (hi, lo), so that many turns and long ways cost no digits.
+"""Double-double numbers: an unevaluated sum of two floats (hi, lo), so that many turns and long ways cost no digits.
 
-``hi`` is the float nearest to the number and ``lo`` what it misses. One float near 1e9 rad is 1e-7 rad coarse, the
-pair 1e-23 rad. The trigonometry stays ordinary: cos(hi + lo) = cos(hi) - lo sin(hi) to the last digit.
+``hi`` is the float nearest to the number and ``lo`` the remainder. One float near 1e9 rad is 1e-7 rad coarse, the pair
+1e-23 rad. The trigonometry stays ordinary: cos(hi + lo) = cos(hi) - lo sin(hi) to the last digit.
 """
 from fractions import Fraction
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 _TWO_PI = Fraction('6.28318530717958647692528676655900576839433879875021164194988918461563')
 
 
-class Angle(NamedTuple):
-    """hi + lo in radians, |lo| at most half an ulp of hi."""
+class DoubleDouble(NamedTuple):
+    """hi + lo, |lo| at most half an ulp of hi."""
 
     hi: float
     lo: float
 
 
-def from_turns(turns: float | Fraction) -> Angle:
-    """Return 2 pi turns, correct to 32 digits."""
+@lru_cache(maxsize=1024)
+def from_turns(turns: float | Fraction) -> DoubleDouble:
+    """Return 2 pi turns in radians, correct to 32 digits."""
     exact = _TWO_PI * Fraction(turns)
     hi = float(exact)
-    return Angle(hi, float(exact - Fraction(hi)))
-
+    return DoubleDouble(hi, float(exact - Fraction(hi)))
 
 
 def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:
