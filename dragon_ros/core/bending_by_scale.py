@@ -25,7 +25,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.bending import Motion, Spans, corners, spans
+from dragon_ros.core.contact.second_order_bounds import Motion, Spans, corners, spans
 from dragon_ros.core.numerics.ball_arithmetic import Ball, side_by_side
 from dragon_ros.core.numerics.types import Floats
 

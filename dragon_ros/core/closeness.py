@@ -4,12 +4,12 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros.core.contact import gaps, witnesses
-from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps, witnesses
+from dragon_ros.core.contact.tracker import NEAR_M, TOUCH_M
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
-from dragon_ros.core.watch import NEAR_M, TOUCH_M
 
 
 @dataclass(frozen=True)

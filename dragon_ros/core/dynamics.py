@@ -1,9 +1,9 @@
 """Accelerations of the handles, and what they say about the pull in the links."""
 import numpy as np
 
-from dragon_ros.core.old_chain import Chain, SpiralChain
 from dragon_ros.core.motion import carried, dot, handle_motion
 from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.old_chain import Chain, SpiralChain
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame

@@ -15,9 +15,9 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.double_double import product
 from dragon_ros.core.numerics.roots import bracketed_newton
 
 LEADERS = ('head', 'tail')

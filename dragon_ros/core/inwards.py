@@ -2,8 +2,8 @@
 from dataclasses import dataclass
 from math import inf, pi
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.march import first_guess, first_peak, step
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import PlacedSpiral
 from dragon_ros.core.walk import Place, Walk

@@ -3,10 +3,10 @@ from dataclasses import dataclass
 from functools import cached_property
 from math import inf
 
-from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.march import Effort
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.walk import Place, Walk

@@ -12,11 +12,11 @@ from math import asin, cos, inf, pi, sin, sqrt
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.path import TINY, Spiral, points
 
 TIGHT = 1e-8        # a Newton step that leaves no error that floats can keep

@@ -6,11 +6,11 @@ from math import pi
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import plus
-from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.march import TIGHT, Effort, chain_of, first_guess, locked, near_lock, step
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.path import TINY, Spiral
 
 

@@ -8,8 +8,8 @@ from itertools import accumulate
 
 import numpy as np
 
-from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.old_chain import SpiralChain
 from dragon_ros.core.path import tangents
 from dragon_ros.core.rates import speeds
 

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus, product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import TrackEndError
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus, product
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Floats
 

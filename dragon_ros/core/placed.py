@@ -11,9 +11,9 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.chord import reach_m, step_in
 from dragon_ros.core.march import first_guess, step
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.path import Spiral, arc_between
 
 BACK, AHEAD = -1, 1         # against the head's way, and along it

@@ -6,8 +6,8 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.track_table import Spot, Spots, TrackTable
 from dragon_ros.core.walk import Place, Walk

@@ -12,12 +12,12 @@ import numpy as np
 
 from dragon_ros.core import paper
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.old_chain import Chain, SpiralChain, stack
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.march import place
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.old_chain import Chain, SpiralChain, stack
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.walk import Place

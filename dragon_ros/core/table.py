@@ -14,11 +14,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
-from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.march import first_guess, locked, step
 from dragon_ros.core.march_many import head_steps
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.path import Spiral, point, points, tangent, tangents
 from dragon_ros.core.rates import speed_ratio, speed_ratios
 

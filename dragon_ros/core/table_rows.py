@@ -6,8 +6,8 @@ from math import ceil, pi
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.march import first_guess, step
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.path import Spiral, arc_between, points, tangents
 from dragon_ros.core.rates import along_track

@@ -5,8 +5,8 @@ from math import ceil, inf
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.errors import TrackEndError
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.placed import AHEAD, BACK, PlacedSpiral
 from dragon_ros.core.table_rows import inverse_series, powers_of, push, transform

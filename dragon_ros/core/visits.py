@@ -11,12 +11,12 @@ from math import inf, pi
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.dragon import is_even
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.inwards import inwards, span
 from dragon_ros.core.lock import turning_places, turns
 from dragon_ros.core.march import place
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.placed import PlacedArc

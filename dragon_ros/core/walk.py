@@ -13,11 +13,11 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.chord import reach_m
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march import place as place_on_spiral
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.path import Spiral

@@ -6,9 +6,9 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.chord import reach_m, step_in
 from dragon_ros.core.march_many import first_guesses, steps
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.path import arc_between
 from dragon_ros.core.placed import BACK, Placed, PlacedSpiral, metres_between

@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.march import place
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.old_chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost.baselines import by_newton
 

@@ -4,10 +4,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
+from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools.certificate_file import Claims, read_claims
 from dragon_ros.tools.checker import Checker, name_of
 from dragon_ros.tools.walk_checker import WalkChecker

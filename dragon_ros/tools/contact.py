@@ -11,9 +11,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.near_misses import near_misses
-from dragon_ros.core.verdict import Contact, NoContact
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.tools import certificate
 from dragon_ros.wire import cli
 

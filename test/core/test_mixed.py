@@ -10,23 +10,23 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.narrow_phase import Lookout, beyond, further
+from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
 from dragon_ros.core.extent import extent
 from dragon_ros.core.fastest import fastest
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
 from dragon_ros.core.lock import follower, head_lock_angle
-from dragon_ros.core.lookout import Lookout, beyond, further
 from dragon_ros.core.min_pitch import min_pitch
-from dragon_ros.core.near_misses import near_misses
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.scenes import load_scene, scene_values

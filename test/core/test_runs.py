@@ -10,13 +10,13 @@ import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.benches import axes_of
 from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.head import Head
 from dragon_ros.core.joined import Arc, Joined, Line, Wind, wound
 from dragon_ros.core.march import Effort, place
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.runs import Runs

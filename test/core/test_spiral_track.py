@@ -5,10 +5,10 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.head import Head
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.path import Spiral, arc_between, points, tangents
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state

@@ -2,12 +2,12 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.bending import bend
 from dragon_ros.core.bending_by_scale import bend_by_scale
+from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.march import Effort, place
 from dragon_ros.core.numerics.ball_arithmetic import between
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.winding import separations, windings
 

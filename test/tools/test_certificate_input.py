@@ -7,8 +7,8 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.tools import certificate
 from dragon_ros.wire.scenes import load_scene
 

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.bending import bend
-from dragon_ros.core.lookout import Sizes, View, beyond, further, joined
+from dragon_ros.core.contact.narrow_phase import Sizes, View, beyond, further, joined
+from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.numerics.ball_arithmetic import between
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 

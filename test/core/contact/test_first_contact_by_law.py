@@ -9,14 +9,14 @@ from apart import smallest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.course import course_of
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.first_passage import course_of
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 from dragon_ros.tools.going import Going
 from dragon_ros.wire.scenes import load_scene

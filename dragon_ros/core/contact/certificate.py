@@ -1,9 +1,9 @@
 """What is found of a first contact: when and between which benches, or that there is none, and what proves it."""
 from dataclasses import dataclass
 
-from dragon_ros.core.contact import Witness
+from dragon_ros.core.contact.interval_clearing import Stretch
+from dragon_ros.core.contact.signed_distance import Witness
 from dragon_ros.core.end import End
-from dragon_ros.core.stretches import Stretch
 
 
 @dataclass(frozen=True)

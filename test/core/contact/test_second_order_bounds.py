@@ -6,16 +6,16 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.bending import bend
+from dragon_ros.core.contact.interval_clearing import bounds
+from dragon_ros.core.contact.narrow_phase import Lookout, beyond
+from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.lock import follower, lock_angle, turning_places
-from dragon_ros.core.lookout import Lookout, beyond
 from dragon_ros.core.march import place
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.stretches import bounds
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.tools.bends import bends_of
 from dragon_ros.tools.intervals import hull

@@ -12,16 +12,16 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.contact import gaps, witness
-from dragon_ros.core.course import Course
+from dragon_ros.core.contact.broad_phase import box_pairs
+from dragon_ros.core.contact.certificate import Certificate, Contact, Step
+from dragon_ros.core.contact.signed_distance import gaps, witness
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.first_passage import Course
 from dragon_ros.core.led import Led
-from dragon_ros.core.neighbours import box_pairs
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.verdict import Certificate, Contact, Step
 
 _SPACING = 0.3          # of the longest bench, between first looks
 _FINEST = 1e-8          # of a metre, or of the longest bench if it is shorter

@@ -1,10 +1,11 @@
 """Which benches can touch: the adjacent layer of a dragon that winds about the origin, else a broad phase for all.
 
 The paper looks, for each bench, where the lines from the centre through its two handles meet the next layer out, at
-theta + 2 pi (it prints theta - 2 pi), and takes the three benches nearest to each of the two points. That is complete
-only where a bench reaches no further than its neighbours on the next layer, and no bench meets its own layer or the
-next but one: ``layer_windows``. ``candidates`` asks instead which benches share a direction and a distance from the
-origin, turn by turn, which is complete wherever the benches are, and the same few benches where the paper is right.
+theta + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points.
+That is complete only where a bench reaches no further than its neighbours on the next layer, and no bench meets its
+own layer or the next but one: ``adjacent_layer_windows``. ``candidates`` asks instead which benches share a direction
+and a distance from the origin, turn by turn, which is complete wherever the benches are, and the same few benches
+where the paper is right.
 """
 from dataclasses import dataclass
 
@@ -142,7 +143,7 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
     return i, j
 
 
-def layer_windows(angle: Floats) -> tuple[Ints, Ints]:
+def adjacent_layer_windows(angle: Floats) -> tuple[Ints, Ints]:
     """Return the paper's first and last candidate (N,) in the next layer out, corrected, from handle angles (N+1,).
 
     ``candidates`` does not use it: no bench may reach further than the three of them.

@@ -10,16 +10,16 @@ from apart import smallest
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core import contact_on_walk
+from dragon_ros.core.contact import conservative_advancement
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Arc, Joined, Line, Wind
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 from dragon_ros.tools.curve import Curve
 
@@ -199,7 +199,7 @@ def passing(width, t_s=np.linspace(112.0, 118.0, 241)):
 
 def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds(monkeypatch):
     """With a coarse finest step, so that a gap of some micrometres is as hard as one of nanometres."""
-    monkeypatch.setattr(contact_on_walk, '_FINEST', 1e-5)
+    monkeypatch.setattr(conservative_advancement, '_FINEST', 1e-5)
     width = 0.3
     for _ in range(8):
         gap, at_s, scene = passing(width)

@@ -9,19 +9,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.certificate import Certificate, Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.interval_clearing import Stretch, bounds
+from dragon_ros.core.contact.narrow_phase import Lookout
+from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, InputError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
-from dragon_ros.core.lookout import Lookout
-from dragon_ros.core.near_misses import near_misses
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.stretches import Stretch, bounds
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.verdict import Certificate, Contact, NoContact
 from dragon_ros.tools import certificate
 
 CLASSIC = Scene(solver='march')
@@ -245,8 +245,8 @@ def test_the_checker_uses_none_of_the_solvers_code():
             for line in (folder / f'{name}.py').read_text().splitlines() if line.startswith('from dragon_ros.core')}
     assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.numerics.types'}
     text = Path(certificate.__file__).read_text()
-    assert [line for line in text.splitlines() if 'verdict' in line and 'import' in line] == [
-        'from dragon_ros.core.verdict import Contact, NoContact']
+    assert [line for line in text.splitlines() if 'core.contact' in line and 'import' in line] == [
+        'from dragon_ros.core.contact.certificate import Contact, NoContact']
 
 
 def test_gaps_and_views_agree_on_who_is_apart():

@@ -4,13 +4,13 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.interval_clearing import Stretch
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.stretches import Stretch
-from dragon_ros.core.verdict import Contact, NoContact
 
 _SPACING_S = 0.02
 _GOLDEN = 0.5 * (5**0.5 - 1)

@@ -4,12 +4,12 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core import neighbours
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact import broad_phase
+from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
@@ -48,8 +48,8 @@ def missed(p, benches, reach_m=None):
 
 def falls_back(p, benches):
     """Whether only boxes can promise."""
-    sectors = neighbours._sectors(p, benches, default_reach_m(benches))
-    return sectors is None or neighbours._polar_pairs(sectors) is None
+    sectors = broad_phase._sectors(p, benches, default_reach_m(benches))
+    return sectors is None or broad_phase._polar_pairs(sectors) is None
 
 
 @given(st.floats(0.05, 3), st.floats(1.2, 20), st.floats(0.01, 1), st.floats(0.6, 5), st.floats(0.6, 5),
