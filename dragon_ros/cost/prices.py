@@ -71,7 +71,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
         frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
         for name, compute in plan(effect):
-            object.__setattr__(frame, name, compute(scene, frame))      # as frame_of does
+            frame = replace(frame, **{name: compute(scene, frame)})     # as frame_of does
         for one in encode:
             one(frame)
         spent.append(time.perf_counter() - start)

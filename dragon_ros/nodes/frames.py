@@ -2,8 +2,9 @@
 from dataclasses import replace
 
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import Frame, frame_of, state, tick
+from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.core.verdict import Contact
 
 

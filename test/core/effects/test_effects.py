@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain import Chain
-from dragon_ros.core.closeness import closeness
 from dragon_ros.core.contact import gaps, witness
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.effects import MEANINGS, NEEDS, Effect, check_needs, effects_of, known
+from dragon_ros.core.effects.noise import normal
+from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.noise import normal
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
@@ -79,7 +79,8 @@ def test_what_is_off_is_not_even_imported():
             '[encode(tick(scene, 0)) for encode in encoders(scene).values()]\nprint(json.dumps(list(sys.modules)))')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
-    for name in ('core.closeness', 'core.dynamics', 'core.noise', 'core.trails', 'core.health', 'core.contact',
+    for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
+                 'core.effects.health', 'core.contact',
                  'core.neighbours', 'core.watch', 'wire.encode_effects', 'wire.cdr_effects'):
         assert f'dragon_ros.{name}' not in loaded
 

@@ -2,11 +2,11 @@
 import numpy as np
 
 from dragon_ros.core.chain import Chain, SpiralChain
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.motion import carried, dot, handle_motion
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import Frame
 
 
 def accelerations(scene: Scene, frame: Frame) -> Floats:
