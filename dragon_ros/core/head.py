@@ -50,6 +50,14 @@ class Head:
         """Return the leader's speed."""
         return self.speed_m_s
 
+    def acceleration_at_m_s2(self, t_s: float) -> float:
+        """Return the rate of the leader's speed: 0."""
+        return 0.0
+
+    def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
+        """Return the least and the greatest rate of the leader's speed between two times: 0."""
+        return 0.0, 0.0
+
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
         """Return the first time at which the leader has gone ``distance_m``, onwards (sense 1) or back; None if never.
 
@@ -132,6 +140,26 @@ class Profile:
             return self.knots[n][1]
         x = since / length
         return float(Fraction(self.knots[n][1]) + change * (x if self.ramps == 'linear' else x * x * (3 - 2 * x)))
+
+    def acceleration_at_m_s2(self, t_s: float) -> float:
+        """Return the rate of the leader's speed in m/s^2; at a knot, the one just after it."""
+        _, since, length, change = self._part(t_s)
+        return self._rate(since, length, change) if change else 0.0
+
+    def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
+        """Return the least and the greatest rate of the leader's speed between two times without a knot in between."""
+        _, since, length, change = self._part(start_s)
+        if not change:
+            return 0.0, 0.0
+        until = since + Fraction(stop_s) - Fraction(start_s)
+        rates = [self._rate(part, length, change) for part in (since, until)]
+        if since < length / 2 < until:      # the steepest place of a smooth ramp
+            rates.append(self._rate(length / 2, length, change))
+        return min(rates), max(rates)
+
+    def _rate(self, since: Fraction, length: Fraction, change: Fraction) -> float:
+        x = since / length
+        return float(change / length * (1 if self.ramps == 'linear' else 6 * x * (1 - x)))
 
     @cached_property
     def breaks_s(self) -> list[float]:

@@ -89,8 +89,6 @@ class Scene:
     def __post_init__(self) -> None:
         """Refuse an accuracy that no tier keeps, choices that there are not, and effects without what they need."""
         check_needs(self.effects)
-        if Effect.ACCELERATIONS in self.effects:
-            self.check_plain()
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)
         tier_for(self.accuracy, self.size_m)
@@ -129,12 +127,6 @@ class Scene:
         if isinstance(self.head, Head):
             return self.head.speed_m_s
         raise FieldError('head.kind', 'profile', 'this needs a constant speed', 'use head.speed_m_s')
-
-    def check_plain(self) -> tuple[Spiral, float]:
-        """Return the spiral and the head's speed. Raises FieldError for another track, law, or a tail that leads."""
-        if self.head.lead == 'tail':
-            raise FieldError('head.lead', 'tail', 'this needs a head that leads', 'use head.lead: head')
-        return self.spiral, self.steady_m_s
 
     @cached_property
     def size_m(self) -> float:

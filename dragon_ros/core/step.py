@@ -3,10 +3,10 @@
 A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same bits.
 """
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import numpy as np
 
@@ -14,6 +14,7 @@ from dragon_ros.core import paper
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.march import place
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.numerics.types import Floats
@@ -22,39 +23,6 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 from dragon_ros.core.walk import Place
 from dragon_ros.core.walk_chain import stacked
-
-if TYPE_CHECKING:
-    from dragon_ros.core.closeness import Closeness, Contacts
-    from dragon_ros.core.health import Health
-    from dragon_ros.core.noise import Measured
-
-
-@dataclass(frozen=True)
-class Frame:
-    """All that leaves the core at one instant; arrays are read-only, what the scene does not call for is None."""
-
-    k: int | None
-    t_ns: int
-    chain: Chain
-    axis: Floats
-    velocity_m_s: Floats | None = None
-    benches: Benches | None = None
-    closeness: 'Closeness | None' = None
-    contacts: 'Contacts | None' = None
-    acceleration_m_s2: Floats | None = None
-    tension_n_kg: Floats | None = None
-    measured: 'Measured | None' = None
-    trail_m: Floats | None = None
-    health: 'Health | None' = None
-
-
-# The field of each effect, and the function (scene, frame with what comes before) -> value; imported only where on.
-_PARTS = {
-    Effect.VELOCITY: ('velocity_m_s', 'step', '_velocity'), Effect.BENCHES: ('benches', 'step', '_benches'),
-    Effect.CLEARANCE: ('closeness', 'closeness', 'closeness'), Effect.CONTACT: ('contacts', 'closeness', 'contacts'),
-    Effect.ACCELERATIONS: ('acceleration_m_s2', 'dynamics', 'accelerations'),
-    Effect.FORCES: ('tension_n_kg', 'dynamics', 'tensions'), Effect.NOISE: ('measured', 'noise', 'measured'),
-    Effect.TRAILS: ('trail_m', 'trails', 'trail'), Effect.DIAGNOSTICS: ('health', 'health', 'health')}
 
 
 def tick(scene: Scene, k: int) -> Frame:
@@ -90,15 +58,8 @@ def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
     frame = Frame(k, t_ns, chain, axes_of(chain))
     for name, compute in plan(scene.effects):
-        object.__setattr__(frame, name, compute(scene, frame))      # nobody else has it yet
+        frame = replace(frame, **{name: compute(scene, frame)})
     return frame
-
-
-@lru_cache(maxsize=256)
-def plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
-    """Return the fields to fill, with their functions, in order."""
-    return tuple((name, getattr(import_module(f'dragon_ros.core.{module}'), function))
-                 for effect, (name, module, function) in _PARTS.items() if effect in effects)
 
 
 def _velocity(scene: Scene, frame: Frame) -> Floats:
@@ -107,6 +68,33 @@ def _velocity(scene: Scene, frame: Frame) -> Floats:
 
 def _benches(scene: Scene, frame: Frame) -> Benches:
     return benches_of(frame.chain, scene.dragon, frame.axis)
+
+
+Compute = Callable[[Scene, Frame], Any]
+
+
+def _in(module: str, name: str) -> Callable[[], Compute]:
+    """Return what imports a function of ``effects``: the modules of effects that are off stay unloaded."""
+    def load() -> Compute:
+        compute: Compute = getattr(import_module(f'dragon_ros.core.effects.{module}'), name)
+        return compute
+    return load
+
+
+# The field of each effect, and what returns its function (scene, frame with what comes before) -> value.
+_PARTS: dict[Effect, tuple[str, Callable[[], Compute]]] = {
+    Effect.VELOCITY: ('velocity_m_s', lambda: _velocity), Effect.BENCHES: ('benches', lambda: _benches),
+    Effect.CLEARANCE: ('closeness', _in('proximity', 'closeness')),
+    Effect.CONTACT: ('contacts', _in('proximity', 'contacts')),
+    Effect.ACCELERATIONS: ('acceleration_m_s2', _in('dynamics', 'accelerations')),
+    Effect.FORCES: ('tension_n_kg', _in('dynamics', 'tensions')), Effect.NOISE: ('measured', _in('noise', 'measured')),
+    Effect.TRAILS: ('trail_m', _in('trails', 'trail')), Effect.DIAGNOSTICS: ('health', _in('health', 'health'))}
+
+
+@lru_cache(maxsize=256)
+def plan(effects: Effect) -> tuple[tuple[str, Compute], ...]:
+    """Return the fields to fill, with their functions, in order."""
+    return tuple((name, load()) for effect, (name, load) in _PARTS.items() if effect in effects)
 
 
 def states(scene: Scene, times_s: Sequence[float]) -> Chain:

@@ -10,8 +10,8 @@ import numpy as np
 from dragon_ros.core.dragon import AnyDragon
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import steps
-from dragon_ros.core.motion import dot, left
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.vectors import dot, left
 from dragon_ros.core.path import points
 
 

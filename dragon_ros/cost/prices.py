@@ -7,7 +7,6 @@ from statistics import median, quantiles
 
 from dragon_ros.core.benches import axes_of
 from dragon_ros.core.effects import NEEDS, Effect, known
-from dragon_ros.core.errors import FieldError
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, plan, state, tick
 from dragon_ros.cost.measure import Timing
@@ -27,7 +26,7 @@ Call = Callable[[], object]
 class Price:
     """What an effect adds to a tick of a scene (ALONE: of the classic one with what it needs), and to its bytes.
 
-    ``timing`` is None where the scene refuses the effect, or where nothing is computed for it.
+    ``timing`` is None where nothing is computed for it.
     """
 
     effect: str
@@ -52,10 +51,7 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
     Timed is what it alone does: fill its field of a frame that has the others, and encode its topics.
     """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
-    try:
-        off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
-    except FieldError:
-        return Price(effect.names[0], name, 0, None)
+    off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
     encode = encoders(on)
     encode = {row.name: encode[row.name] for row in live(on.effects) if row.effect is effect}
     size = sum(len(one(tick(on, 0))) for one in encode.values())
@@ -71,7 +67,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
         frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
         for name, compute in plan(effect):
-            object.__setattr__(frame, name, compute(scene, frame))      # as frame_of does
+            frame = replace(frame, **{name: compute(scene, frame)})     # as frame_of does
         for one in encode:
             one(frame)
         spent.append(time.perf_counter() - start)

@@ -6,7 +6,7 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.core.checks import number
-from dragon_ros.core.extent import extent, fits
+from dragon_ros.core.design.bounding_box import extent, fits
 from dragon_ros.wire import cli
 
 

@@ -5,8 +5,8 @@ from typing import Any
 
 from tqdm import tqdm
 
+from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.min_pitch import min_pitch
 from dragon_ros.wire import cli
 
 _OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',

@@ -6,7 +6,7 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.core.checks import number
-from dragon_ros.core.fastest import fastest
+from dragon_ros.core.design.max_speed import fastest
 from dragon_ros.wire import cli
 
 

@@ -9,8 +9,8 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.design.max_speed import fastest
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.fastest import fastest
 from dragon_ros.core.head import Head
 from dragon_ros.core.joined import Arc, Joined, Line
 from dragon_ros.core.scene import Run, Scene

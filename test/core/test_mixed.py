@@ -6,22 +6,21 @@ from math import inf
 import numpy as np
 import pytest
 from apart import smallest
+from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.lookout import Lookout, beyond, further
+from dragon_ros.core.near_misses import near_misses
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.narrow_phase import Lookout, beyond, further
-from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.design.bounding_box import extent
+from dragon_ros.core.design.max_speed import fastest
+from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
-from dragon_ros.core.extent import extent
-from dragon_ros.core.fastest import fastest
 from dragon_ros.core.head import Head
 from dragon_ros.core.lock import follower, head_lock_angle
-from dragon_ros.core.min_pitch import min_pitch
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick

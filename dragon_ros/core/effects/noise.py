@@ -1,19 +1,9 @@
 """Handles as a noisy sensor would see them: a function of (seed, tick), computed in any order."""
-from dataclasses import dataclass
-
 import numpy as np
 
+from dragon_ros.core.frame import Frame, Measured
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import Frame
-
-
-@dataclass(frozen=True)
-class Measured:
-    """Noisy handles (N+1, 2) in metres and noisy unit directions of the links (N, 2)."""
-
-    p: Floats
-    axis: Floats
 
 
 def measured(scene: Scene, frame: Frame) -> Measured:

@@ -1,38 +1,12 @@
 """Which benches are near each other at one instant, which of them touch, and where."""
-from dataclasses import dataclass
-from math import inf
-
 import numpy as np
 
-from dragon_ros.core.contact.broad_phase import candidates
-from dragon_ros.core.contact.signed_distance import gaps, witnesses
-from dragon_ros.core.contact.tracker import NEAR_M, TOUCH_M
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.contact import gaps, witnesses
+from dragon_ros.core.frame import Closeness, Contacts, Frame
+from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import Frame
-
-
-@dataclass(frozen=True)
-class Closeness:
-    """Pairs (i, j) of benches that may be near each other, (K,), and their signed gaps in metres."""
-
-    i: Ints
-    j: Ints
-    gap_m: Floats
-
-    @property
-    def clearance_m(self) -> float:
-        """Smallest signed gap; inf where no pair is near."""
-        return float(np.min(self.gap_m, initial=inf))
-
-
-@dataclass(frozen=True)
-class Contacts:
-    """Pairs that touch, (M, 2), deepest first, their signed gaps (M,) in m, and points (M, 2) of contact."""
-
-    benches: Ints
-    gap_m: Floats
-    point_m: Floats
+from dragon_ros.core.watch import NEAR_M, TOUCH_M
 
 
 def closeness(_: Scene, frame: Frame) -> Closeness:

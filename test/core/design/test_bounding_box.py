@@ -7,9 +7,9 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.design.bounding_box import Extent, Reach, extent, fits
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.extent import Extent, Reach, extent, fits
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.inwards import inwards
 from dragon_ros.core.joined import Arc, Joined, Line, Wind

@@ -9,16 +9,15 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dragon_ros.core.closeness import closeness
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.signed_distance import gaps, witness
-from dragon_ros.core.contact.tracker import Sight, Watch
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.effects import MEANINGS, NEEDS, Effect, check_needs, effects_of, known
+from dragon_ros.core.effects.noise import normal
+from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.noise import normal
 from dragon_ros.core.old_chain import Chain
+from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
@@ -79,8 +78,9 @@ def test_what_is_off_is_not_even_imported():
             '[encode(tick(scene, 0)) for encode in encoders(scene).values()]\nprint(json.dumps(list(sys.modules)))')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
-    for name in ('core.closeness', 'core.dynamics', 'core.noise', 'core.trails', 'core.health', 'core.contact',
-                 'core.contact.broad_phase', 'core.contact.tracker', 'wire.encode_effects', 'wire.cdr_effects'):
+    for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
+                 'core.effects.health', 'core.contact',
+                 'core.neighbours', 'core.watch', 'wire.encode_effects', 'wire.cdr_effects'):
         assert f'dragon_ros.{name}' not in loaded
 
 
@@ -204,11 +204,32 @@ def test_a_trail_of_a_dragon_that_its_tail_leads_is_where_its_head_was():
         assert place == pytest.approx(state(scene, t_s).p[0], abs=1e-11)
 
 
-@pytest.mark.parametrize('other', [{'track': Turn()}, {'head': Head(1.0, lead='tail')},
-                                   {'head': Profile(((0.0, 0.0), (9.0, 1.0)))}])
-def test_accelerations_beyond_one_spiral_led_by_its_head_at_constant_speed_are_refused(other):
-    with pytest.raises(FieldError, match='this needs'):
-        Scene(effects=Effect.ACCELERATIONS, **other)
+EVERYWHERE = [
+    replace(TOUCHING, track=Turn(before_m=5.0), run=Run(stop_s=40.0)),
+    replace(TOUCHING, track=Spiral(0.55, 4.0), head=Head(1.0, lead='tail'), run=Run(stop_s=40.0)),
+    replace(TOUCHING, track=Turn(before_m=-30.0), run=Run(stop_s=40.0),
+            head=Profile(((0.0, 0.0), (9.0, 1.0), (30.0, -0.2)), 'smooth', 'tail')),
+    replace(TOUCHING, head=Profile(((0.0, 0.0), (9.0, 1.0))), run=Run(stop_s=40.0)),
+    replace(TOUCHING, dragon=Mixed((Group(1.2, 3), Group(3.41), Group(0.55), Group(2.2, 4))), run=Run(stop_s=40.0))]
+
+
+@pytest.mark.parametrize('scene', EVERYWHERE, ids=['turn', 'tail', 'turn, tail and law', 'law', 'mixed'])
+@pytest.mark.parametrize('t_s', [6.0, 23.0])
+def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_link_does_their_work(scene, t_s):
+    """One handle more than links feels the end that is free; the leader is moved from outside."""
+    frame = frame_of(scene, None, round(t_s * 1e9), state(scene, t_s))
+    pull = frame.tension_n_kg[:, None] * frame.axis
+    force = np.zeros_like(frame.acceleration_m_s2)
+    force[1:] += pull
+    force[:-1] -= pull
+    tail_leads = scene.head.lead == 'tail'
+    free, leaders_link = (slice(0, -1), -1) if tail_leads else (slice(1, None), 0)
+    along, wanted = (np.sum(vectors * frame.chain.tangents, axis=1)[free]
+                     for vectors in (force, frame.acceleration_m_s2))
+    assert along == pytest.approx(wanted, abs=1e-11)        # a sum of N terms of some m/s^2
+    v, a = frame.velocity_m_s[free], frame.acceleration_m_s2[free]
+    power = (-1 if tail_leads else 1) * pull[leaders_link] @ v[leaders_link]
+    assert power == pytest.approx(np.sum(v * a), rel=1e-9)
 
 
 def test_bad_sensors_and_trails_are_refused():
