@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]

@@ -6,6 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers.bends import bends_of
+from dragon_ros.commands.certificate_checkers.intervals import hull
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.ball import Ball, between
 from dragon_ros.core.bending import bend
@@ -17,8 +19,6 @@ from dragon_ros.core.march import place
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.stretches import bounds
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.tools.bends import bends_of
-from dragon_ros.tools.intervals import hull
 
 EFFORT = EXACT.effort(20, 400)
 COUNT = 24

@@ -9,6 +9,7 @@ from apart import smallest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.effects import Effect
@@ -27,9 +28,8 @@ from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.turn import Turn
 from dragon_ros.core.verdict import Contact, NoContact
-from dragon_ros.tools import certificate
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.scenes import load_scene, scene_values
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene, scene_values
 
 CLASSIC, SPELT = Scene(), Scene(dragon=Mixed((Group(3.41), Group(2.2, 100), Group(2.2, 122))))
 TURNING = replace(CLASSIC, track=Turn(before_m=100.0), run=Run(0, 200))

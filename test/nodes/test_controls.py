@@ -14,9 +14,9 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from dragon_ros.core import scene, watch
+from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.nodes import params
 from dragon_ros.nodes.params import SIM
-from dragon_ros.wire.cdr_read import read_pose_array
 
 TICK_NS = 20_000_000
 START_NS = 400_000_000_000
