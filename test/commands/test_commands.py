@@ -145,7 +145,7 @@ def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monke
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize('name', [name for name in EXECUTABLES if '.tools.' in EXECUTABLES[name].module])
+@pytest.mark.parametrize('name', [name for name in EXECUTABLES if '.commands.' in EXECUTABLES[name].module])
 def test_help_loads_nothing_that_draws(name):
     code = ('import sys\nfor name in ("matplotlib", "PIL", "rclpy", "argcomplete"): sys.modules[name] = None\n'
             f'from dragon_ros.__main__ import main\nmain(["{name}", "--help"])')
