@@ -5,8 +5,8 @@ import numpy as np
 
 from dragon_ros.bags.read.frames import BagFrame, frames
 from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS
-from dragon_ros.core.types import Floats
 
 
 def values_of(frame: BagFrame, handles: list[int]) -> Floats:

@@ -10,8 +10,8 @@ from dragon_ros.bags.read.frames import frames, namespace_of
 from dragon_ros.bags.read.reader import LogReader
 from dragon_ros.commands.sources import Moment, Progress, Touch, thinned, witness_at
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import Sight, Watch
 from dragon_ros.messages.decode import read_stamp_ns
 

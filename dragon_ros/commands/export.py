@@ -19,8 +19,8 @@ from dragon_ros.cli import command_line
 from dragon_ros.commands.bag_rows import values_of
 from dragon_ros.commands.table import COLUMNS, handles_of
 from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
-from dragon_ros.core.types import Array
 
 _TICKS = 64         # that Parquet takes at a time
 

@@ -11,11 +11,11 @@ from dragon_ros.core.contact import Witness, gaps, witness
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.outline import outline
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state, states, velocity_of
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.verdict import Contact
 
 _AT_ONCE = 64               # states that are computed together

@@ -2,7 +2,7 @@
 from collections import deque
 from typing import Generic, Protocol, TypeVar
 
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 _LAST = 8           # a sight that is not older than the last so many may just be late
 _LATE_NS = 10**9    # by no more than this

@@ -5,7 +5,7 @@ import numpy as np
 
 from dragon_ros.core.chain import Chain
 from dragon_ros.core.dragon import AnyDragon
-from dragon_ros.core.types import Floats, read_only
+from dragon_ros.core.numerics.types import Floats, read_only
 
 
 @dataclass(frozen=True)

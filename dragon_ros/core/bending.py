@@ -23,8 +23,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.ball import Ball, side_by_side
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.numerics.ball_arithmetic import Ball, side_by_side
+from dragon_ros.core.numerics.types import Array, Floats
 
 
 @dataclass(frozen=True)

@@ -25,9 +25,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.ball import Ball, side_by_side
 from dragon_ros.core.bending import Motion, Spans, corners, spans
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.ball_arithmetic import Ball, side_by_side
+from dragon_ros.core.numerics.types import Floats
 
 
 def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:

@@ -6,8 +6,8 @@ from functools import cached_property
 import numpy as np
 
 from dragon_ros.core import rates
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import tangents
-from dragon_ros.core.types import Floats, read_only
 
 
 @dataclass(frozen=True)

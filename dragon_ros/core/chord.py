@@ -1,7 +1,7 @@
 """Chords of a track that bends no tighter than half their length: how far they reach, and the next place inwards."""
 from math import asin, inf, sin, sqrt
 
-from dragon_ros.core.root import bracketed_newton
+from dragon_ros.core.numerics.roots import bracketed_newton
 
 
 def step_in(theta: float, chord: float, arc: float, tolerance: float) -> tuple[float, int]:

@@ -6,9 +6,9 @@ import numpy as np
 
 from dragon_ros.core.contact import gaps, witnesses
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import NEAR_M, TOUCH_M
 
 

@@ -17,10 +17,10 @@ from dragon_ros.core.course import Course
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.led import Led
 from dragon_ros.core.neighbours import box_pairs
-from dragon_ros.core.root import illinois
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.verdict import Certificate, Contact, Step
 
 _SPACING = 0.3          # of the longest bench, between first looks

@@ -9,7 +9,7 @@ from itertools import pairwise
 import numpy as np
 
 from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.root import bracketed_newton
+from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.scene import Scene
 
 

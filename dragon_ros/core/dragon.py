@@ -6,7 +6,7 @@ import numpy as np
 
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.types import Floats, read_only
+from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
 

@@ -3,10 +3,10 @@ import numpy as np
 
 from dragon_ros.core.chain import Chain, SpiralChain
 from dragon_ros.core.motion import carried, dot, handle_motion
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
-from dragon_ros.core.types import Floats, read_only
 
 
 def accelerations(scene: Scene, frame: Frame) -> Floats:

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints
 
 Bools = NDArray[np.bool_]
 

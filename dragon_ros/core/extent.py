@@ -11,11 +11,11 @@ import numpy as np
 
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import CORNERS
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.sweep import SIDES, Sweep
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Array, Floats, Ints
 from dragon_ros.core.visits import Visits
 
 _AT_ONCE = 128      # stretches

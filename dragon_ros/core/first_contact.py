@@ -16,12 +16,12 @@ from dragon_ros.core.contact_on_walk import Follower
 from dragon_ros.core.course import Course, course_of
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Stretch
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.verdict import Certificate, Contact, NoContact, together
 from dragon_ros.core.way import Way
 

@@ -18,7 +18,7 @@ import numpy as np
 from dragon_ros.core.angle import product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.root import bracketed_newton
+from dragon_ros.core.numerics.roots import bracketed_newton
 
 LEADERS = ('head', 'tail')
 RAMPS = ('linear', 'smooth')

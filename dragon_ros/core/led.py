@@ -7,8 +7,8 @@ from dragon_ros.core.angle import plus
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.march import Effort
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.placed import AHEAD, BACK
-from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_chain import WalkChain, chain_on
 from dragon_ros.core.walk_many import Places, places_at

@@ -13,9 +13,9 @@ import numpy as np
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.march import Effort, chord_of, first_guess, first_peak, place, step
 from dragon_ros.core.march_many import place_many
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.root import illinois
-from dragon_ros.core.types import Floats
 
 
 @lru_cache(maxsize=256)

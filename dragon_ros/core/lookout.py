@@ -14,8 +14,8 @@ from dragon_ros.core.benches import Benches, axes_of
 from dragon_ros.core.dragon import AnyDragon, is_even
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import place_many
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.types import Floats, Ints
 
 _CHUNK = 512
 _FEW = 64       # followers, more than two layers of the classic dragon near the centre

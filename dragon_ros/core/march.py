@@ -15,9 +15,9 @@ import numpy as np
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.numerics.roots import bracketed_newton
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import TINY, Spiral, points
-from dragon_ros.core.root import bracketed_newton
-from dragon_ros.core.types import Floats, read_only
 
 TIGHT = 1e-8        # a Newton step that leaves no error that floats can keep
 _TRUSTED = 3        # links that follow unchecked, at most

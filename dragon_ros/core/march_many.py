@@ -10,8 +10,8 @@ from dragon_ros.core.angle import plus
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.march import TIGHT, Effort, chain_of, first_guess, locked, near_lock, step
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import TINY, Spiral
-from dragon_ros.core.types import Floats
 
 
 def place_many(spiral: Spiral, links_m: Floats, theta: Floats, theta_lo: Floats, effort: Effort) -> SpiralChain:

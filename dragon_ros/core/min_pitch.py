@@ -13,14 +13,14 @@ from math import asin, ceil, log, pi, sqrt
 
 import numpy as np
 
-from dragon_ros.core.ball import between
 from dragon_ros.core.bending import bend
 from dragon_ros.core.bending_by_scale import bend_by_scale
 from dragon_ros.core.checks import number
 from dragon_ros.core.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.errors import DragonError, FieldError
+from dragon_ros.core.numerics.ball_arithmetic import between
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.winding import Windings, separations, windings
 
 _WAY_M, _STEP = 2.0, 0.05   # the largest cell: metres of the head's way, and part of the pitch

@@ -9,9 +9,9 @@ from itertools import accumulate
 import numpy as np
 
 from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import tangents
 from dragon_ros.core.rates import speeds
-from dragon_ros.core.types import Floats
 
 
 @dataclass(frozen=True)

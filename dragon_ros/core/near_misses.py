@@ -6,10 +6,10 @@ import numpy as np
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.stretches import Stretch
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.verdict import Contact, NoContact
 
 _SPACING_S = 0.02

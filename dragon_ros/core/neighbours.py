@@ -13,7 +13,7 @@ import shapely
 
 from dragon_ros.core.benches import Benches
 from dragon_ros.core.errors import CrowdError
-from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints
 
 _AT_ONCE = 256
 _MOST_PAIRS = 1_000_000     # or, if that is more,

@@ -3,9 +3,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
-from dragon_ros.core.types import Floats, read_only
 
 
 @dataclass(frozen=True)

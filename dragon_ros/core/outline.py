@@ -4,10 +4,10 @@ from math import sqrt
 import numpy as np
 
 from dragon_ros.core.led import Led
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.types import Floats
 
 _MOST = 100_000
 

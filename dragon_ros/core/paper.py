@@ -11,8 +11,8 @@ import numpy as np
 
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import Spiral, tangents
-from dragon_ros.core.types import Floats, read_only
 
 STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
 

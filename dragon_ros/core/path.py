@@ -15,8 +15,8 @@ import numpy as np
 from dragon_ros.core.angle import Angle, from_turns, plus, product
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import TrackEndError
-from dragon_ros.core.root import bracketed_newton
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.roots import bracketed_newton
+from dragon_ros.core.numerics.types import Floats
 
 TINY = 1e-300       # keeps a quotient of nothing by nothing at nothing
 

@@ -8,8 +8,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import tangents
-from dragon_ros.core.types import Floats, read_only
 
 if TYPE_CHECKING:
     from dragon_ros.core.chain import Chain, SpiralChain

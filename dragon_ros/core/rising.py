@@ -20,9 +20,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.ball import Ball, between, side_by_side
+from dragon_ros.core.numerics.ball_arithmetic import Ball, between, side_by_side
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.placed import BACK
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.walk import Walk
 from dragon_ros.core.walk_chain import WalkChain, stacked
 

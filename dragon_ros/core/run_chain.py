@@ -7,9 +7,9 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dragon_ros.core.chain import Chain
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.track_table import Spot, Spots, TrackTable
-from dragon_ros.core.types import Floats, read_only
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_many import Places
 

@@ -15,12 +15,12 @@ from dragon_ros.core.dragon import is_even
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.joined import wound
 from dragon_ros.core.march import TIGHT, Effort, locked, near_lock, place
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.run_chain import Hop, Hops, Ride, Rides, RunChain, RunChains
 from dragon_ros.core.tiers import EXACT, PAPER
 from dragon_ros.core.track_rows import track_table
 from dragon_ros.core.track_table import TrackTable
-from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_many import Places, next_places
 

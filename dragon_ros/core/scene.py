@@ -17,6 +17,7 @@ from dragon_ros.core.joined import Joined, wound
 from dragon_ros.core.led import Led
 from dragon_ros.core.lock import follower_range, head_lock_angle, last_stand
 from dragon_ros.core.march import Effort
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import AHEAD, BACK
 from dragon_ros.core.runs import FEWEST, Runs, runs_of
@@ -25,7 +26,6 @@ from dragon_ros.core.table import ShiftTable
 from dragon_ros.core.table_rows import table_for
 from dragon_ros.core.tiers import PAPER, Tier, tier_for
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.types import Floats
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32

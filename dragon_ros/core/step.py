@@ -17,9 +17,9 @@ from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.march import place
 from dragon_ros.core.march_many import place_many
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
-from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Place
 from dragon_ros.core.walk_chain import stacked
 

@@ -15,10 +15,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.ball import between
 from dragon_ros.core.bending import bend
 from dragon_ros.core.lookout import Sizes, View, beyond, further, joined
-from dragon_ros.core.types import Array, Floats, Ints
+from dragon_ros.core.numerics.ball_arithmetic import between
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 Look = Callable[[Floats], View]
 _STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves

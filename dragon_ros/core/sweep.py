@@ -23,10 +23,10 @@ from functools import cached_property
 
 import numpy as np
 
-from dragon_ros.core.ball import Ball
+from dragon_ros.core.numerics.ball_arithmetic import Ball
+from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.rising import bends
-from dragon_ros.core.types import Array, Floats, Index, Ints
 from dragon_ros.core.walk import Walk
 
 SIDES = ('x', '-x', 'y', '-y')

@@ -18,9 +18,9 @@ from dragon_ros.core.angle import Angle, plus
 from dragon_ros.core.chain import Chain
 from dragon_ros.core.march import first_guess, locked, step
 from dragon_ros.core.march_many import head_steps
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.path import Spiral, point, points, tangent, tangents
 from dragon_ros.core.rates import speed_ratio, speed_ratios
-from dragon_ros.core.types import Floats, Ints, read_only
 
 TERMS = 9000        # of one product: BLAS shares larger ones among threads, which could change the last bits
 _BATCH = 256        # states of one batch of products: what they fill stays in the cache

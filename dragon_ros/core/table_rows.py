@@ -8,10 +8,10 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.angle import plus
 from dragon_ros.core.march import first_guess, step
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.path import Spiral, arc_between, points, tangents
 from dragon_ros.core.rates import along_track
 from dragon_ros.core.table import ShiftTable
-from dragon_ros.core.types import Floats, Ints, read_only
 
 _MOST_NODES = 32
 _MOST_BYTES = 256_000_000

@@ -7,10 +7,10 @@ import numpy as np
 
 from dragon_ros.core.angle import plus
 from dragon_ros.core.errors import TrackEndError
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.placed import AHEAD, BACK, PlacedSpiral
 from dragon_ros.core.table_rows import inverse_series, powers_of, push, transform
 from dragon_ros.core.track_table import TrackTable
-from dragon_ros.core.types import Floats, Ints, read_only
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_many import Places, next_places
 

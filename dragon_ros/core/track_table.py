@@ -15,9 +15,9 @@ from typing import NamedTuple
 import numpy as np
 
 from dragon_ros.core.angle import Angle, plus
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.table import TERMS, same_rows
-from dragon_ros.core.types import Array, Floats, Ints
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_many import Places
 

@@ -1,10 +1,10 @@
 """The way that the head has come lately."""
 import numpy as np
 
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, states
-from dragon_ros.core.types import Floats, read_only
 
 
 def trail(scene: Scene, frame: Frame) -> Floats:

@@ -17,10 +17,10 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.inwards import inwards, span
 from dragon_ros.core.lock import turning_places, turns
 from dragon_ros.core.march import place
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.placed import PlacedArc
-from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Walk
 
 _SAME = 1e-13       # of a distance along the track: nearer places are the same

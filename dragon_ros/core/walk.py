@@ -18,10 +18,10 @@ from dragon_ros.core.chord import reach_m
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march import place as place_on_spiral
+from dragon_ros.core.numerics.roots import bracketed_newton
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.placed import BACK, Placed, PlacedSpiral, metres_between
-from dragon_ros.core.root import bracketed_newton
-from dragon_ros.core.types import Floats, Ints, read_only
 
 _LARGEST = 1.98     # of curvature times link: 2 is where a link may lock
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding

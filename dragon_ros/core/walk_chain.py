@@ -7,8 +7,8 @@ import numpy as np
 from dragon_ros.core.chain import Chain
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import place_many
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.placed import AHEAD, BACK
-from dragon_ros.core.types import Floats, Ints, read_only
 from dragon_ros.core.walk import Place, Walk
 from dragon_ros.core.walk_many import Places, next_places
 

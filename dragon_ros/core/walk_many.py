@@ -9,9 +9,9 @@ import numpy as np
 from dragon_ros.core.angle import plus
 from dragon_ros.core.chord import reach_m, step_in
 from dragon_ros.core.march_many import first_guesses, steps
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.path import arc_between
 from dragon_ros.core.placed import BACK, Placed, PlacedSpiral, metres_between
-from dragon_ros.core.types import Array, Floats, Ints
 from dragon_ros.core.walk import Place, Walk
 
 Places = tuple[Ints, Floats, Floats]        # numbers of the pieces, and the coordinates on them as (hi, lo)

@@ -13,8 +13,8 @@ from dragon_ros.core.benches import Benches
 from dragon_ros.core.contact import gaps, witness
 from dragon_ros.core.episodes import Bools, Episodes, no_episodes
 from dragon_ros.core.neighbours import candidates
-from dragon_ros.core.root import illinois
-from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
 NEAR_M = 0.02

@@ -15,11 +15,11 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.lock import turning_places
 from dragon_ros.core.lookout import Lookout
 from dragon_ros.core.march import place
-from dragon_ros.core.root import illinois
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.stretches import Cleared, Stretch, Window, comes_in
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.types import Floats
 from dragon_ros.core.walk import Place
 
 _FIRST_M = 4.0          # distance of the places looked at first

@@ -11,8 +11,8 @@ from dragon_ros.core.dragon import AnyDragon
 from dragon_ros.core.march import Effort
 from dragon_ros.core.march_many import steps
 from dragon_ros.core.motion import dot, left
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import points
-from dragon_ros.core.types import Floats
 
 
 @dataclass(frozen=True)

@@ -8,10 +8,10 @@ from scipy.optimize import brentq, fsolve
 
 from dragon_ros.core.chain import SpiralChain
 from dragon_ros.core.march import Effort, place
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import points
 from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 
 Solver = Callable[[Scene, float], Floats]
 

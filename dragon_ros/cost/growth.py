@@ -11,9 +11,9 @@ from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.types import Floats, Ints
 from dragon_ros.core.watch import NEAR_M, Sight, Watch
 from dragon_ros.cost.measure import Timing, timed
 

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core.errors import MissingError
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.cost.problems import Problem
 
 _FOLDER = Path(__file__).resolve().parents[2] / 'test' / 'data'

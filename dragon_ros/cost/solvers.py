@@ -9,8 +9,8 @@ import numpy as np
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.chain import Chain
 from dragon_ros.core.march import place
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 from dragon_ros.cost.baselines import by_newton
 
 ChainSolver = Callable[[Scene, Angle], Chain]

@@ -11,11 +11,11 @@ from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.errors import FieldError, ModelEnd
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import points
 from dragon_ros.core.rates import conditioning
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
-from dragon_ros.core.types import Floats
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed

@@ -9,7 +9,7 @@ from io import BytesIO
 
 import numpy as np
 
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.numerics.types import Array, Floats
 
 LITTLE = b'\x00\x01\x00\x00'
 NS = 10**9

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 

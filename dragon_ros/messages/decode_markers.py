@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.types import Array, Floats, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.messages.cdr import NS, strided
 from dragon_ros.messages.decode import Layout, MessageError, Reader, layout_of
 from dragon_ros.messages.schemas import fields_of

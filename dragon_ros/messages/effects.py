@@ -4,7 +4,7 @@ from collections.abc import Iterable, Mapping
 
 import numpy as np
 
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.messages.cdr import Writer, half_turns, stamp_of
 from dragon_ros.messages.markers import BENCH_HEIGHT_M, CUBE, Look, put_marker
 

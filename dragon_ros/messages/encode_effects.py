@@ -3,9 +3,9 @@ from collections.abc import Callable
 
 import numpy as np
 
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import Frame
-from dragon_ros.core.types import Floats
 from dragon_ros.messages import effects
 from dragon_ros.messages.cdr import PoseArrayTemplate, VelocitiesTemplate, float64_of
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from itertools import pairwise
 from typing import NamedTuple
 
-from dragon_ros.core.types import Array, Floats
+from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.cdr import Rows, Template, Writer, plane, stamp_number, stamp_of, strided, turns_of
 
 CUBE, LINE_LIST, TRIANGLE_LIST = 1, 5, 11

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.watch import Sight
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import MessageError, Poses, read_pose_array

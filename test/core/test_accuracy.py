@@ -12,9 +12,9 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.head import Head
 from dragon_ros.core.march import chord_excess, chord_of, first_guess, phi_of, place
+from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 from dragon_ros.core.path import Spiral, arc_between
 from dragon_ros.core.rates import conditioning
-from dragon_ros.core.root import bracketed_newton, illinois
 from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state, states
 from dragon_ros.core.tiers import EXACT, TIERS, position_promise_m, speed_promise_m_s, tier_for

@@ -9,13 +9,13 @@ from hypothesis import strategies as st
 from dragon_ros.commands.certificate_checkers.bends import bends_of
 from dragon_ros.commands.certificate_checkers.intervals import hull
 from dragon_ros.core.angle import Angle
-from dragon_ros.core.ball import Ball, between
 from dragon_ros.core.bending import bend
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.lock import follower, lock_angle, turning_places
 from dragon_ros.core.lookout import Lookout, beyond
 from dragon_ros.core.march import place
+from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.stretches import bounds
 from dragon_ros.core.tiers import EXACT

@@ -243,7 +243,7 @@ def test_the_checker_uses_none_of_the_solvers_code():
     folder = Path(certificate.__file__).parent
     used = {line.split()[1] for name in ('checker', 'geometry', 'going', 'bends', 'intervals', 'walk_checker', 'curve')
             for line in (folder / f'{name}.py').read_text().splitlines() if line.startswith('from dragon_ros.core')}
-    assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.types'}
+    assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.numerics.types'}
     text = Path(certificate.__file__).read_text()
     assert [line for line in text.splitlines() if 'verdict' in line and 'import' in line] == [
         'from dragon_ros.core.verdict import Contact, NoContact']

@@ -14,8 +14,8 @@ from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
+from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.root import illinois
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.verdict import Contact, NoContact

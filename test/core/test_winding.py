@@ -3,11 +3,11 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.angle import Angle
-from dragon_ros.core.ball import between
 from dragon_ros.core.bending import bend
 from dragon_ros.core.bending_by_scale import bend_by_scale
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.march import Effort, place
+from dragon_ros.core.numerics.ball_arithmetic import between
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.winding import separations, windings
 

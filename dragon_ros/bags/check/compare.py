@@ -7,11 +7,11 @@ from math import inf
 import numpy as np
 
 from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.rates import conditioning
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
-from dragon_ros.core.types import Array
 from dragon_ros.messages.decode import MessageError, read_multi_array, read_pose_array
 from dragon_ros.messages.decode_markers import read_marker_array
 from dragon_ros.messages.encode import encoders

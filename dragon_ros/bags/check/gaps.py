@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dragon_ros.core.numerics.types import Ints
 from dragon_ros.core.scene import NS, Run
-from dragon_ros.core.types import Ints
 
 _MOST_RANGES = 20
 _REGULAR = 0.8      # a topic has ticks if so many of its steps are the usual one, to a tenth

@@ -12,8 +12,8 @@ from dragon_ros.core.benches import Benches
 from dragon_ros.core.contact import gaps
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 from dragon_ros.core.watch import NEAR_M
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import Shown, check_handles, read_benches, sight_of

@@ -2,7 +2,7 @@
 import numpy as np
 
 from dragon_ros.commands.certificate_checkers.intervals import Interval
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 
 def bends_of(angle: Interval, span: Interval, chord: Floats, arm: Floats) -> list[Floats]:

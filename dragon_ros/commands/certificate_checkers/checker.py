@@ -13,7 +13,7 @@ from dragon_ros.commands.certificate_checkers.bends import bends_of
 from dragon_ros.commands.certificate_checkers.geometry import Geometry, least
 from dragon_ros.commands.certificate_checkers.intervals import hull
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 _AGREE_M = 1e-9         # between a recorded bound and the checker's, whose chain is no better beside a lock
 _HALVINGS = 6

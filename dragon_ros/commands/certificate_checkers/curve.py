@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
+from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Array, Floats
 
 _NEWTON = 60
 

@@ -7,8 +7,8 @@ import numpy as np
 
 from dragon_ros.commands.certificate_checkers.going import Going
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Floats
 
 
 class Geometry:

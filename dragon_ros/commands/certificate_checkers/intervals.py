@@ -4,7 +4,7 @@ from typing import Union
 
 import numpy as np
 
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 Number = Union['Interval', float, Floats]
 

@@ -13,8 +13,8 @@ import shapely
 from dragon_ros.commands.certificate_checkers.curve import Curve
 from dragon_ros.commands.certificate_checkers.going import Going
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.types import Array, Floats, Ints
 
 _AGREE_M = 1e-10        # between a recorded bound and the checker's
 _HAIR_M = 1e-7          # of the head's way: between its places and the recorded ones, and before a contact

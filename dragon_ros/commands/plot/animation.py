@@ -14,7 +14,7 @@ from dragon_ros.cli.figures import BODY, HEAD, TOUCHED
 from dragon_ros.commands.plot.dragon import draw, extent, frame
 from dragon_ros.commands.sources import Moment, Progress, Source, check_times, moment
 from dragon_ros.core.errors import FieldError, InputError, MissingError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 FORMATS = '.gif, .html, .mp4'
 MOST_FRAMES = 3000

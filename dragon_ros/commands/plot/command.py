@@ -13,7 +13,7 @@ if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
     from dragon_ros.commands.sources import Progress, Source
-    from dragon_ros.core.types import Floats
+    from dragon_ros.core.numerics.types import Floats
 
 _COMMAND = 'python -m dragon_ros plot'
 _KINDS = {      # what each draws, and an example

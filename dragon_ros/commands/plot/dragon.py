@@ -9,7 +9,7 @@ from matplotlib.patches import Patch
 from dragon_ros.cli.figures import BODY, HEAD, POINT, QUIET, TOUCHED, TRACK
 from dragon_ros.commands.sources import Moment, Source, Touch, moment
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 _MOST_PANELS = 6
 _CLOSE_LENGTHS = 0.62       # half the side of the closer look, in bench lengths

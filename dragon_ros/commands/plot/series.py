@@ -6,7 +6,7 @@ from matplotlib.figure import Figure
 from dragon_ros.cli.figures import HEAD, LINES, POINT, QUIET
 from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 MOST_POINTS = 1500          # of one curve: more than a screen has
 _CLOSE_S = 15.0             # before the contact

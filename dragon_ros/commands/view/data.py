@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearances, moment, thinned
-from dragon_ros.core.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints
 
 MOST_TICKS = 100_000
 MOST_BENCHES = 2000         # drawn as rectangles, from the head on; the rest is a line

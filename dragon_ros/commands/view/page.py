@@ -6,7 +6,7 @@ from pathlib import Path
 from dragon_ros.commands.sources import Progress, Source
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.core.errors import MissingError
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 WEB = Path(__file__).with_name('web')
 

@@ -8,7 +8,7 @@ from typing import Union
 
 import numpy as np
 
-from dragon_ros.core.types import Floats
+from dragon_ros.core.numerics.types import Floats
 
 Number = Union['Ball', float, Floats]
 

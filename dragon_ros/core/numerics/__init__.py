@@ -1,0 +1,1 @@
+"""Numerics without geometry: root finders, ball arithmetic, array types."""
