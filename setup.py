@@ -25,7 +25,7 @@ setup(
     maintainer='dragon_ros maintainers',
     maintainer_email='maintainers@users.noreply.h-seed-4158cdd4.example',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={f'{NAME}.tools': ['web/*']},
+    package_data={f'{NAME}.commands.view': ['web/*']},
     # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

@@ -13,15 +13,15 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+from dragon_ros import configuration  # noqa: E402
 from dragon_ros.core.effects import MEANINGS, NEEDS  # noqa: E402
 from dragon_ros.core.scene import Scene  # noqa: E402
 from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
+from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
-from dragon_ros.wire import config  # noqa: E402
-from dragon_ros.wire.channels import Channel, channels  # noqa: E402
-from dragon_ros.wire.scene_schema import scene_schema  # noqa: E402
-from dragon_ros.wire.scenes import PARTS, scene_names  # noqa: E402
+from dragon_ros.scenes.load import PARTS, scene_names  # noqa: E402
+from dragon_ros.scenes.schema import scene_schema  # noqa: E402
 
 DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md')
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -99,7 +99,7 @@ def scenes() -> str:
 
 def _first_sentence(name: str) -> str:
     """Return the first sentence of the comment that a scene file begins with."""
-    lines = (config.folder() / 'scenes' / f'{name}.yaml').read_text(encoding='utf-8').splitlines()
+    lines = (configuration.folder() / 'scenes' / f'{name}.yaml').read_text(encoding='utf-8').splitlines()
     end = next((number for number, line in enumerate(lines) if not line.startswith('#')), len(lines))
     return re.split(r'(?<=\.)\s', ' '.join(line.lstrip('# ') for line in lines[:end]))[0]
 

@@ -10,7 +10,7 @@ from dragon_ros.executables import EXECUTABLES
 def main(argv: list[str]) -> int:
     """Run ``NAME ARGUMENTS...`` and return the exit code."""
     if '_ARGCOMPLETE' in os.environ and not argv:
-        from dragon_ros.wire import completion
+        from dragon_ros.cli import completion
         argv = [completion.chosen(EXECUTABLES)]
     if not argv or argv[0] in ('-h', '--help'):
         print(usage())

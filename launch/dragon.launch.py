@@ -16,8 +16,8 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.channels import live
+from dragon_ros.scenes.load import load_scene
 
 YES_NO = ['true', 'false']
 ARGUMENTS = (

@@ -9,13 +9,13 @@ from matplotlib.figure import Figure
 from mcap.writer import CompressionType, Writer
 from tqdm import tqdm
 
+from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.cli import csv_of
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_write import BagOptions, LogWriter
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
 
 _SCENE = Scene(run=Run(300, 303, 100))
 _OWN, _LIBRARY = 'dragon_ros', 'mcap.writer'

@@ -10,6 +10,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.certificate import Contact
@@ -20,7 +21,6 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cost.measure import TIMES, circumstances, timed
-from dragon_ros.wire.cli import csv_of
 
 T_STAR_S = 412.473837682115         # of the classic run, to the last digit
 WIDER_S = 409.775927737801          # the same with benches 1 mm wider: a contact that lasts 0.11 s, two before the next

@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.effects import known
 from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.cost.prices import ALONE, Price, Whole, price, wholes
-from dragon_ros.wire.cli import csv_of
-from dragon_ros.wire.scenes import load_scene, scene_names
+from dragon_ros.scenes.load import load_scene, scene_names
 
 
 @dataclass(frozen=True)

@@ -12,9 +12,9 @@ from tempfile import TemporaryDirectory
 
 import psutil
 
+from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.errors import DragonError
-from dragon_ros.wire.domain import free_domain, local_environment
-from dragon_ros.wire.log_read import LogReader
 
 ROLES = ('sim', 'monitor', 'record')
 RATES_HZ = (5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000)

@@ -13,9 +13,9 @@ from matplotlib.figure import Figure
 from mcap.reader import make_reader
 from tqdm import tqdm
 
+from dragon_ros.bags.write.mcap_parts import packed_bytes
 from dragon_ros.cost.live import Start, alive, ended, processes
 from dragon_ros.cost.measure import circumstances
-from dragon_ros.wire.mcap_parts import packed_bytes
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
 _WAY_M = 400.0          # of the head in the run, however long it takes: the bytes of a tick are always as many

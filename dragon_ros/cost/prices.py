@@ -10,10 +10,10 @@ from dragon_ros.core.effects import NEEDS, Effect, known
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, plan, state, tick
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire.cdr import PoseArrayTemplate
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.encode import Encode, encoders
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.cdr import PoseArrayTemplate
+from dragon_ros.messages.channels import live
+from dragon_ros.messages.encode import Encode, encoders
+from dragon_ros.scenes.load import load_scene
 
 ALONE = 'alone'
 ALL = ~Effect.NONE

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost import builds
@@ -17,7 +18,6 @@ from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
-from dragon_ros.wire.cli import csv_of
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)

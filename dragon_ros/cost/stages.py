@@ -11,7 +11,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, velocity_of
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
-from dragon_ros.wire.encode import encoders
+from dragon_ros.messages.encode import encoders
 
 MODEL = ('head', 'chain', 'velocities', 'benches')
 CHECK = ('neighbours', 'gaps')

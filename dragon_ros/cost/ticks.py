@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT, PAPER, TIERS
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
-from dragon_ros.wire.cli import csv_of
-from dragon_ros.wire.domain import free_domain, local_environment
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
 _ALL = (*STAGES, 'publish')

@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.errors import FieldError, ModelEnd
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.path import points
@@ -20,7 +21,6 @@ from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.problems import Problem, problems
 from dragon_ros.cost.reference import truth
-from dragon_ros.wire.cli import csv_of
 
 _TICK_S = 1.0           # a tick of the classic table, for solvers that integrate
 _EULER_S = (1.0, 0.1, 0.01)

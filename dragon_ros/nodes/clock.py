@@ -5,8 +5,8 @@ from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from dragon_ros.messages.cdr import stamp_of
 from dragon_ros.nodes.base import STEADY
-from dragon_ros.wire.cdr import stamp_of
 
 _BEAT_S = 1.0
 

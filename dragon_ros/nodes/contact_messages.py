@@ -7,7 +7,7 @@ from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 
 from dragon_ros.core.contact.tracker import NS, EpisodeEnd, Event, Report
-from dragon_ros.wire.cdr import stamp_of
+from dragon_ros.messages.cdr import stamp_of
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:

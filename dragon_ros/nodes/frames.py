@@ -6,7 +6,6 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, state, tick
-from dragon_ros.core.verdict import Contact
 
 
 class Frames:

@@ -9,17 +9,17 @@ from std_msgs.msg import Bool
 
 from dragon_ros.core.contact.tracker import NS, Report, Watch
 from dragon_ros.core.errors import InputError
+from dragon_ros.messages.cdr import float64_of
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.contact_markers import clearance_marker, contact_markers
+from dragon_ros.messages.decode import Poses
+from dragon_ros.messages.observation import Shown, check_handles, read_benches, sight_of
+from dragon_ros.messages.synchronizer import Pairing
 from dragon_ros.nodes import contact_messages as messages
-from dragon_ros.nodes import outlet, qos, shell
+from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
-from dragon_ros.nodes.intake import subscribe_raw
 from dragon_ros.nodes.params import MONITOR
-from dragon_ros.wire.cdr import float64_of
-from dragon_ros.wire.cdr_read import Poses
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.contact_markers import clearance_marker, contact_markers
-from dragon_ros.wire.pairing import Pairing
-from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
+from dragon_ros.nodes.raw_subscription import subscribe_raw
 
 _PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
 _SHOW_S = 0.1           # clearance/marker comes no more often than this
@@ -132,7 +132,7 @@ def run(stop: threading.Event) -> int:
     node = Monitor()
     try:
         code = shell.spin(node, stop)
-        outlet.drain(node.outlets.values())
+        publisher_queue.drain(node.outlets.values())
         return code
     finally:
         node.get_logger().info(f'saw {node.seen} ticks')

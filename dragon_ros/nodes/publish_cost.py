@@ -14,10 +14,10 @@ from visualization_msgs.msg import Marker, MarkerArray
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import half_turns, stamp_of
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
 from dragon_ros.nodes import qos, shell
-from dragon_ros.wire.cdr import half_turns, stamp_of
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
 
 _WARM = 3
 

@@ -3,7 +3,7 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from dragon_ros.wire.channels import Channel
+from dragon_ros.messages.channels import Channel
 
 
 def profile(reliability: str, durability: str, depth: int) -> QoSProfile:

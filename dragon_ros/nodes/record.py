@@ -7,16 +7,17 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from dragon_ros.bags.record.loss_accounting import Ledger
+from dragon_ros.bags.record.simulation_clock import SimulationClock
+from dragon_ros.bags.record.writer_thread import BackgroundWriter
+from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
-from dragon_ros.nodes import intake, qos, shell
+from dragon_ros.messages.channels import Channel, channels
+from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string
+from dragon_ros.nodes import qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.wire import cli, origin
-from dragon_ros.wire.background import BackgroundWriter
-from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns, read_string
-from dragon_ros.wire.channels import Channel, channels
-from dragon_ros.wire.ledger import Ledger
-from dragon_ros.wire.log_write import LogWriter
-from dragon_ros.wire.recording import SimulationClock
+from dragon_ros.scenes import provenance
 
 _REST_S = 5.0       # to write what had come when the signal came
 _QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
@@ -40,8 +41,9 @@ class Recorder(DragonNode):
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
-            intake.subscribe_raw(self, shell.message_type(channel.type), name, self._take(self._names[name], channel),
-                                 qos.lossless(qos.of_channel(channel)))
+            raw_subscription.subscribe_raw(self, shell.message_type(channel.type), name,
+                                           self._take(self._names[name], channel),
+                                           qos.lossless(qos.of_channel(channel)))
 
     def poll(self, keep_going: bool) -> bool:
         """Do what is due beside the messages; return whether the recording has ended."""
@@ -130,15 +132,15 @@ class Recorder(DragonNode):
         if text == self._scene:
             return
         self._scene = text
-        scene = origin.scene_in(text)
+        scene = provenance.scene_in(text)
         if scene is None:
             self.get_logger().warning('scene: this version cannot read it; it is recorded as it is')
         self.ledger.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
         told = {key: str(value) for key, value in vars(self.bag.options).items()}
-        told |= origin.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
-                                     'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
-        self.writer.describe(origin.RECORD, origin.run_metadata(text, told))
-        self.writer.attach(origin.ATTACHMENT, 'application/yaml', text.encode())
+        told |= provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
+                                         'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
+        self.writer.describe(provenance.RECORD, provenance.run_metadata(text, told))
+        self.writer.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
 
 
 def run(bag: LogWriter, keep_going: bool, flush_s: float, queue_mb: float, stop: threading.Event) -> int:
@@ -150,4 +152,4 @@ def run(bag: LogWriter, keep_going: bool, flush_s: float, queue_mb: float, stop:
     finally:
         complete = node.close()
         node.destroy_node()
-    return cli.OK if complete else cli.INCOMPLETE
+    return command_line.OK if complete else command_line.INCOMPLETE

@@ -7,15 +7,15 @@ from typing import Any, NamedTuple
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.bags.read.reader import LogReader
 from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.scene import NS
-from dragon_ros.nodes import keys, outlet, qos, shell
+from dragon_ros.nodes import keys, publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import SimulationTime
 from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.params import REPLAY
-from dragon_ros.nodes.reel import BagReel
-from dragon_ros.wire.log_read import LogReader
+from dragon_ros.nodes.replay_source import BagReel
 
 _JUMP_S = 5.0
 _CLOCK = '/clock'
@@ -41,8 +41,9 @@ class Replay(DragonNode):
         self.outlets = self._advertise(bag, choice.topics)
         self.reel = BagReel(bag, self.outlets, start_ns, end_ns)
         self.late_us: Counter[int] = Counter()
-        wanted = outlet.wanted_readers(choice.wait_subscribers, self.outlets)
-        self.player = Player(self, self.reel, self.setting['time_scale'], lambda: outlet.readers_are_there(wanted))
+        wanted = publisher_queue.wanted_readers(choice.wait_subscribers, self.outlets)
+        self.player = Player(self, self.reel, self.setting['time_scale'],
+                             lambda: publisher_queue.readers_are_there(wanted))
         self.reel.also.append(self._note_late)
         if self.setting['publish_clock']:
             if _CLOCK in self.outlets:
@@ -130,7 +131,7 @@ def run(bag: LogReader, choice: Choice, given: dict[str, Any], stop: threading.E
                 node.get_logger().info('keys: space pauses and goes on, s steps, the arrows seek 5 s')
             code = shell.spin(node, stop, lambda: node.player.done)
         node.get_logger().info(node.summary())
-        outlet.drain(node.outlets.values())
+        publisher_queue.drain(node.outlets.values())
         return code
     finally:
         node.destroy_node()

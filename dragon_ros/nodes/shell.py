@@ -12,9 +12,9 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
 from dragon_ros.core.errors import DiskError, DragonError, MissingError
 from dragon_ros.nodes import logs
-from dragon_ros.wire.cli import BAD_INPUT, FAILED, OK
 
 _EMPTY_LOOKS = 3
 

@@ -6,37 +6,35 @@ from typing import Any
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.cli import command_line
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.verdict import Contact
-from dragon_ros.nodes import outlet, qos, shell
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.track import track_message
+from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import SimulationTime
 from dragon_ros.nodes.controls import Player
-from dragon_ros.nodes.ends import Ends
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.params import SIM
-from dragon_ros.wire import cli
-from dragon_ros.wire.cdr import string_message
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.origin import scene_file
-from dragon_ros.wire.scenes import load_scene
-from dragon_ros.wire.track import track_message
+from dragon_ros.nodes.tf_publisher import Ends
+from dragon_ros.scenes.load import load_scene
+from dragon_ros.scenes.provenance import scene_file
 
 
 class Broadcast(Frames):
     """The frames of a run, each published as it is shown."""
 
-    def __init__(self, scene: Scene, contact: Contact | None, feeds: Iterable[outlet.Feed]) -> None:
+    def __init__(self, scene: Scene, contact: Contact | None, feeds: Iterable[publisher_queue.Feed]) -> None:
         """Stand before the first frame; ``also`` is called with each frame before it is published."""
         super().__init__(scene, contact)
-        self._feeds, self._queue = tuple(feeds), outlet.Queue()
+        self._feeds, self._queue = tuple(feeds), publisher_queue.Queue()
         self.also: list[Callable[[Frame], None]] = []
 
     def show(self) -> None:
@@ -69,7 +67,7 @@ class Sim(DragonNode):
             self.set_parameters([RosParameter('at_end', value='hold')])
         self._lossless = value['time_scale'] == 0
         encode = encoders(self.scene, value['frame_id'])
-        self.feeds = {name: outlet.Feed(self._publisher(name), encode[name]) for name in encode}
+        self.feeds = {name: publisher_queue.Feed(self._publisher(name), encode[name]) for name in encode}
         self.outlets = {name: feed.publisher for name, feed in self.feeds.items()}
         self._frames = Broadcast(self.scene, contact, self.feeds.values())
         self._frames.also = list(self._also())
@@ -78,8 +76,8 @@ class Sim(DragonNode):
         self.outlets['scene'] = self._publisher('scene')
         self.outlets['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
-        wanted = outlet.wanted_readers(value['wait_subscribers'], self.outlets)
-        self.player = Player(self, self._frames, value['time_scale'], lambda: outlet.readers_are_there(wanted))
+        wanted = publisher_queue.wanted_readers(value['wait_subscribers'], self.outlets)
+        self.player = Player(self, self._frames, value['time_scale'], lambda: publisher_queue.readers_are_there(wanted))
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""
@@ -131,12 +129,12 @@ def run(given: dict[str, Any], stop: threading.Event) -> int:
     try:
         node = Sim(stop.is_set, **given)
     except InterruptedError:
-        return cli.OK
+        return command_line.OK
     try:
         code = shell.spin(node, stop, lambda: node.player.done)
         node.get_logger().info('published: ' + ', '.join(f'{name} {feed.published}'
                                                          for name, feed in node.feeds.items()))
-        outlet.drain(node.outlets.values())
+        publisher_queue.drain(node.outlets.values())
         return code
     finally:
         node.destroy_node()

@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from dragon_ros.wire.channels import channels
+from dragon_ros.messages.channels import channels
 
 _PRIMITIVE = re.compile(r'(bool|byte|char|u?int\d+|float\d+|w?string)\b')
 

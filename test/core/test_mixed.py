@@ -6,13 +6,15 @@ from math import inf
 import numpy as np
 import pytest
 from apart import smallest
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.lookout import Lookout, beyond, further
-from dragon_ros.core.near_misses import near_misses
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.narrow_phase import Lookout, beyond, further
+from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.design.bounding_box import extent
 from dragon_ros.core.design.max_speed import fastest
 from dragon_ros.core.design.min_pitch import min_pitch
@@ -26,9 +28,8 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.turn import Turn
-from dragon_ros.tools import certificate
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.scenes import load_scene, scene_values
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene, scene_values
 
 CLASSIC, SPELT = Scene(), Scene(dragon=Mixed((Group(3.41), Group(2.2, 100), Group(2.2, 122))))
 TURNING = replace(CLASSIC, track=Turn(before_m=100.0), run=Run(0, 200))

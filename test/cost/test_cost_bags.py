@@ -4,10 +4,10 @@ import io
 
 import pytest
 
+from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.cli import figures
 from dragon_ros.cost import bags
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire import figures
-from dragon_ros.wire.log_read import LogReader
 
 
 def row(writer='dragon_ros', compression='zstd', seconds=0.5):

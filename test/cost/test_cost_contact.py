@@ -2,12 +2,12 @@
 import numpy as np
 import pytest
 
+from dragon_ros.cli import figures
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.cost import contacts, growth
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire import figures
 
 
 def search(late_s, wanted_s=None):

@@ -1,14 +1,14 @@
 """The page ``cost effects``: its prices, its whole ticks and its files."""
 import numpy as np
 
+from dragon_ros.cli import figures
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
 from dragon_ros.cost import effects, prices
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire import figures
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
 
 TIMING = Timing(1e-5, 0.9e-5, 1.1e-5, 20)
 

@@ -6,8 +6,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dragon_ros.cli import figures
 from dragon_ros.cost import memory
-from dragon_ros.wire import figures
 
 
 def recorded(seconds=600.0, growth_mb_s=1e-4):

@@ -2,6 +2,7 @@
 import numpy as np
 import pytest
 
+from dragon_ros.cli import figures
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
@@ -10,7 +11,6 @@ from dragon_ros.cost.builds import build
 from dragon_ros.cost.measure import Timing
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
-from dragon_ros.wire import figures
 
 
 def timing(seconds):

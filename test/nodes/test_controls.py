@@ -15,9 +15,9 @@ from std_srvs.srv import Trigger
 
 from dragon_ros.core import scene
 from dragon_ros.core.contact import tracker
+from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.nodes import params
 from dragon_ros.nodes.params import SIM
-from dragon_ros.wire.cdr_read import read_pose_array
 
 TICK_NS = 20_000_000
 START_NS = 400_000_000_000

@@ -3,11 +3,11 @@ import signal
 
 import pytest
 
-from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.compare import compare_with_model
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_diagnostics, read_pose_array
+from dragon_ros.scenes.load import load_scene
 
 READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
 SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
@@ -95,12 +95,12 @@ def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
+    from dragon_ros.bags.write.writer import LogWriter
     from dragon_ros.core.contact.tracker import Watch
     from dragon_ros.core.step import tick
+    from dragon_ros.messages.encode import encoders
+    from dragon_ros.messages.observation import check_handles, read_benches, sight_of
     from dragon_ros.nodes.contact_messages import status_of
-    from dragon_ros.wire.encode import encoders
-    from dragon_ros.wire.log_write import LogWriter
-    from dragon_ros.wire.sights import check_handles, read_benches, sight_of
     scene, path = load_scene('first_contact', SHORT), tmp_path_factory.mktemp('bag') / 'short.mcap'
     encode, watch, events = encoders(scene), Watch(), []
     with LogWriter(path) as bag:

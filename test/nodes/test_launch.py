@@ -12,7 +12,7 @@ from conftest import Process
 from geometry_msgs.msg import PoseArray
 from rcl_interfaces.srv import GetParameters
 
-from dragon_ros.wire.log_read import LogReader
+from dragon_ros.bags.read.reader import LogReader
 
 ROOT = Path(__file__).parents[2]
 LAUNCH = """

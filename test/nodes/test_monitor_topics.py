@@ -4,13 +4,13 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
+from dragon_ros.bags.read.reader import LogReader
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.step import state, tick
-from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_diagnostics, read_pose_array
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
 
 T_STAR_NS = 412_473_837_682
 
@@ -254,7 +254,7 @@ def test_who_looks_late_still_sees_the_track_and_who_looks_now_the_clearance(sta
 
 
 def test_the_ends_of_the_dragon_are_frames_with_the_pose_of_their_handles():
-    from dragon_ros.nodes.ends import transforms_of
+    from dragon_ros.nodes.tf_publisher import transforms_of
     scene = load_scene('winding')
     frame = tick(scene, 500)
     head, tail = transforms_of(frame, 'sea')

@@ -12,12 +12,12 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from dragon_ros.__main__ import main
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.reader import LogReader
 from dragon_ros.core.scene import Run
-from dragon_ros.wire.cdr import Writer, stamp_of
-from dragon_ros.wire.compare import compare_with_model
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.origin import scene_in
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.cdr import Writer, stamp_of
+from dragon_ros.scenes.load import load_scene
+from dragon_ros.scenes.provenance import scene_in
 
 READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'
 LATCHED = '/dragon/scene', '/dragon/track'
@@ -150,10 +150,10 @@ def test_lost_and_missing_ticks_are_told_in_the_bag_on_the_terminal_and_by_the_e
     from std_msgs.msg import String
 
     from dragon_ros.core.scene import Scene
+    from dragon_ros.messages.cdr import string_message
+    from dragon_ros.messages.channels import channels
     from dragon_ros.nodes import qos
-    from dragon_ros.wire.cdr import string_message
-    from dragon_ros.wire.channels import channels
-    from dragon_ros.wire.origin import scene_file
+    from dragon_ros.scenes.provenance import scene_file
     run = Run(0, 1, 30)
     scene = node.create_publisher(String, 'scene', qos.of_channel(channels()['scene']))
     handles = node.create_publisher(PoseArray, 'handles', 100)

@@ -3,15 +3,15 @@ from collections import Counter
 
 import pytest
 
+from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.write.writer import LogWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.cdr import string_message
-from dragon_ros.wire.cdr_read import read_pose_array, read_string
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.log_write import LogWriter
-from dragon_ros.wire.origin import scene_file
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_pose_array, read_string
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.provenance import scene_file
 
 SCENE = Scene(run=Run(10, 12, 10))
 NS = 10**9

@@ -1,11 +1,11 @@
 """Every scene of the package runs in sim, and every effect is published and recorded as the model says."""
 import pytest
 
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.reader import LogReader
 from dragon_ros.core.effects import Effect, known
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.compare import compare_with_model
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.scenes import load_scene, scene_names
+from dragon_ros.messages.channels import live
+from dragon_ros.scenes.load import load_scene, scene_names
 
 TICKS = 3
 CONTACT = 'run.start_s=412.4', 'run.stop_s=412.5', 'run.rate_hz=20'

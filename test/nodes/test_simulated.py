@@ -1,7 +1,7 @@
 """The bag that is simulated offline is the one that real nodes record."""
 from dragon_ros.__main__ import main
-from dragon_ros.wire.bag_frames import scene_of_bag
-from dragon_ros.wire.log_read import LogReader
+from dragon_ros.bags.read.frames import scene_of_bag
+from dragon_ros.bags.read.reader import LogReader
 
 SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
 READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Certificate, Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
@@ -22,7 +23,6 @@ from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.tools import certificate
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)

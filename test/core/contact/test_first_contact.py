@@ -7,6 +7,7 @@ from apart import smallest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
@@ -18,7 +19,6 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.tools import certificate
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
 

@@ -9,6 +9,8 @@ from apart import smallest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.commands.certificate_checkers.going import Going
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.dragon import Dragon
@@ -17,9 +19,7 @@ from dragon_ros.core.first_passage import course_of
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.tools import certificate
-from dragon_ros.tools.going import Going
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.scenes.load import load_scene
 
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go

@@ -6,6 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from dragon_ros.commands.certificate_checkers.bends import bends_of
+from dragon_ros.commands.certificate_checkers.intervals import hull
 from dragon_ros.core.contact.interval_clearing import bounds
 from dragon_ros.core.contact.narrow_phase import Lookout, beyond
 from dragon_ros.core.contact.second_order_bounds import bend
@@ -17,8 +19,6 @@ from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.tools.bends import bends_of
-from dragon_ros.tools.intervals import hull
 
 EFFORT = EXACT.effort(20, 400)
 COUNT = 24

@@ -1,8 +1,8 @@
 """Windings of any pitch: placed as the march does, and bounded inside a cell by what is derived from its corners."""
 import numpy as np
 import pytest
-from dragon_ros.core.bending import bend
 
+from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.march import Effort, place

@@ -9,7 +9,9 @@ from itertools import combinations
 import numpy as np
 import pytest
 
-from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps, witness
+from dragon_ros.core.contact.tracker import Sight, Watch
 from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.effects import MEANINGS, NEEDS, Effect, check_needs, effects_of, known
 from dragon_ros.core.effects.noise import normal
@@ -74,7 +76,7 @@ def test_every_subset_of_effects_has_its_fields_alone_and_their_values_to_the_la
 
 def test_what_is_off_is_not_even_imported():
     code = ('import sys, json\nfrom dragon_ros.core.scene import Scene\nfrom dragon_ros.core.step import tick\n'
-            'from dragon_ros.wire.encode import encoders\nscene = Scene()\n'
+            'from dragon_ros.messages.encode import encoders\nscene = Scene()\n'
             '[encode(tick(scene, 0)) for encode in encoders(scene).values()]\nprint(json.dumps(list(sys.modules)))')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))

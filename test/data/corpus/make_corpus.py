@@ -11,13 +11,13 @@ import lz4.frame
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
 
+from dragon_ros.bags.write.writer import qos_text
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_write import qos_text
-from dragon_ros.wire.schemas import schema_text, type_hash
+from dragon_ros.messages.channels import live
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.schemas import schema_text, type_hash
 
 HERE = Path(__file__).parent
 MAGIC = b'\x89MCAP0\r\n'

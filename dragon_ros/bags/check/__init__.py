@@ -1,0 +1,1 @@
+"""What a bag is worth: integrity, gaps, repair, comparison with the model."""

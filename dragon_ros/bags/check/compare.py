@@ -1,0 +1,149 @@
+"""Compare a bag with the model, tick for tick and bit for bit; where bits differ, to the promise of its tier."""
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import dataclass, field
+from itertools import groupby
+from math import inf
+
+import numpy as np
+
+from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.numerics.types import Array
+from dragon_ros.core.rates import conditioning
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
+from dragon_ros.messages.decode import MessageError, read_multi_array, read_pose_array
+from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.encode import encoders
+
+_HUGE = 1e100
+MOST_FAULTS = 1000      # lines that are kept; all are counted
+_VIEWS: dict[str, Callable[[bytes | bytearray], Array]] = {
+    'handles': lambda data: read_pose_array(data).poses,
+    'benches': lambda data: read_marker_array(data).geometry,
+    'velocities': lambda data: read_multi_array(data)[1]}
+
+
+@dataclass
+class Comparison:
+    """How many messages were equal bit for bit, how many only ``close``, and a line for each stretch of faults.
+
+    ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
+    difference of a position among them. ``fault_count`` counts messages that are lost, extra or different.
+    """
+
+    equal: int = 0
+    close: int = 0
+    worst_m: float = 0.0
+    fault_count: int = 0
+    faults: list[str] = field(default_factory=list)
+    _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
+
+    def note(self, name: str, k: int, what: str) -> None:
+        """Count a fault of a tick; those of ticks in a row are one line."""
+        self.fault_count += 1
+        before = self._last.get(name)
+        if before and before[0] == what and before[2] == k - 1:
+            first, line = before[1], before[3]
+            text = f'ticks {first} to {k}: {name} {what}'
+        else:
+            first, line, text = k, len(self.faults), f'tick {k}: {name} {what}'
+            if line < MOST_FAULTS:
+                self.faults.append(text)
+        if line < MOST_FAULTS:
+            self.faults[line] = text
+        self._last[name] = what, first, k, line
+
+    def stray(self, name: str, t_ns: int, count: int) -> None:
+        """Count messages that belong to no tick."""
+        self.fault_count += count
+        if len(self.faults) < MOST_FAULTS:
+            self.faults.append(f'{name} at {t_ns} ns belongs to no tick')
+
+
+def compare_with_model(bag: LogReader, scene: Scene, namespace: str = '/dragon',
+                       progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon') -> Comparison:
+    """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
+    encode, result = encoders(scene, frame_id), Comparison()
+    k = 0
+    for t_ns, recorded in _instants(bag, namespace, encode):
+        while k <= scene.last_tick and scene.run.time_ns(k) < t_ns:
+            _missing(result, encode, k)
+            k += 1
+        if k > scene.last_tick or scene.run.time_ns(k) != t_ns:
+            for name, found in recorded.items():
+                result.stray(name, t_ns, len(found))
+            continue
+        frame = tick(scene, k)
+        for name in encode:
+            _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
+        progress(k)
+        k += 1
+    for late in range(k, scene.last_tick + 1):
+        _missing(result, encode, late)
+    return result
+
+
+def _instants(bag: LogReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
+    """Yield the messages of each log time by the names of their topics in a namespace."""
+    topics = [f'{namespace}/{name}' for name in names]
+    for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):
+        recorded: dict[str, list[bytes]] = {}
+        for message in group:
+            recorded.setdefault(message.topic.removeprefix(f'{namespace}/'), []).append(message.data)
+        yield t_ns, recorded
+
+
+def _missing(result: Comparison, names: Iterable[str], k: int) -> None:
+    for name in names:
+        result.note(name, k, 'is missing')
+
+
+def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: list[bytes], scene: Scene) -> None:
+    """Count one topic's messages of one tick."""
+    k = frame.k
+    assert k is not None
+    if found == [wanted]:
+        result.equal += 1
+    elif len(found) != 1:
+        result.note(name, k, f'is there {len(found)} times' if found else 'is missing')
+    elif (off_m := _off_m(name, wanted, found[0], frame, scene)) <= _allowed_m(frame, scene):
+        result.close += 1
+        result.worst_m = max(result.worst_m, off_m)
+    else:
+        result.note(name, k, 'differs')
+
+
+def _allowed_m(frame: Frame, scene: Scene) -> float:
+    """Return twice the promise, for each side may be off by it; 0 for a tier that promises nothing."""
+    promise_m = position_promise_m(scene.tier, scene.size_m, conditioning(frame.chain))
+    return 2 * promise_m if promise_m < inf else 0.0
+
+
+def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -> float:
+    """Return how far a message is off in metres; inf where it differs in anything but its numbers.
+
+    Quaternions count times the shortest link, speeds as the metres that promise them (``speed_promise_m_s``).
+    """
+    if name not in _VIEWS:
+        return inf
+    ours, theirs = bytearray(wanted), bytearray(found)
+    try:
+        expected, got = _VIEWS[name](ours), _VIEWS[name](theirs)
+    except MessageError:
+        return inf
+    if expected.shape != got.shape or not np.all(np.abs(got) < _HUGE):
+        return inf
+    off = np.abs(got - expected)
+    expected[...], got[...] = 0.0, 0.0      # views: what is left of the bytes is everything else
+    if ours != theirs:
+        return inf
+    if not np.any(off):         # at rest a speed is 0 or -0
+        return 0.0
+    if name == 'velocities':
+        one = speed_promise_m_s(scene.tier, scene.size_m, scene.length_m / scene.dragon.benches,
+                                conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
+        return float(np.max(off)) / one * scene.promise_m if one else inf
+    turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
+    return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)

@@ -1,0 +1,137 @@
+"""Read every byte of a bag once: what is in it, how far it can be trusted, and what can be saved of it."""
+import zlib
+from array import array
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Header
+
+from dragon_ros.bags.check.capped_log import Tally
+from dragon_ros.bags.read.chunk import Row, chunk_head
+from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.index import Index, Piece, summary_index, walked_index
+from dragon_ros.bags.read.records import MAGIC, BagError, BagFile
+
+MOST_TIMES = 10_000_000     # messages whose times are kept, for rates and gaps
+_BLOCK = 2**20
+
+
+@dataclass
+class TopicSeen:
+    """A topic as it was found: type, encoding, messages and their bytes, and their log times in the bag's order."""
+
+    type: str
+    encoding: str
+    messages: int = 0
+    size: int = 0
+    times_ns: 'array[int]' = field(default_factory=lambda: array('Q'))
+
+
+@dataclass
+class Contents:
+    """What is in the files of a bag; ``problems`` are in words, with offsets; ``notes`` are none."""
+
+    files: list[Path]
+    size: int = 0
+    writers: list[str] = field(default_factory=list)
+    compressions: dict[str, int] = field(default_factory=dict)
+    topics: dict[str, TopicSeen] = field(default_factory=dict)
+    problems: Tally = field(default_factory=Tally)
+    notes: Tally = field(default_factory=Tally)
+    kept_times: int = 0
+
+
+def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -> Contents:
+    """Return what is in a bag, damaged or not. Raises BagError where it is no bag at all, MissingError."""
+    contents = Contents(files_of(path))
+    for each in contents.files:
+        with closing(BagFile(each)) as file:
+            _examine(contents, file, progress)
+    return contents
+
+
+def _examine(contents: Contents, file: BagFile, progress: Callable[[int], object]) -> None:
+    contents.size += file.size
+    walked = walked_index(file)
+    if walked.damage:
+        contents.problems.note(walked.damage)
+    contents.writers.append(_writer(file))
+    for piece in walked.pieces:
+        _survey(contents, walked, piece)
+        progress(piece.place.end - piece.place.offset)
+    _hold_summary(contents, file, walked)
+    if walked.data_end:
+        _check_data_crc(contents, file, walked)
+
+
+def _writer(file: BagFile) -> str:
+    """Return profile and library, as the header says."""
+    try:
+        place = file.place(len(MAGIC))
+        header = file.fields(place, Header.read) if place.opcode == Opcode.HEADER else Header('', '')
+        return f'{header.profile} {header.library}'.strip()
+    except BagError:
+        return ''
+
+
+def _survey(contents: Contents, index: Index, piece: Piece) -> None:
+    """Take one piece's messages in."""
+    try:
+        if piece.place.opcode == Opcode.CHUNK:
+            name = chunk_head(piece.file, piece.place).compression or 'none'
+            contents.compressions[name] = contents.compressions.get(name, 0) + 1
+        for row, _ in index.survey(piece):
+            _count(contents, index, row)
+    except BagError as error:
+        contents.problems.note(error)
+
+
+def _count(contents: Contents, index: Index, row: Row) -> None:
+    channel = index.channels.get(row.channel)
+    if channel is None:
+        contents.problems.note(f'{index.file.path}: a message on channel {row.channel}, which nothing declares')
+        return
+    seen = contents.topics.get(channel.topic)
+    if seen is None:
+        schema = index.schemas.get(channel.schema_id)
+        seen = TopicSeen(schema.name if schema else '', channel.message_encoding)
+        contents.topics[channel.topic] = seen
+    seen.messages += 1
+    seen.size += row.end - row.start
+    if contents.kept_times < MOST_TIMES:
+        contents.kept_times += 1
+        seen.times_ns.append(row.t_ns)
+
+
+def _hold_summary(contents: Contents, file: BagFile, walked: Index) -> None:
+    """Note where the summary says something else than the records."""
+    if walked.damage and not file.closed_properly:
+        return
+    try:
+        summary = summary_index(file)
+    except BagError as error:
+        contents.problems.note(error)
+        return
+    if summary is None:
+        contents.notes.note(f'{file.path}: has no complete summary; readers have to walk through the whole file')
+        return
+    places = {piece.place for piece in walked.pieces}
+    for piece in summary.pieces:
+        if piece.place not in places:
+            contents.problems.note(file.fault(piece.place.offset, 'the index has a chunk there, which it is not'))
+    if summary.counts != walked.counts and not walked.damage:
+        contents.problems.note(f'{file.path}: the summary counts {sum(summary.counts.values())} messages, the chunks '
+                               f'hold {sum(walked.counts.values())}')
+
+
+def _check_data_crc(contents: Contents, file: BagFile, walked: Index) -> None:
+    """Hold the CRC of the whole data section, where a writer gave one."""
+    assert walked.data_end is not None
+    wanted, crc, end = file.fields(walked.data_end, DataEnd.read).data_section_crc, 0, walked.data_end.offset
+    for at in range(0, end if wanted else 0, _BLOCK):
+        crc = zlib.crc32(file.read(at, min(_BLOCK, end - at)), crc)
+    if wanted and crc != wanted:
+        contents.problems.note(file.fault(0, f'the CRC of all data is {crc:08x}; it should be {wanted:08x}'))

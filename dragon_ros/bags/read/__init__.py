@@ -1,0 +1,1 @@
+"""Bags, read in bounded memory, damaged ones too."""

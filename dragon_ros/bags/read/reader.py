@@ -1,0 +1,196 @@
+"""Bags, read: single MCAP files and rosbag2 folders, whatever their compression."""
+from collections.abc import Iterator
+from contextlib import suppress
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import yaml
+from mcap.records import Attachment, Channel, Metadata
+
+from dragon_ros.bags.read.chunk import Row
+from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.index import Index, Piece, summary_index, walked_index
+from dragon_ros.bags.read.order import InOrder
+from dragon_ros.bags.read.records import BagError, BagFile
+from dragon_ros.scenes.yaml import values_of
+
+__all__ = ['BagError', 'LogReader', 'Message', 'Topic']
+END_OF_TIME_NS = 2**64
+_LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message of a bag; ``t_ns`` is its log time."""
+
+    topic: str
+    data: bytes
+    t_ns: int
+    sequence: int
+    publish_ns: int
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a bag: full name, type, encoding, QoS as rosbag2 writes it, and how many messages there are."""
+
+    name: str
+    type: str
+    encoding: str
+    qos: dict[str, Any]
+    messages: int
+
+
+class LogReader:
+    """Reads a bag that was closed properly, in bounded memory; of a ``damaged`` one what still holds."""
+
+    def __init__(self, path: Path, damaged: bool = False) -> None:
+        """Open a bag and read its index. Raises MissingError or BagError."""
+        self.path, self._damaged = path, damaged
+        self._indexes: list[Index] = []
+        try:
+            for each in files_of(path):
+                self._indexes.append((_readable if damaged else _index_of)(BagFile(each)))
+            self._take()
+        except BaseException:
+            self.close()
+            raise
+
+    def _take(self) -> None:
+        """Keep what the indexes say."""
+        rows = {index.file: index for index in self._indexes}
+        self._names = {file: {number: channel.topic for number, channel in index.channels.items()}
+                       for file, index in rows.items()}
+        self.topics = _topics([(index, channel) for index in self._indexes for channel in index.channels.values()])
+        for topic in self.topics:
+            if topic.encoding != 'cdr':
+                raise BagError(f'{self.path}: topic {topic.name} holds {topic.encoding or "unknown"} messages; '
+                               'only cdr can be played')
+        spans = [span for index in self._indexes for span in _spans(index)]
+        self.empty = not sum(topic.messages for topic in self.topics) or not spans
+        if self.empty and not self._damaged:
+            raise BagError(f'{self.path}: is empty, there is no message in it')
+        self.start_ns = min((start for start, _ in spans), default=0)
+        self.end_ns = max((end for _, end in spans), default=0)
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the bag is made of."""
+        return [index.file.path for index in self._indexes]
+
+    def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
+                 end_ns: int | None = None) -> Iterator[Message]:
+        """Yield messages with start_ns <= t < end_ns in order of time. Raises BagError at damage."""
+        wanted = None if topics is None else set(topics)
+
+        def choose(piece: Piece, row: Row) -> bool:
+            return wanted is None or self._name(piece, row) in wanted
+        pieces = [piece for index in self._indexes for piece in index.pieces]
+        last_ns = END_OF_TIME_NS if end_ns is None else end_ns
+        for piece, row, data in InOrder(pieces, choose).between(start_ns or 0, last_ns):
+            yield Message(self._name(piece, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
+
+    def _name(self, piece: Piece, row: Row) -> str:
+        try:
+            return self._names[piece.file][row.channel]
+        except KeyError:
+            raise piece.file.fault(piece.place.offset, f'a message on channel {row.channel}, which nothing '
+                                   'declares') from None
+
+    def metadata(self, name: str) -> dict[str, str]:
+        """Return the first metadata record of a name; {} where there is none. Raises BagError."""
+        for index in self._indexes:
+            for place in index.metadata:
+                record = index.file.fields(place, Metadata.read)
+                if record.name == name:
+                    return dict(record.metadata)
+        return {}
+
+    def attachment(self, name: str) -> bytes | None:
+        """Return the first attachment of a name that is small enough to be read. Raises BagError."""
+        for index in self._indexes:
+            for place in index.attachments:
+                with suppress(BagError):
+                    record = index.file.fields(place, Attachment.read)
+                    if record.name == name:
+                        return bytes(record.data)
+        return None
+
+    def close(self) -> None:
+        """Close the files."""
+        for index in self._indexes:
+            index.file.close()
+
+    def __enter__(self) -> 'LogReader':
+        """Use it in a ``with`` block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close at the end of the block."""
+        self.close()
+
+
+def _index_of(file: BagFile) -> Index:
+    """Return the index of a whole file; one without a complete summary is walked through."""
+    try:
+        index = summary_index(file)
+        return _walked(file) if index is None else index
+    except BagError as error:
+        readable = walked_index(file).pieces
+        reach = readable[-1].place.end if readable else 0
+        file.close()
+        raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
+                       'makes a whole bag of them', **error.fields) from None
+
+
+def _walked(file: BagFile) -> Index:
+    index = walked_index(file)
+    if index.damage:
+        raise index.damage
+    for piece in index.pieces:
+        for _ in index.survey(piece):
+            pass
+    return index
+
+
+def _readable(file: BagFile) -> Index:
+    """Return what can be read of a damaged file: the chunks before the damage, but for those that do not hold."""
+    index = walked_index(file)
+    pieces, index.pieces = index.pieces, []
+    for piece in pieces:
+        with suppress(BagError):
+            for _ in index.survey(piece):
+                pass
+            index.pieces.append(piece)
+    return index
+
+
+def _spans(index: Index) -> list[tuple[int, int]]:
+    """Return the times in ns between which the messages of a file lie, as its summary says, or else its chunks."""
+    said = index.statistics
+    if said is None:
+        return [(piece.start_ns, piece.end_ns) for piece in index.pieces]
+    return [(said.message_start_time, said.message_end_time)] if said.message_count else []
+
+
+def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
+    """Return the topics of all channels; those of one name are one topic."""
+    out: dict[str, Topic] = {}
+    for index, channel in channels:
+        schema = index.schemas.get(channel.schema_id)
+        before = out.get(channel.topic)
+        messages = index.counts[channel.id] + (before.messages if before else 0)
+        out[channel.topic] = Topic(channel.topic, schema.name if schema else '', channel.message_encoding,
+                                   qos_of(channel.metadata), messages)
+    return list(out.values())
+
+
+def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
+    """Return the first QoS profile of a channel; {} where there is none that can be read."""
+    text = metadata.get('offered_qos_profiles', '')
+    try:
+        profiles = values_of(text) if len(text) <= _LONGEST_QOS else None
+        return dict(profiles[0]) if profiles else {}
+    except (yaml.YAMLError, TypeError, ValueError, KeyError, RecursionError):
+        return {}

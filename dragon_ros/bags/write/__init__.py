@@ -1,0 +1,1 @@
+"""Bags, written: MCAP files and rosbag2 folders."""

@@ -1,0 +1,1 @@
+"""The contest problem behind the paper: its tables and its result files."""

@@ -1,0 +1,188 @@
+"""CDR bytes as numpy views, walked by schema: any publisher's encoding, both endiannesses, any string lengths.
+
+Every reader checks lengths before it looks, and raises MessageError with the offset where the bytes end early.
+"""
+import struct
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.messages.cdr import NS
+from dragon_ros.messages.schemas import TEXT, Field, fields_of
+
+
+class MessageError(InputError):
+    """The bytes are not a message of the expected type, or hold values that nobody can use."""
+
+
+class Reader:
+    """Walks over plain CDR; offsets count from the start of the data."""
+
+    def __init__(self, data: bytes | bytearray) -> None:
+        """Read the encapsulation header."""
+        if len(data) < 4 or data[0] != 0 or data[1] > 1:
+            raise MessageError(f'not plain CDR: it starts with {bytes(data[:4]).hex() or "nothing"}; '
+                               'expected 0000 or 0001 (XCDR2 and parameter lists are not supported)')
+        self.data, self.order, self.at = data, '><'[data[1]], 4
+
+    def skip(self, kind: str, count: int = 1) -> int:
+        """Pass aligned values of one type and return the first one's offset."""
+        size = struct.calcsize(kind)
+        start = self.at + -(self.at - 4) % size if count else self.at
+        if count > (len(self.data) - start) // size:
+            raise MessageError(f'the bytes end at {len(self.data)}, inside {count} x {size} bytes at {start}')
+        self.at = start + count * size
+        return start
+
+    def take(self, kind: str) -> Any:
+        """Read one primitive."""
+        return struct.unpack_from(self.order + kind, self.data, self.skip(kind))[0]
+
+    def text(self) -> str:
+        """Read a string."""
+        length = self.take('I')
+        start = self.skip('B', length)
+        return self.data[start:start + max(length - 1, 0)].decode(errors='replace')
+
+    def stamp_ns(self) -> int:
+        """Read a time stamp."""
+        sec, nanosec = self.take('i'), self.take('I')
+        if sec < 0 or nanosec >= NS:
+            raise MessageError(f'stamp: {sec} s and {nanosec} ns; expected no negative time and less than 1e9 ns')
+        return int(sec * NS + nanosec)
+
+    def array(self, kind: str, count: int) -> Array:
+        """View ``count`` primitives."""
+        start = self.skip(kind, count)
+        view: Array = np.frombuffer(self.data, f'{self.order}{kind}', count, start)
+        return view
+
+
+def decode(name: str, data: bytes | bytearray) -> dict[str, Any]:
+    """Return any message of the package's topics: fields by name, sequences of numbers as views of the bytes.
+
+    A message of equal numbers alone is a row of them: a Pose is 7 floats, Pose[] has the shape (N, 7).
+    """
+    return _message(Reader(data), fields_of(name))
+
+
+def _message(reader: Reader, fields: Sequence[Field]) -> dict[str, Any]:
+    return {field.name: _value(reader, field) for field in fields}
+
+
+def _value(reader: Reader, field: Field) -> Any:
+    if field.many is None and not field.each:
+        return _one(reader, field)
+    count = 1 if field.many is None else field.many or reader.take('I')
+    if field.kind in (TEXT, ''):
+        return [_one(reader, field) for _ in range(count)]
+    values = reader.array(field.kind, count * (field.each or 1))
+    return values.reshape(count, field.each) if field.each and field.many is not None else values
+
+
+def _one(reader: Reader, field: Field) -> Any:
+    if not field.kind:
+        return _message(reader, field.parts)
+    return reader.text() if field.kind == TEXT else reader.take(field.kind)
+
+
+@dataclass
+class Layout:
+    """Where the fields of one message start, by dotted name, and where all words stand that give lengths."""
+
+    start: int
+    at: dict[str, int] = field(default_factory=dict)
+    lengths: list[int] = field(default_factory=list)
+    end: int = 0
+
+
+def layout_of(reader: Reader, fields: Sequence[Field]) -> Layout:
+    """Pass one message that starts with a time stamp, and return where its fields are."""
+    layout = Layout(reader.at + -(reader.at - 4) % 4)
+    _pass(reader, fields, layout, '')
+    layout.end = reader.at
+    return layout
+
+
+def _pass(reader: Reader, fields: Sequence[Field], layout: Layout, prefix: str) -> None:
+    for each in fields:
+        name = prefix + each.name
+        if each.many is None and not each.kind:
+            _pass(reader, each.parts, layout, f'{name}.')
+        elif each.many is None and each.kind != TEXT:
+            layout.at[name] = reader.skip(each.kind, each.each or 1)
+        else:
+            _pass_many(reader, each, layout, name)
+
+
+def _pass_many(reader: Reader, each: Field, layout: Layout, name: str) -> None:
+    """Pass a text, a sequence or an array."""
+    count = each.many
+    if not count:
+        layout.at[name] = reader.skip('I')
+        layout.lengths.append(layout.at[name])
+        count = struct.unpack_from(f'{reader.order}I', reader.data, layout.at[name])[0]
+    if each.kind == TEXT and each.many is None:
+        reader.skip('B', count)
+    elif each.kind not in (TEXT, ''):
+        reader.skip(each.kind, count * (each.each or 1))
+    else:
+        for _ in range(count):
+            _pass(reader, each.parts or (Field('', TEXT, 0, (), None),), layout, f'{name}.')
+
+
+@dataclass(frozen=True)
+class Poses:
+    """A PoseArray: stamp, frame and a view (N, 7) of x, y, z and quaternion x, y, z, w."""
+
+    t_ns: int
+    frame_id: str
+    poses: Floats
+
+
+def read_stamp_ns(data: bytes) -> int:
+    """Return the stamp of a message that starts with a std_msgs/Header."""
+    return Reader(data).stamp_ns()
+
+
+def read_pose_array(data: bytes | bytearray) -> Poses:
+    """Return a geometry_msgs/PoseArray."""
+    reader = Reader(data)
+    t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
+    return Poses(t_ns, frame_id, reader.array('d', 7 * count).reshape(count, 7))
+
+
+def read_multi_array(data: bytes | bytearray) -> tuple[list[str], Floats]:
+    """Return labels and values of a std_msgs/Float64MultiArray, in the shape of its dimensions."""
+    message = decode('std_msgs/msg/Float64MultiArray', data)
+    dimensions = message['layout']['dim']
+    shape = [row['size'] for row in dimensions]
+    values = message['data'][message['layout']['data_offset']:]
+    if int(np.prod(shape, dtype=object)) != values.size:
+        raise MessageError(f'{values.size} values do not fill the shape {shape}')
+    return [row['label'] for row in dimensions], values.reshape(shape)
+
+
+@dataclass(frozen=True)
+class Status:
+    """One diagnostic_msgs/DiagnosticStatus."""
+
+    level: int
+    name: str
+    message: str
+    values: dict[str, str]
+
+
+def read_diagnostics(data: bytes) -> list[Status]:
+    """Return the statuses of a diagnostic_msgs/DiagnosticArray."""
+    return [Status(row['level'], row['name'], row['message'], {pair['key']: pair['value'] for pair in row['values']})
+            for row in decode('diagnostic_msgs/msg/DiagnosticArray', data)['status']]
+
+
+def read_string(data: bytes) -> str:
+    """Return the text of a std_msgs/String."""
+    return Reader(data).text()

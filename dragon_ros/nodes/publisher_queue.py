@@ -1,0 +1,88 @@
+"""Publishing bytes: who listens, and holding back where readers are slower than the publisher."""
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping
+
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.frame import Frame
+from dragon_ros.messages.encode import Encode
+
+_GIVE_UP = 20       # failures of 0.1 s in a row with nobody to wait for
+_ACKED_S = 4.0      # acknowledgements come with the heartbeat of the middleware, every 3 s with Fast DDS
+
+
+def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
+    """Return (publisher, subscribers to wait for) from texts such as handles=2. Raises InputError."""
+    wanted = []
+    for text in filter(None, texts):
+        name, _, count = text.partition('=')
+        if name not in publishers or not count.isdecimal():
+            raise InputError(f'wait_subscribers: {text!r} is not TOPIC=NUMBER; the topics are {", ".join(publishers)}')
+        wanted.append((publishers[name], int(count)))
+    return wanted
+
+
+def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
+    """Return whether every topic has its wanted subscribers."""
+    return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
+
+
+class Queue:
+    """Messages on their way out, in order; a reader that is slower than a lossless publisher holds them back."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._waiting: deque[tuple[Publisher, bytes]] = deque()
+        self._alone = 0
+
+    def put(self, publisher: Publisher, data: bytes) -> None:
+        """Append a message."""
+        self._waiting.append((publisher, data))
+
+    def flush(self) -> bool:
+        """Publish what waits; return False where a full queue still holds some back, after a tenth of a second."""
+        while self._waiting:
+            publisher, data = self._waiting[0]
+            try:
+                publisher.publish(data)
+            except RCLError:
+                self._alone = 0 if publisher.get_subscription_count() else self._alone + 1
+                if self._alone > _GIVE_UP:
+                    raise
+                return False
+            self._alone = 0
+            self._waiting.popleft()
+        return True
+
+
+class Feed:
+    """One topic of ``sim``: encodes, but only what somebody hears."""
+
+    def __init__(self, publisher: Publisher, encode: Encode) -> None:
+        """Publish on ``publisher`` what ``encode`` makes of a frame."""
+        self.publisher, self._encode = publisher, encode
+        self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self.published = 0
+
+    def put(self, frame: Frame, queue: Queue) -> None:
+        """Queue a frame's message; without a subscriber nothing is encoded.
+
+        Who subscribes later hears from the next frame on, as ever: a volatile topic keeps nothing for late joiners.
+        A latched one does, and is always published.
+        """
+        if self._latched or self.publisher.get_subscription_count():
+            queue.put(self.publisher, self._encode(frame))
+            self.published += 1
+
+
+def drain(publishers: Iterable[Publisher]) -> None:
+    """Wait, for a few seconds at most, until readers have everything: what is not sent dies with its publisher."""
+    end = time.monotonic() + _ACKED_S
+    for publisher in publishers:
+        if publisher.get_subscription_count():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))

@@ -1,0 +1,119 @@
+"""The messages of a bag as frames to play: all of one log time together, and a place among them."""
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+
+from dragon_ros.bags.read.reader import LogReader, Message
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.scene import NS
+from dragon_ros.nodes import publisher_queue
+
+
+class BagReel:
+    """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
+
+    What is latched comes first: where it starts, and after a seek, each latched topic has the message that it had then.
+    """
+
+    def __init__(self, bag: LogReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int) -> None:
+        """Stand before the first message; ``also`` is called with each time before its messages are published."""
+        self.also: list[Callable[[int], None]] = []
+        self.published: Counter[str] = Counter()
+        self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
+        self._latched = {topic for topic, publisher in publishers.items()
+                         if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
+        self._queue, self._last_ns = publisher_queue.Queue(), start_ns
+        self._messages: Iterator[Message]
+        self._next: Message | None
+        self._starts: bool
+        self._go_to(start_ns)
+
+    def next_ns(self) -> int | None:
+        """Return the log time of the next messages; None at the end."""
+        return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
+
+    def last_ns(self) -> int:
+        """Return the time at which what is played ends."""
+        return self._end_ns
+
+    def show(self) -> None:
+        """Publish the messages of the next log time, and move on."""
+        assert self._next is not None
+        self._last_ns = self._next.t_ns
+        for tell in self.also:
+            tell(self._last_ns)
+        frame = self._take()
+        if self._starts:
+            frame = [*self._before(), *sorted(frame, key=lambda message: message.topic not in self._latched)]
+            self._starts = False
+        for message in frame:
+            self._queue.put(self._publishers[message.topic], message.data)
+            self.published[message.topic] += 1
+        self.flush()
+
+    def flush(self) -> bool:
+        """Publish what slow readers held back; return whether nothing is held back any more."""
+        return self._queue.flush()
+
+    def rewind(self) -> None:
+        """Move to the first message."""
+        self._go_to(self._start_ns)
+
+    def seek(self, t_ns: int) -> None:
+        """Move to the last messages at or before ``t_ns``. Raises FieldError outside of what is played."""
+        self.check_time(t_ns)
+        last = self._start_ns
+        for message in self._bag.messages(list(self._publishers), max(self._start_ns, t_ns - NS)):
+            if message.t_ns > t_ns:
+                break
+            last = message.t_ns
+        self._go_to(last if last > self._start_ns else self._last_before(t_ns))
+
+    def check_time(self, t_ns: int) -> None:
+        """Raise FieldError where ``t_ns`` is outside of what is played."""
+        if not self._start_ns <= t_ns <= self._end_ns:
+            raise FieldError('seek_s', t_ns / NS, f'what is played goes from {self._start_ns / NS:.9g} s to '
+                             f'{self._end_ns / NS:.9g} s', 'seek within it')
+
+    def place(self) -> str:
+        """Return where the last messages that were shown stand, for people."""
+        return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
+
+    def ending(self) -> str:
+        """Return why there is no next message, for people."""
+        return f'the bag ends at {self._end_ns / NS:.6f} s'
+
+    def _go_to(self, t_ns: int) -> None:
+        self._from_ns, self._starts = t_ns, True
+        self._messages = iter(self._bag.messages(list(self._publishers), t_ns))
+        self._next = next(self._messages, None)
+
+    def _take(self) -> list[Message]:
+        """Return the messages of the next log time."""
+        assert self._next is not None
+        frame, t_ns = [], self._next.t_ns
+        while self._next is not None and self._next.t_ns == t_ns:
+            frame.append(self._next)
+            self._next = next(self._messages, None)
+        return frame
+
+    def _last_before(self, t_ns: int) -> int:
+        """Return the log time of the last message at or before ``t_ns``, looking at all of them."""
+        last = self._start_ns
+        for message in self._bag.messages(list(self._publishers), self._start_ns):
+            if message.t_ns > t_ns:
+                break
+            last = message.t_ns
+        return last
+
+    def _before(self) -> list[Message]:
+        """Return the last message of each latched topic before where it starts."""
+        found: dict[str, Message] = {}
+        if self._latched and self._from_ns > self._bag.start_ns:
+            for message in self._bag.messages(sorted(self._latched)):
+                if message.t_ns >= self._from_ns:
+                    break
+                found[message.topic] = message
+        return list(found.values())

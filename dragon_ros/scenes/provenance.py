@@ -1,0 +1,68 @@
+"""What made a run: the complete scene as a scene file, which also says the versions, git state and settings."""
+import platform
+import subprocess
+from collections.abc import Mapping
+from contextlib import suppress
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import yaml
+
+from dragon_ros import __version__
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.scene import Scene
+from dragon_ros.scenes.load import scene_of, scene_values
+from dragon_ros.scenes.yaml import parse_document
+
+RECORD = 'dragon_ros'
+ATTACHMENT = 'scene.yaml'
+
+
+@lru_cache(maxsize=1)
+def versions() -> dict[str, str]:
+    """Return the versions of what computes, and the git commit where the code is a checkout (``+`` where changed)."""
+    found = {'dragon_ros': __version__, 'python': platform.python_version(), 'numpy': np.__version__}
+    commit = _git('rev-parse', 'HEAD')
+    if commit:
+        found['git'] = commit + ('+' if _git('status', '--porcelain', '--untracked-files=no') else '')
+    return found
+
+
+def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
+    """Return the complete scene as a scene file; its section ``about`` has the versions and other settings."""
+    return yaml.safe_dump({**scene_values(scene), 'about': {**versions(), **(settings or {})}}, sort_keys=False)
+
+
+def scene_in(text: str) -> Scene | None:
+    """Return the scene that a scene file describes; None where this version cannot read it."""
+    with suppress(DragonError):
+        return scene_of(parse_document(ATTACHMENT, text))
+    return None
+
+
+def run_metadata(text: str, recorder: Mapping[str, str]) -> dict[str, str]:
+    """Return the metadata record of a bag whose scene file is ``text``; ``recorder`` is what its recorder says."""
+    scene = scene_in(text)
+    told = {'scene': text, **{f'about.{key}': str(value) for key, value in _about(text).items()}}
+    if scene is not None:
+        told |= {'tier': scene.tier.name, 'promise_m': repr(scene.promise_m), 'effects': ', '.join(scene.effects.names)}
+    return told | {f'recorder.{key}': value for key, value in recorder.items()}
+
+
+def _about(text: str) -> dict[str, Any]:
+    with suppress(DragonError):
+        return parse_document(ATTACHMENT, text).section('about')
+    return {}
+
+
+def _git(*arguments: str) -> str:
+    """Return what git says of the checkout that this code is in; nothing where it is in none."""
+    root = Path(__file__).resolve().parents[2]
+    if not (root / '.git').exists():
+        return ''
+    with suppress(OSError, subprocess.SubprocessError):
+        return subprocess.run(['git', '-C', str(root), *arguments], capture_output=True, text=True, check=True,
+                              timeout=5).stdout.strip()
+    return ''
