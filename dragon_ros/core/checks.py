@@ -1,4 +1,5 @@
 """Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit."""
+from dataclasses import fields
 from math import isfinite
 from typing import Any
 
@@ -43,6 +44,14 @@ def settle(settings: object, **values: Any) -> None:
     """
     for name, value in values.items():
         object.__setattr__(settings, name, value)
+
+
+class Settings:
+    """A frozen dataclass that is pickled as its fields alone, without what properties have cached."""
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Return the class and its fields in order."""
+        return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
 
 
 def _kind(value: Any) -> str:

@@ -4,9 +4,9 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.old_chain import Chain
 
 
 @dataclass(frozen=True)

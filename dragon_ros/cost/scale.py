@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost import builds
 from dragon_ros.cost.builds import Build, build

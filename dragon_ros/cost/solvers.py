@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.march import place
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.old_chain import Chain
+from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost.baselines import by_newton
 
@@ -50,7 +51,7 @@ class PlainChain(Chain):
 
 def _march(scene: Scene, head: DoubleDouble) -> Chain:
     """Place handle after handle."""
-    return place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
+    return place(scene.spiral, scene.dragon.link_lengths_m, head, compile_scene(scene).model.effort)
 
 
 def _table(scene: Scene, head: DoubleDouble) -> Chain:

@@ -4,9 +4,10 @@ from functools import partial
 
 import numpy as np
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, velocity_of
@@ -36,5 +37,5 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
 
 
 def _head(scene: Scene, t_s: float) -> DoubleDouble:
-    scene.check_time(t_s)
+    compile_scene(scene).check_time(t_s)
     return scene.spiral.inward(*scene.head.travelled_m(t_s))

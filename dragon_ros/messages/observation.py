@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.tracker import Sight
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.messages.cdr import NS

@@ -1,5 +1,5 @@
 """The latched message that shows the track, as bytes."""
-from dragon_ros.core.outline import outline
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.cdr import Writer, stamp_of
 
@@ -10,7 +10,7 @@ _GREY = (0.6, 0.6, 0.6, 1.0)
 
 def track_message(scene: Scene, frame_id: str) -> bytes:
     """Return a visualization_msgs/Marker: the track as a line just below the benches, stamped with the run's start."""
-    writer, points = Writer(), outline(scene)
+    writer, points = Writer(), compile_scene(scene).track_line()
     writer.put('I', *stamp_of(scene.run.start_ns))
     writer.text(frame_id)
     writer.text('track')

@@ -3,14 +3,14 @@ from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
 import pytest
+from dragon_ros.core.rates import velocities
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import adjacent_layer_windows
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.path import arc_between
-from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spiral import arc_between
 
 SCENE = Scene(solver='march')
 B, P, V, THETA0 = SCENE.track.b_m, 0.55, 1.0, 32 * pi

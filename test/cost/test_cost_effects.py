@@ -2,7 +2,7 @@
 import numpy as np
 
 from dragon_ros.cli import figures
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
 from dragon_ros.cost import effects, prices

@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.tracker import Watch
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import MessageError

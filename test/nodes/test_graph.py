@@ -5,6 +5,7 @@ import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.core.model import compile_scene
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics, read_pose_array
 from dragon_ros.scenes.load import load_scene
@@ -106,7 +107,7 @@ def recorded(tmp_path_factory):
     with LogWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
-        for k in range(scene.last_tick + 1):
+        for k in range(compile_scene(scene).last_tick + 1):
             frame = tick(scene, k)
             data = {name: encode[name](frame) for name in encode}
             for name, message in data.items():

@@ -8,7 +8,7 @@ from math import inf
 import numpy as np
 
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, LogReader, Message
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.contact.tracker import NEAR_M

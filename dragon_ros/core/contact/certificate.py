@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 from dragon_ros.core.contact.interval_clearing import Stretch
 from dragon_ros.core.contact.signed_distance import Witness
-from dragon_ros.core.end import End
+from dragon_ros.core.model import End
 
 
 @dataclass(frozen=True)

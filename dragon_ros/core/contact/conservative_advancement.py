@@ -11,12 +11,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.first_passage import Course
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import box_pairs
 from dragon_ros.core.contact.certificate import Certificate, Contact, Step
 from dragon_ros.core.contact.signed_distance import gaps, witness
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_passage import Course
 from dragon_ros.core.led import Led
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints

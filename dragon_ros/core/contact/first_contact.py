@@ -11,6 +11,7 @@ from math import floor
 
 import numpy as np
 
+from dragon_ros.core.chain.first_passage import Course, course_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.certificate import Certificate, Contact, NoContact, together
 from dragon_ros.core.contact.conservative_advancement import Follower
@@ -18,12 +19,11 @@ from dragon_ros.core.contact.interval_clearing import Stretch
 from dragon_ros.core.contact.signed_distance import gaps, witness
 from dragon_ros.core.contact.way import Way
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_passage import Course, course_of
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.spec import Spiral
 
 _BEFORE_M = 1e-9        # of the head's way, before a contact: so far the certificate goes
 

@@ -10,12 +10,12 @@ from math import ceil
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of
-from dragon_ros.core.dragon import AnyDragon, is_even
-from dragon_ros.core.march import Effort
+from dragon_ros.core.chain.dragon import AnyDragon, is_even
+from dragon_ros.core.chain.rectangles import Benches, axes_of
 from dragon_ros.core.march_many import place_many
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
 
 _CHUNK = 512
 _FEW = 64       # followers, more than two layers of the classic dragon near the centre

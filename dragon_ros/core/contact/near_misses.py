@@ -3,7 +3,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.interval_clearing import Stretch
 from dragon_ros.core.contact.signed_distance import gaps

@@ -5,22 +5,22 @@ from functools import cached_property
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.dragon import goes_on_alike, is_even
+from dragon_ros.core.chain.first_passage import Course
+from dragon_ros.core.chain.lock import turning_places
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact import interval_clearing as stretches
 from dragon_ros.core.contact.interval_clearing import Cleared, Stretch, Window, comes_in
 from dragon_ros.core.contact.narrow_phase import Lookout
-from dragon_ros.core.dragon import goes_on_alike, is_even
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_passage import Course
-from dragon_ros.core.lock import turning_places
-from dragon_ros.core.march import place
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.old_chain import SpiralChain
+from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.walk import Place
+from dragon_ros.core.tracks.composite import Place
 
 _FIRST_M = 4.0          # distance of the places looked at first
 _FINEST_M = 1e-3, 1e-8  # stretches are not halved below this: next to a contact, and next to a grazing

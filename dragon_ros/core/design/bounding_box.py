@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.signed_distance import CORNERS
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene

@@ -14,11 +14,11 @@ import numpy as np
 
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.led import Led
-from dragon_ros.core.march import Effort
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.placed import BACK
 from dragon_ros.core.rising import Looks, looks_at, tops
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.walk_chain import chain_on
 
 _SPACING_M = 0.1        # of the first looks

@@ -13,10 +13,10 @@ from math import asin, ceil, log, pi, sqrt
 
 import numpy as np
 
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.checks import number
 from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
-from dragon_ros.core.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.numerics.ball_arithmetic import between
 from dragon_ros.core.numerics.types import Floats, Ints

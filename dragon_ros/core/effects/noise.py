@@ -2,16 +2,16 @@
 import numpy as np
 
 from dragon_ros.core.frame import Frame, Measured
+from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.scene import Scene
 
 
-def measured(scene: Scene, frame: Frame) -> Measured:
+def measured(simulation: Simulation, frame: Frame) -> Measured:
     """Return the handles and directions of a frame with independent normal errors, as the scene's noise says."""
-    handles = frame.chain.p.shape[0]
-    draw = normal(scene.noise.seed, frame.k if frame.k is not None else frame.t_ns, frame.k is None, 3 * handles - 1)
-    p = frame.chain.p + scene.noise.position_m * draw[:2 * handles].reshape(handles, 2)
-    angle = scene.noise.yaw_rad * draw[2 * handles:]
+    noise, handles = simulation.scene.noise, frame.chain.p.shape[0]
+    draw = normal(noise.seed, frame.k if frame.k is not None else frame.t_ns, frame.k is None, 3 * handles - 1)
+    p = frame.chain.p + noise.position_m * draw[:2 * handles].reshape(handles, 2)
+    angle = noise.yaw_rad * draw[2 * handles:]
     turn = (np.cos(angle) + 1j * np.sin(angle)) * (frame.axis[:, 0] + 1j * frame.axis[:, 1])
     return Measured(read_only(p), read_only(np.stack((turn.real, turn.imag), axis=1)))
 

@@ -5,18 +5,18 @@ from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps, witnesses
 from dragon_ros.core.contact.tracker import NEAR_M, TOUCH_M
 from dragon_ros.core.frame import Closeness, Contacts, Frame
+from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import Scene
 
 
-def closeness(_: Scene, frame: Frame) -> Closeness:
+def closeness(_: Simulation, frame: Frame) -> Closeness:
     """Return all pairs within ``NEAR_M`` of each other, and others, with their gaps, as the monitor sees them."""
     assert frame.benches is not None
     i, j = candidates(frame.chain.p, frame.benches, NEAR_M)
     return Closeness(i, j, gaps(frame.benches, i, j))
 
 
-def contacts(_: Scene, frame: Frame) -> Contacts:
+def contacts(_: Simulation, frame: Frame) -> Contacts:
     """Return the pairs that touch."""
     near, benches = frame.closeness, frame.benches
     assert near is not None

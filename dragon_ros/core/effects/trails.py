@@ -2,26 +2,23 @@
 import numpy as np
 
 from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.placed import BACK
-from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.walk_chain import chains_on
+from dragon_ros.core.scene import NS
+from dragon_ros.core.tracks.segments import BEHIND
 
 
-def trail(scene: Scene, frame: Frame) -> Floats:
+def trail(simulation: Simulation, frame: Frame) -> Floats:
     """Return where the head was in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in metres."""
-    now = frame.t_ns / NS
-    times = np.linspace(max(0.0, now - scene.trails.seconds), now, scene.trails.points)
-    return read_only(np.ascontiguousarray(_head_at(scene, times)))
+    now, trails = frame.t_ns / NS, simulation.scene.trails
+    times = np.linspace(max(0.0, now - trails.seconds), now, trails.points)
+    return read_only(np.ascontiguousarray(_head_at(simulation, times)))
 
 
-def _head_at(scene: Scene, times_s: Floats) -> Floats:
+def _head_at(simulation: Simulation, times_s: Floats) -> Floats:
     """Return where the head is at many times, (S, 2): the leader itself, or the far end of the chain behind a tail."""
-    led = scene.chained
-    leaders = led.leaders(scene.head.travelled_m(times_s))
-    if led.way == BACK:
-        return led.walk.points(*leaders)[0]
-    chains = (scene.runs.place_many(leaders) if scene.runs else
-              chains_on(led.walk, led.links_m, leaders, led.way, scene.effort))
-    head: Floats = chains.p[:, 0]
+    model, gone_m = simulation.model, simulation.scene.head.travelled_m(times_s)
+    if model.direction == BEHIND:
+        return model.track.points(*model.leader.places(gone_m))
+    head: Floats = model.place_many(gone_m).p[:, 0]
     return head

@@ -6,10 +6,11 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Track
 
+SAG_M = 0.002               # a screen shows no less of a dragon of tens of metres
 _MOST_POINTS = 100_000      # of a segment
 
 
-def polyline(track: Track, low_m: float, high_m: float, sag_m: float = 0.002) -> Floats:
+def polyline(track: Track, low_m: float, high_m: float, sag_m: float = SAG_M) -> Floats:
     """Return points (n, 2) in metres along a track between two distances, in the order of the head's way.
 
     The line between them strays ``sag_m`` from the track at most (s = R phi^2 / 8), unless that takes over 100,000

@@ -1,9 +1,10 @@
 """Velocities and accelerations of short chains with 40 digits, by differences: what kinematics is held against."""
 import mpmath
 import numpy as np
+from dragon_ros.core.placed import BACK, PlacedArc, PlacedLine
 from mpmath import mp, mpc, mpf
 
-from dragon_ros.core.placed import BACK, PlacedArc, PlacedLine
+from dragon_ros.core.model import compile_scene
 
 DIGITS, STEP = 40, mpf(10) ** -10     # differences of second order: off by STEP^2, that is 20 digits
 
@@ -77,7 +78,7 @@ class Guess:
 def rates(scene, t_s, segments=None):
     """Return velocities and accelerations (N+1, 2) of a scene's handles, handles on some segments or on their own."""
     with mp.workdps(DIGITS):
-        chain = scene.chained.chain(scene.head.travelled_m(t_s), scene.effort)
+        chain = scene.chained.chain(scene.head.travelled_m(t_s), compile_scene(scene).model.effort)
         segments = chain.piece.tolist() if segments is None else segments
         links = [mpf(float(length)) for length in scene.dragon.link_lengths_m]
         guess = Guess(chain, segments)

@@ -4,15 +4,15 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact import broad_phase
 from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
 
 
 def placed(scene, share=None, t_s=0.0):

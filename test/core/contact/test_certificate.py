@@ -9,20 +9,20 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dragon_ros.commands.certificate_checkers import certificate
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Certificate, Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.interval_clearing import Stretch, bounds
 from dragon_ros.core.contact.narrow_phase import Lookout
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, InputError
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.spec import Spiral
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)

@@ -7,21 +7,22 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from apart import smallest
+from dragon_ros.core.joined import Joined, Wind
+from dragon_ros.core.turn import Turn
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.commands.certificate_checkers.curve import Curve
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact import conservative_advancement
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Line
 
 LOOP = Joined((Line(5.0), Arc(3.0, 720.0)))
 BENT = Joined((Line(50.0), Arc(3.0, -200.0), Line(1.0), Wind(1.2, 2, 4.0)), start_m=70.0)

@@ -11,14 +11,14 @@ from hypothesis import strategies as st
 
 from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.commands.certificate_checkers.going import Going
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.first_passage import course_of
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.first_passage import course_of
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene
 
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')

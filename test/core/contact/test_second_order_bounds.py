@@ -8,17 +8,17 @@ from hypothesis import strategies as st
 
 from dragon_ros.commands.certificate_checkers.bends import bends_of
 from dragon_ros.commands.certificate_checkers.intervals import hull
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.contact.interval_clearing import bounds
 from dragon_ros.core.contact.narrow_phase import Lookout, beyond
 from dragon_ros.core.contact.second_order_bounds import bend
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.lock import follower, lock_angle, turning_places
-from dragon_ros.core.march import place
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.paper import place
 from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.spec import Spiral
 
 EFFORT = EXACT.effort(20, 400)
 COUNT = 24

@@ -1,7 +1,7 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.tracker import MOST_REPORTED, Sight, Watch
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -74,7 +74,7 @@ def test_a_turned_or_mirrored_dragon_has_the_same_contact(turn, mirror):
 
 
 def test_another_number_of_benches_starts_afresh():
-    from dragon_ros.core.dragon import Dragon
+    from dragon_ros.core.chain.dragon import Dragon
     watch = Watch()
     assert len(events(Scene(run=Run(412.4, 413)), range(10), watch)) == 1
     assert len(events(Scene(dragon=Dragon(50), run=Run(412.7, 413)), range(3), watch)) == 1

@@ -3,21 +3,21 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from dragon_ros.core.inwards import inwards
+from dragon_ros.core.joined import Joined, Wind
+from dragon_ros.core.turn import Turn
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.design.bounding_box import Extent, Reach, extent, fits
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.inwards import inwards
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states
 from dragon_ros.core.sweep import SIDES, Sweep
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Line, Spiral
 from dragon_ros.core.visits import Visits
 
 SCENES = [Scene(), Scene(dragon=Dragon(benches=1)), Scene(dragon=Dragon(benches=3), run=Run(start_s=400.0)),

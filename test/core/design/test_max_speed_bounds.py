@@ -1,13 +1,14 @@
 """What is derived between two looks at a chain on a walk holds at every look in between."""
 import numpy as np
 import pytest
-
-from dragon_ros.core.joined import Arc, Joined, Line
+from dragon_ros.core.joined import Joined
 from dragon_ros.core.led import Led
-from dragon_ros.core.march import Effort
-from dragon_ros.core.placed import AHEAD, BACK
-from dragon_ros.core.rising import looks_at, tops
+from dragon_ros.core.placed import BACK
 from dragon_ros.core.turn import Turn
+
+from dragon_ros.core.rising import looks_at, tops
+from dragon_ros.core.tracks.segments import AHEAD, Effort
+from dragon_ros.core.tracks.spec import Arc, Line
 
 LINKS = np.array([2.86, *(1.65,) * 12, 0.0, *(1.65,) * 8])
 BENDY = Joined((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=50.0).walk

@@ -2,13 +2,14 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
-from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.march import Effort, place
 from dragon_ros.core.numerics.ball_arithmetic import between
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.paper import place
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.winding import separations, windings
 
 EFFORT, COUNT = Effort(1e-12), 40

@@ -9,21 +9,19 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps, witness
 from dragon_ros.core.contact.tracker import Sight, Watch
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.effects import MEANINGS, NEEDS, Effect, check_needs, effects_of, known
 from dragon_ros.core.effects.noise import normal
 from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.old_chain import Chain
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_needs, effects_of, known
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Spiral, STurn
 
 ALL = ~Effect.NONE
 FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLEARANCE: 'closeness',
@@ -207,9 +205,9 @@ def test_a_trail_of_a_dragon_that_its_tail_leads_is_where_its_head_was():
 
 
 EVERYWHERE = [
-    replace(TOUCHING, track=Turn(before_m=5.0), run=Run(stop_s=40.0)),
+    replace(TOUCHING, track=STurn(before_m=5.0), run=Run(stop_s=40.0)),
     replace(TOUCHING, track=Spiral(0.55, 4.0), head=Head(1.0, lead='tail'), run=Run(stop_s=40.0)),
-    replace(TOUCHING, track=Turn(before_m=-30.0), run=Run(stop_s=40.0),
+    replace(TOUCHING, track=STurn(before_m=-30.0), run=Run(stop_s=40.0),
             head=Profile(((0.0, 0.0), (9.0, 1.0), (30.0, -0.2)), 'smooth', 'tail')),
     replace(TOUCHING, head=Profile(((0.0, 0.0), (9.0, 1.0))), run=Run(stop_s=40.0)),
     replace(TOUCHING, dragon=Mixed((Group(1.2, 3), Group(3.41), Group(0.55), Group(2.2, 4))), run=Run(stop_s=40.0))]

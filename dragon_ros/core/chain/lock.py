@@ -1,21 +1,15 @@
 """Where a chain locks: the innermost place of the head from which every link still finds its next handle.
 
-Moving in, the first peak of the chord equation (``march.first_peak``) sinks; where it meets the link's length the
+Moving in, the first peak of the chord equation (``chord.first_peak``) sinks; where it meets the link's length the
 smallest root vanishes and the follower's speed goes to infinity.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from functools import lru_cache
 from itertools import pairwise
-from math import cos, inf, pi, sin, sqrt, ulp
+from math import cos, inf, pi, sin, sqrt
 
-import numpy as np
-
-from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.march import Effort, chord_of, first_guess, first_peak, place, step
-from dragon_ros.core.march_many import place_many
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.tracks.chord import chord_of, first_guess, first_peak, step
 
 
 @lru_cache(maxsize=256)
@@ -75,29 +69,6 @@ def _handle(theta: float, chords: Sequence[float]) -> float:
     for chord in chords:
         theta = follower(theta, chord)
     return theta
-
-
-def last_stand(t_s: float, gone_m: Callable[[float], tuple[float, float]], spiral: Spiral, links_m: Floats,
-               effort: Effort) -> float:
-    """Return the time of a lock, or the last one just before it at which links find their places.
-
-    The lock's place is known to a float, and its time is another float: the chain may be beyond it already.
-    ``gone_m(t_s)`` is how far the head has gone, as (hi, lo).
-    """
-    back = ulp(t_s)
-    while 0 < t_s < inf and not _stands(gone_m(t_s), spiral, links_m, effort):
-        t_s, back = max(0.0, t_s - back), 2 * back
-    return t_s
-
-
-def _stands(gone_m: tuple[float, float], spiral: Spiral, links_m: Floats, effort: Effort) -> bool:
-    """Return whether links find their places, alone and among many."""
-    try:
-        place(spiral, links_m, spiral.inward(*gone_m), effort)
-        place_many(spiral, links_m, *spiral.inward_many(*(np.array([part]) for part in gone_m)), effort)
-    except ChainLockError:
-        return False
-    return True
 
 
 def follower(theta: float, chord: float) -> float:

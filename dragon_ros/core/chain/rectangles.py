@@ -3,9 +3,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.dragon import AnyDragon
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.old_chain import Chain
 
 
 @dataclass(frozen=True)

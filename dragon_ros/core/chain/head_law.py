@@ -15,7 +15,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.checks import number
+from dragon_ros.core.checks import Settings, number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.double_double import product
 from dragon_ros.core.numerics.roots import bracketed_newton
@@ -34,7 +34,7 @@ class Head:
 
     def __post_init__(self) -> None:
         """Refuse a speed that is not a number."""
-        number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9)
+        settle(self, speed_m_s=number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9))
         _check_lead(self.lead)
 
     @property
@@ -72,7 +72,7 @@ class Head:
 
 
 @dataclass(frozen=True)
-class Profile:
+class Profile(Settings):
     """Speed by time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed stays.
 
     A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), without jumps in the acceleration's sign. Two
@@ -90,9 +90,9 @@ class Profile:
             raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
         if not 1 <= len(self.knots) <= _MOST:
             raise FieldError('head.knots', len(self.knots), f'a profile has 1 to {_MOST} knots', 'list [time, speed]')
-        for n, (t_s, speed) in enumerate(self.knots):
-            number(f'head.knots.{n + 1}', t_s, low=self.knots[n - 1][0] if n else 0.0, high=1e10)
-            number(f'head.knots.{n + 1}', speed, low=-1e9, high=1e9)
+        settle(self, knots=tuple(
+            (number(f'head.knots.{n + 1}', t_s, low=self.knots[n - 1][0] if n else 0.0, high=1e10),
+             number(f'head.knots.{n + 1}', speed, low=-1e9, high=1e9)) for n, (t_s, speed) in enumerate(self.knots)))
         if self.knots[0][0] != 0:
             raise FieldError('head.knots.1', self.knots[0], 'the first knot is at 0 s', 'say the speed at 0 s')
 
@@ -198,6 +198,9 @@ class Profile:
         """Return the least and the greatest distance that the leader has gone by ``t_s`` (0 is among them)."""
         gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
         return min(gone), max(gone)
+
+
+HeadLaw = Head | Profile
 
 
 def _check_lead(lead: str) -> None:

@@ -23,7 +23,7 @@ import numpy as np
 
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot, left
-from dragon_ros.core.walk import Walk
+from dragon_ros.core.tracks.composite import Track
 
 HEAD, TAIL = 0, -1      # the leading handle's index
 _ULP = 2.0**-52
@@ -127,21 +127,21 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
     return accumulate(steps, lambda y, step: step[0] * y + step[1], initial=start)
 
 
-def entered_curvatures(walk: Walk, piece: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
+def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
     """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
 
-    ``piece`` and ``u`` (..., N+1) are the handles' places. A handle that stands on a joint to within ``within_m``, the
+    ``segment`` and ``u`` (..., N+1) are the handles' places. A handle that stands on a joint to within ``within_m``, the
     error that its position may have, is taken to be on the segment that it moves into. A handle at rest keeps its own:
     its curvature counts times the square of its speed.
     """
-    if not walk.joints_m:
-        return walk.curvatures(piece, u)
-    along, joints = walk.distances(piece, u), np.array(walk.joints_m)
+    if not track.joints_m:
+        return track.curvatures(segment, u)
+    along, joints = track.distances(segment, u), np.array(track.joints_m)
     near = within_m + 4 * _ULP * np.abs(along)      # a distance along the track rounds as well
     entered = np.where(speeds > 0, np.searchsorted(joints, along + near, side='right'),
-                       np.where(speeds < 0, np.searchsorted(joints, along - near, side='left'), piece))
-    ahead, behind = entered > piece, entered < piece
+                       np.where(speeds < 0, np.searchsorted(joints, along - near, side='left'), segment))
+    ahead, behind = entered > segment, entered < segment
     if not np.any(ahead | behind):
-        return walk.curvatures(piece, u)
-    first, last = (np.array([getattr(one, end) for one in walk.pieces]) for end in ('first', 'last'))
-    return walk.curvatures(entered, np.where(ahead, first[entered], np.where(behind, last[entered], u)))
+        return track.curvatures(segment, u)
+    first, last = (np.array([getattr(one, end) for one in track.segments]) for end in ('first', 'last'))
+    return track.curvatures(entered, np.where(ahead, first[entered], np.where(behind, last[entered], u)))

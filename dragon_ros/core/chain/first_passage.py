@@ -8,7 +8,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dragon_ros.core.head import Head, Profile
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.scene import Scene
 
@@ -64,4 +65,4 @@ class Course:
 
 def course_of(scene: Scene) -> Course:
     """Return the course of a scene's run."""
-    return Course(scene.head, scene.run.start_s, scene.end.t_s)
+    return Course(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)

@@ -4,7 +4,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dragon_ros.core.checks import number, whole
+from dragon_ros.core.checks import Settings, number, settle, whole
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
@@ -12,7 +12,7 @@ _MOST, _MOST_GROUPS = 1_000_000, 10_000
 
 
 @dataclass(frozen=True)
-class Dragon:
+class Dragon(Settings):
     """A head bench and ``benches - 1`` equal body benches, joined at ``benches + 1`` handles.
 
     Every length is in metres. Defaults are those of the contest problem behind the paper (CUMCM 2024 A).
@@ -26,20 +26,15 @@ class Dragon:
 
     def __post_init__(self) -> None:
         """Refuse benches that cannot be built."""
-        whole('dragon.benches', self.benches, low=1, high=_MOST)
-        _check_common(self)
-        for name in ('head_length_m', 'body_length_m'):
-            _check_length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
+        settle(self, benches=whole('dragon.benches', self.benches, low=1, high=_MOST))
+        _settle_common(self)
+        settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
+                        for name in ('head_length_m', 'body_length_m')})
 
     @property
     def head_link_m(self) -> float:
         """Distance between the two handles of the head bench."""
         return self.head_length_m - 2 * self.hole_inset_m
-
-    @property
-    def body_link_m(self) -> float:
-        """Distance between the two handles of every other bench."""
-        return self.body_length_m - 2 * self.hole_inset_m
 
     @cached_property
     def link_lengths_m(self) -> Floats:
@@ -61,7 +56,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Mixed:
+class Mixed(Settings):
     """Benches of different lengths: ``groups`` from the head backwards, all of one width, joined by their handles."""
 
     groups: tuple[Group, ...]
@@ -70,15 +65,18 @@ class Mixed:
 
     def __post_init__(self) -> None:
         """Refuse benches that cannot be built."""
-        _check_common(self)
+        _settle_common(self)
         if not 1 <= len(self.groups) <= _MOST_GROUPS:
             raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {_MOST_GROUPS} groups',
                              'list its benches, such as [{length_m: 3.41}, {count: 222, length_m: 2.2}]')
-        for n, group in enumerate(self.groups, 1):
-            whole(f'dragon.groups.{n}.count', group.count, low=1, high=_MOST)
-            _check_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m)
+        settle(self, groups=tuple(self._group(n, group) for n, group in enumerate(self.groups, 1)))
         if self.benches > _MOST:
             raise FieldError('dragon.groups', f'{self.benches} benches', f'the most are {_MOST}', 'give smaller counts')
+
+    def _group(self, n: int, group: Group) -> Group:
+        """Return a group with its values checked."""
+        count = whole(f'dragon.groups.{n}.count', group.count, low=1, high=_MOST)
+        return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
     @property
     def benches(self) -> int:
@@ -111,14 +109,15 @@ def goes_on_alike(lengths_m: Floats, one: int, other: int) -> bool:
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 
 
-def _check_common(dragon: AnyDragon) -> None:
-    number('dragon.hole_inset_m', dragon.hole_inset_m, low=0.0, high=1e12)
-    number('dragon.width_m', dragon.width_m, above=0.0, high=1e12)
+def _settle_common(dragon: AnyDragon) -> None:
+    settle(dragon, hole_inset_m=number('dragon.hole_inset_m', dragon.hole_inset_m, low=0.0, high=1e12),
+           width_m=number('dragon.width_m', dragon.width_m, above=0.0, high=1e12))
 
 
-def _check_length(field: str, length_m: float, hole_inset_m: float) -> None:
+def _length(field: str, length_m: float, hole_inset_m: float) -> float:
     number(field, length_m, above=0.0, high=1e12)
     length = number(field, length_m, low=1e-12)
     if length < 2 * hole_inset_m:
         raise FieldError(field, length, f'a bench must hold its two holes, 2 x {hole_inset_m} m from the ends',
                          'make the bench longer or dragon.hole_inset_m smaller')
+    return length
