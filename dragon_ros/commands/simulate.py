@@ -18,7 +18,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.track import track_message
+from dragon_ros.messages.markers import track_marker
 from dragon_ros.scenes import provenance
 
 _NAMESPACE = '/dragon'      # of the live nodes, unless told otherwise
@@ -63,7 +63,7 @@ def _introduce(scene: Scene, bag: LogWriter, namespace: str) -> None:
     told = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(provenance.RECORD, provenance.run_metadata(text, told | provenance.versions()))
     bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
-    once = {'track': track_message(scene, _FRAME_ID), 'scene': string_message(text)}
+    once = {'track': track_marker(scene, _FRAME_ID), 'scene': string_message(text)}
     for name in (*once, *(row.name for row in live(scene.effects))):
         bag.add_channel(f'{namespace}/{name}', channels()[name])
     for name, data in once.items():

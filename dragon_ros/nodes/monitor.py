@@ -11,8 +11,8 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.contact_markers import clearance_marker, contact_markers
 from dragon_ros.messages.decode import Poses
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers
 from dragon_ros.messages.observation import Shown, check_handles, read_benches, sight_of
 from dragon_ros.messages.synchronizer import Pairing
 from dragon_ros.nodes import contact_messages as messages
@@ -98,7 +98,7 @@ class Monitor(DragonNode):
             self.outlets['collision/point'].publish(messages.point_of(event))
         markers = self.outlets['collision/markers']
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
-            markers.publish(contact_markers(report))
+            markers.publish(report_markers(report))
         self._tell_health()
 
     def _show_clearance(self, report: Report) -> None:

@@ -16,7 +16,7 @@ from dragon_ros.core.verdict import Contact
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.track import track_message
+from dragon_ros.messages.markers import track_marker
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import SimulationTime
@@ -72,7 +72,7 @@ class Sim(DragonNode):
         self._frames = Broadcast(self.scene, contact, self.feeds.values())
         self._frames.also = list(self._also())
         self.outlets['track'] = self._publisher('track')
-        self.outlets['track'].publish(track_message(self.scene, value['frame_id']))
+        self.outlets['track'].publish(track_marker(self.scene, value['frame_id']))
         self.outlets['scene'] = self._publisher('scene')
         self.outlets['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))

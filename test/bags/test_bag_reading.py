@@ -9,9 +9,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
-from dragon_ros.bags.check.examine import examine
-from dragon_ros.bags.check.gaps import gaps_of
-from dragon_ros.bags.read import order
+from dragon_ros.bags.check.examine import examine, gaps_of
+from dragon_ros.bags.read import reader
 from dragon_ros.bags.read.frames import frames, namespace_of, scene_of_bag
 from dragon_ros.bags.read.reader import LogReader, qos_of
 from dragon_ros.bags.write.writer import BagOptions, LogWriter
@@ -56,7 +55,7 @@ def test_messages_come_by_time_and_then_by_place_however_chunks_overlap(tmp_path
 
 
 def test_order_holds_where_chunks_are_closed_and_opened_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(order, '_KEEP', 1)
+    monkeypatch.setattr(reader, '_KEEP', 1)
     written = write(tmp_path / 'a.mcap', [*range(0, 26, 2), *range(1, 26, 2)], chunk=13)
     assert read(tmp_path / 'a.mcap') == sorted(written)
 

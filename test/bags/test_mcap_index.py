@@ -14,7 +14,7 @@ from mcap.stream_reader import StreamReader
 from dragon_ros.bags.record.loss_accounting import Ledger
 from dragon_ros.bags.record.simulation_clock import SimulationClock
 from dragon_ros.bags.record.writer_thread import BackgroundWriter
-from dragon_ros.bags.write.mcap_parts import Parts, Stored
+from dragon_ros.bags.write.mcap import Parts, Stored
 from dragon_ros.bags.write.writer import LogWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels

@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from dragon_ros.bags.write.worker import OneBehind
+from dragon_ros.bags.write.mcap import OneBehind
 from dragon_ros.core.errors import DiskError
 
 

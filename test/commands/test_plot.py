@@ -7,10 +7,9 @@ import pytest
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import LogReader
 from dragon_ros.cli.figures import style
-from dragon_ros.commands.bag_source import dragon_in
 from dragon_ros.commands.plot.animation import animate
 from dragon_ros.commands.plot.command import options
-from dragon_ros.commands.sources import SceneSource, clearances, moment
+from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
 from dragon_ros.core.first_contact import first_contact
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}

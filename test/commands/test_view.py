@@ -17,8 +17,7 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.commands.bag_source import dragon_in
-from dragon_ros.commands.sources import SceneSource, moment
+from dragon_ros.commands.sources import SceneSource, dragon_in, moment
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB, write_page
 from dragon_ros.commands.view.server import ViewServer

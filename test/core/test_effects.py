@@ -80,7 +80,7 @@ def test_what_is_off_is_not_even_imported():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
     for name in ('core.closeness', 'core.dynamics', 'core.noise', 'core.trails', 'core.health', 'core.contact',
-                 'core.neighbours', 'core.watch', 'wire.encode_effects', 'wire.cdr_effects'):
+                 'core.neighbours', 'core.watch', 'messages.encode_effects', 'messages.monitor_markers'):
         assert f'dragon_ros.{name}' not in loaded
 
 

@@ -12,8 +12,14 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages import decode as decoder
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import MessageError, decode, read_diagnostics, read_multi_array, read_pose_array
-from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.decode import (
+    MessageError,
+    decode,
+    read_diagnostics,
+    read_marker_array,
+    read_multi_array,
+    read_pose_array,
+)
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.observation import check_handles, read_benches, sight_of
 from dragon_ros.messages.schemas import PRIMITIVES, TEXT, fields_of

@@ -12,8 +12,7 @@ from dragon_ros.core.rates import conditioning
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import Frame, tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
-from dragon_ros.messages.decode import MessageError, read_multi_array, read_pose_array
-from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.decode import MessageError, read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
 
 _HUGE = 1e100

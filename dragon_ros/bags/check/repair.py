@@ -11,10 +11,20 @@ from mcap.writer import CompressionType, Writer
 
 from dragon_ros import __version__
 from dragon_ros.bags.check.capped_log import Tally
-from dragon_ros.bags.read.chunk import Row, chunk_head, first_bytes, records_in
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.index import Index, Piece, summary_index, walked_index
-from dragon_ros.bags.read.records import BagError, BagFile, Place
+from dragon_ros.bags.read.mcap import (
+    BagError,
+    BagFile,
+    Index,
+    Piece,
+    Place,
+    Row,
+    chunk_head,
+    first_bytes,
+    records_in,
+    summary_index,
+    walked_index,
+)
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import MissingError
 
