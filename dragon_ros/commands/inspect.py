@@ -16,7 +16,7 @@ from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.frames import namespace_of, scene_of_bag
 from dragon_ros.bags.read.mcap import BagError
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
 from dragon_ros.core.errors import DragonError, InputError
@@ -56,7 +56,7 @@ def _run(arguments: Namespace) -> int:
 def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
     contents = _examined(arguments.bag)
     if arguments.namespace is not None:
-        with LogReader(arguments.bag, bool(contents.problems.count)) as bag:
+        with BagReader(arguments.bag, bool(contents.problems.count)) as bag:
             namespace_of(bag, arguments.namespace)
     values: dict[str, Any] = {
         'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
@@ -81,11 +81,11 @@ def _examined(path: Path) -> Contents:
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
     """Return what the bag, or what still holds of a damaged one, tells of its dragon."""
-    with LogReader(arguments.bag, damaged) as bag:
+    with BagReader(arguments.bag, damaged) as bag:
         return _told(bag, arguments)
 
 
-def _told(bag: LogReader, arguments: Namespace) -> dict[str, Any]:
+def _told(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     scene = scene_of_bag(bag)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
     out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
@@ -112,7 +112,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
-    with LogReader(arguments.bag) as bag:
+    with BagReader(arguments.bag) as bag:
         scene = scene_of_bag(bag)
         if scene is None:
             raise BagError(f'{arguments.bag}: says of no scene what it holds (metadata record {RECORD}, key scene); '

@@ -10,7 +10,7 @@ from threading import Event
 from tqdm import tqdm
 
 from dragon_ros.bags.write.mcap import COMPRESSIONS
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.scene import NS, Scene
@@ -46,7 +46,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     ticks, began = scene.last_tick + 1, time.perf_counter()
-    writer = LogWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
+    writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
         done = simulate(scene, bag, arguments.namespace, stop)
@@ -57,7 +57,7 @@ def _run(arguments: Namespace) -> int:
     return command_line.OK if done == ticks else command_line.FAILED
 
 
-def _introduce(scene: Scene, bag: LogWriter, namespace: str) -> None:
+def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
     """Say what made the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
     text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
     told = {key: str(value) for key, value in vars(bag.options).items()}
@@ -70,7 +70,7 @@ def _introduce(scene: Scene, bag: LogWriter, namespace: str) -> None:
         bag.write(f'{namespace}/{name}', data, scene.run.start_ns, 1)
 
 
-def simulate(scene: Scene, bag: LogWriter, namespace: str, stop: Event) -> int:
+def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
     topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
     ticks = scene.last_tick + 1

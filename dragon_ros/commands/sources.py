@@ -11,7 +11,7 @@ from typing import Any, Protocol
 import numpy as np
 
 from dragon_ros.bags.read.frames import frames, namespace_of
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.core.benches import Benches, axes_of, benches_of
 from dragon_ros.core.contact import Witness, gaps, witness
@@ -170,7 +170,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> Witness:
 class BagSource:
     """The dragon whose topics stand in one namespace of an open bag; times are those of its ticks."""
 
-    bag: LogReader
+    bag: BagReader
     namespace: str
 
     @property
@@ -238,7 +238,7 @@ class BagSource:
                 yield Sight(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id), speeds
 
 
-def dragon_in(bag: LogReader, namespace: str | None = None) -> BagSource:
+def dragon_in(bag: BagReader, namespace: str | None = None) -> BagSource:
     """Return the dragon in a bag. Raises InputError where it is not clear which, or where its topics are not there."""
     chosen = namespace_of(bag, namespace)
     having = {topic.name for topic in bag.topics if topic.messages}
@@ -259,5 +259,5 @@ def opened(arguments: Namespace) -> Iterator[Source]:
         return
     if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
         raise InputError('--bag: shows what was recorded; leave out --scene, --set and --accuracy')
-    with LogReader(arguments.bag) as bag:
+    with BagReader(arguments.bag) as bag:
         yield dragon_in(bag, arguments.namespace)

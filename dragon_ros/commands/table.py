@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.commands.contest import paper_tables
 from dragon_ros.core.errors import InputError
@@ -99,7 +99,7 @@ def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
 def _bag_rows(arguments: Namespace) -> list[Row]:
     """Return rows as ``table`` does, out of a bag; velocities that it has not are nan."""
     out: list[Row] = []
-    with LogReader(arguments.bag) as bag:
+    with BagReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
         for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):
             handles = handles_of(arguments.handles, len(frame.handles_m) - 1)
@@ -165,7 +165,7 @@ def values_of(frame: BagFrame, handles: list[int]) -> Floats:
     return out
 
 
-def at_times(bag: LogReader, namespace: str, times_s: Iterable[float]) -> Iterator[BagFrame]:
+def at_times(bag: BagReader, namespace: str, times_s: Iterable[float]) -> Iterator[BagFrame]:
     """Yield, for each time, the first tick that is in the bag at or after it; nothing after the last."""
     for t_s in times_s:
         frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)

@@ -1,7 +1,6 @@
 """The pages ``cost tick`` and ``cost scale``: their sums, exponents, verdicts and files."""
 import numpy as np
 import pytest
-from dragon_ros.cost.builds import build
 
 from dragon_ros.cli import figures
 from dragon_ros.core.dragon import Dragon
@@ -9,6 +8,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost import live, scale, ticks
 from dragon_ros.cost.measure import Timing
+from dragon_ros.cost.scale import build
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
 

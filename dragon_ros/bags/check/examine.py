@@ -10,18 +10,18 @@ import numpy as np
 from mcap.opcode import Opcode
 from mcap.records import DataEnd, Header
 
-from dragon_ros.bags.check.capped_log import Tally
+from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
     MAGIC,
     BagError,
-    BagFile,
     Index,
+    McapFile,
     Piece,
     Row,
     chunk_head,
+    scanned_index,
     summary_index,
-    walked_index,
 )
 from dragon_ros.core.numerics.types import Ints
 from dragon_ros.core.scene import NS, Run
@@ -53,8 +53,8 @@ class Contents:
     writers: list[str] = field(default_factory=list)
     compressions: dict[str, int] = field(default_factory=dict)
     topics: dict[str, TopicSeen] = field(default_factory=dict)
-    problems: Tally = field(default_factory=Tally)
-    notes: Tally = field(default_factory=Tally)
+    problems: CappedLog = field(default_factory=CappedLog)
+    notes: CappedLog = field(default_factory=CappedLog)
     kept_times: int = 0
 
 
@@ -62,14 +62,14 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
     """Return what is in a bag, damaged or not. Raises BagError where it is no bag at all, MissingError."""
     contents = Contents(files_of(path))
     for each in contents.files:
-        with closing(BagFile(each)) as file:
+        with closing(McapFile(each)) as file:
             _examine(contents, file, progress)
     return contents
 
 
-def _examine(contents: Contents, file: BagFile, progress: Callable[[int], object]) -> None:
+def _examine(contents: Contents, file: McapFile, progress: Callable[[int], object]) -> None:
     contents.size += file.size
-    walked = walked_index(file)
+    walked = scanned_index(file)
     if walked.damage:
         contents.problems.note(walked.damage)
     contents.writers.append(_writer(file))
@@ -81,7 +81,7 @@ def _examine(contents: Contents, file: BagFile, progress: Callable[[int], object
         _check_data_crc(contents, file, walked)
 
 
-def _writer(file: BagFile) -> str:
+def _writer(file: McapFile) -> str:
     """Return profile and library, as the header says."""
     try:
         place = file.place(len(MAGIC))
@@ -120,7 +120,7 @@ def _count(contents: Contents, index: Index, row: Row) -> None:
         seen.times_ns.append(row.t_ns)
 
 
-def _hold_summary(contents: Contents, file: BagFile, walked: Index) -> None:
+def _hold_summary(contents: Contents, file: McapFile, walked: Index) -> None:
     """Note where the summary says something else than the records."""
     if walked.damage and not file.closed_properly:
         return
@@ -141,7 +141,7 @@ def _hold_summary(contents: Contents, file: BagFile, walked: Index) -> None:
                                f'hold {sum(walked.counts.values())}')
 
 
-def _check_data_crc(contents: Contents, file: BagFile, walked: Index) -> None:
+def _check_data_crc(contents: Contents, file: McapFile, walked: Index) -> None:
     """Hold the CRC of the whole data section, where a writer gave one."""
     assert walked.data_end is not None
     wanted, crc, end = file.fields(walked.data_end, DataEnd.read).data_section_crc, 0, walked.data_end.offset

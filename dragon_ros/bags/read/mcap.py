@@ -57,7 +57,7 @@ class Place:
         return self.content + self.length
 
 
-class BagFile:
+class McapFile:
     """One .mcap file, open for reading."""
 
     def __init__(self, path: Path) -> None:
@@ -201,7 +201,7 @@ class Inner(NamedTuple):
     end: int
 
 
-def chunk_head(file: BagFile, place: Place) -> ChunkHead:
+def chunk_head(file: McapFile, place: Place) -> ChunkHead:
     """Return what a chunk says of itself. Raises BagError where that cannot be."""
     if place.length < _FIXED.size + 8:
         raise file.fault(place.offset, f'a chunk of {place.length} bytes')
@@ -216,7 +216,7 @@ def chunk_head(file: BagFile, place: Place) -> ChunkHead:
     return ChunkHead(start_ns, end_ns, size, crc, text[:name].decode(errors='replace'), place.content + fixed, length)
 
 
-def chunk_data(file: BagFile, place: Place) -> bytes:
+def chunk_data(file: McapFile, place: Place) -> bytes:
     """Return a chunk's records, decompressed and held against size and CRC. Raises BagError."""
     head = chunk_head(file, place)
     if max(head.size, head.length) > MOST_CHUNK:
@@ -236,7 +236,7 @@ def chunk_data(file: BagFile, place: Place) -> bytes:
     return data
 
 
-def message_time_ns(file: BagFile, place: Place) -> int:
+def message_time_ns(file: McapFile, place: Place) -> int:
     """Return the time of a message outside of chunks. Raises BagError."""
     if place.length < _MESSAGE.size:
         raise file.fault(place.offset, f'a message has {place.length} bytes')
@@ -327,7 +327,7 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 class Piece:
     """A chunk, or a run of messages outside of chunks: where it stands, and the times of its messages in ns."""
 
-    file: BagFile
+    file: McapFile
     place: Place
     start_ns: int
     end_ns: int
@@ -357,7 +357,7 @@ class Index:
     the records end that the summary is about, None where that is not known.
     """
 
-    file: BagFile
+    file: McapFile
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)
@@ -396,7 +396,7 @@ class Index:
                 raise piece.file.fault(piece.place.offset, f'a chunk: its record at {record.start}: {error}') from None
 
 
-def summary_index(file: BagFile) -> Index | None:
+def summary_index(file: McapFile) -> Index | None:
     """Return what the summary says; None where there is none or it is not complete. Raises BagError."""
     at, footer = file.footer()
     if footer.summary_start == 0:
@@ -414,7 +414,7 @@ def summary_index(file: BagFile) -> Index | None:
     return _complete(_summary(file, footer.summary_start, data))
 
 
-def _summary(file: BagFile, start: int, data: bytes) -> Index:
+def _summary(file: McapFile, start: int, data: bytes) -> Index:
     index, at = Index(file), 0
     try:
         for record in records_in(data):
@@ -445,7 +445,7 @@ def _take(index: Index, opcode: int, content: bytes) -> None:
         index.attachments.append(_indexed(index.file, Opcode.ATTACHMENT, offset, length))
 
 
-def _indexed(file: BagFile, opcode: int, offset: int, length: int) -> Place:
+def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Place:
     if not len(MAGIC) <= offset <= file.size - length or length < HEAD.size:
         raise ValueError(f'it puts a record of {length} bytes at {offset}; the file has {file.size}')
     return Place(opcode, offset, length - HEAD.size)
@@ -468,7 +468,7 @@ def known(index: Index, channel: Channel) -> bool:
     return channel.schema_id == 0 or channel.schema_id in index.schemas
 
 
-def walked_index(file: BagFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
+def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
     """Return what stands in the file, record by record, up to its end or the first damage; chunks stay closed."""
     index = Index(file)
     run: list[tuple[Place, int]] = []
@@ -524,7 +524,7 @@ def _end_run(index: Index, run: list[tuple[Place, int]]) -> None:
         index.pieces.append(Piece(index.file, whole, min(times), max(times)))
 
 
-def _cut(file: BagFile, offset: int | None) -> Place | None:
+def _cut(file: McapFile, offset: int | None) -> Place | None:
     """Return the chunk that begins at an offset if its end is not in the file."""
     if offset is None or offset + HEAD.size > file.size:
         return None

@@ -14,10 +14,10 @@ import yaml
 from mcap.records import Attachment, Channel, Metadata
 
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.mcap import BagError, BagFile, Index, Piece, Row, row_of, summary_index, walked_index
+from dragon_ros.bags.read.mcap import BagError, Index, McapFile, Piece, Row, row_of, scanned_index, summary_index
 from dragon_ros.scenes.yaml import values_of
 
-__all__ = ['BagError', 'LogReader', 'Message', 'Topic']
+__all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
 _LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
 _KEEP = 64 * 2**20      # bytes of open chunks; one that is needed again is opened again
@@ -45,7 +45,7 @@ class Topic:
     messages: int
 
 
-class LogReader:
+class BagReader:
     """Reads a bag that was closed properly, in bounded memory; of a ``damaged`` one what still holds."""
 
     def __init__(self, path: Path, damaged: bool = False) -> None:
@@ -54,7 +54,7 @@ class LogReader:
         self._indexes: list[Index] = []
         try:
             for each in files_of(path):
-                self._indexes.append((_readable if damaged else _index_of)(BagFile(each)))
+                self._indexes.append((_readable if damaged else _index_of)(McapFile(each)))
             self._take()
         except BaseException:
             self.close()
@@ -125,7 +125,7 @@ class LogReader:
         for index in self._indexes:
             index.file.close()
 
-    def __enter__(self) -> 'LogReader':
+    def __enter__(self) -> 'BagReader':
         """Use it in a ``with`` block."""
         return self
 
@@ -134,21 +134,21 @@ class LogReader:
         self.close()
 
 
-def _index_of(file: BagFile) -> Index:
+def _index_of(file: McapFile) -> Index:
     """Return the index of a whole file; one without a complete summary is walked through."""
     try:
         index = summary_index(file)
         return _walked(file) if index is None else index
     except BagError as error:
-        readable = walked_index(file).pieces
+        readable = scanned_index(file).pieces
         reach = readable[-1].place.end if readable else 0
         file.close()
         raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
                        'makes a whole bag of them', **error.fields) from None
 
 
-def _walked(file: BagFile) -> Index:
-    index = walked_index(file)
+def _walked(file: McapFile) -> Index:
+    index = scanned_index(file)
     if index.damage:
         raise index.damage
     for piece in index.pieces:
@@ -157,9 +157,9 @@ def _walked(file: BagFile) -> Index:
     return index
 
 
-def _readable(file: BagFile) -> Index:
+def _readable(file: McapFile) -> Index:
     """Return what can be read of a damaged file: the chunks before the damage, but for those that do not hold."""
-    index = walked_index(file)
+    index = scanned_index(file)
     pieces, index.pieces = index.pieces, []
     for piece in pieces:
         with suppress(BagError):

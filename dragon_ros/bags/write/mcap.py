@@ -37,7 +37,7 @@ COMPRESSIONS = ('zstd', 'lz4', 'none')
 _Bytes = bytes | memoryview
 
 
-class OneBehind:
+class Worker:
     """Is at most one job behind its caller, so that what waits is bounded."""
 
     def __init__(self, name: str) -> None:
@@ -255,7 +255,7 @@ def _taken(builder: RecordBuilder) -> bytes:
     return bytes(builder.end())  # type: ignore[no-untyped-call]
 
 
-class McapFile:
+class McapWriter:
     """Writes one file. What fails to reach the disk raises DiskError and leaves the file as it was before.
 
     The error of a chunk comes with the next call that writes; what was put into the file since is lost with it.
@@ -272,7 +272,7 @@ class McapFile:
         self._channels: list[records.Channel] = []
         self.parts = Parts()        # of what has reached the file
         self._open, self._other = OpenChunk(), OpenChunk()
-        self._thread = OneBehind('chunk')
+        self._thread = Worker('chunk')
         self._end = 0
         self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
 

@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from dragon_ros.bags.write.mcap import COMPRESSIONS, McapFile, statistics
+from dragon_ros.bags.write.mcap import COMPRESSIONS, McapWriter, statistics
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
@@ -75,7 +75,7 @@ class _Extras:
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
 
 
-class LogWriter:
+class BagWriter:
     """Writes messages as they are. Close it (or use ``with``): a bag without its end has no index."""
 
     def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None) -> None:
@@ -137,7 +137,7 @@ class LogWriter:
             if not self._single:
                 self._write_metadata()
 
-    def __enter__(self) -> 'LogWriter':
+    def __enter__(self) -> 'BagWriter':
         """Use it in a ``with`` block."""
         return self
 
@@ -145,11 +145,11 @@ class LogWriter:
         """Close at the end of the block."""
         self.close()
 
-    def _new_file(self) -> McapFile:
+    def _new_file(self) -> McapWriter:
         path = self.path
         if not self._single:
             path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
-        file = McapFile(path, self._overwrite, self.options.compression, self.options.fsync)
+        file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync)
         for name, values in self._extras.metadata:
             file.add_metadata(name, values)
         for attachment in self._extras.attachments:
