@@ -10,11 +10,13 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
+from dragon_ros.core.model import compile_scene
+
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from dragon_ros import configuration  # noqa: E402
-from dragon_ros.core.effects import MEANINGS, NEEDS  # noqa: E402
+from dragon_ros.core.flags import MEANINGS, NEEDS
 from dragon_ros.core.scene import Scene  # noqa: E402
 from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
@@ -158,8 +160,8 @@ def _tier_row(tier: Tier, scene: Scene) -> tuple[str, str, str, str]:
     if tier.promise_m == inf:
         return f'`{tier.name}`', 'none is promised: up to 14 m', _GONE, _GONE
     grows = ' up to 20 m from the centre, in proportion beyond' if tier.name == 'exact' else ''
-    return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(scene.size_m):.1e} m',
-            f'{tier.effort(scene.size_m, scene.length_m).newton:.1e} of its angle')
+    return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(compile_scene(scene).size_m):.1e} m',
+            f'{tier.effort(compile_scene(scene).size_m, compile_scene(scene).model.length_m).newton:.1e} of its angle')
 
 
 TABLES: dict[str, Callable[[], str]] = {

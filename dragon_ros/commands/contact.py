@@ -13,9 +13,9 @@ from tqdm import tqdm
 
 from dragon_ros.cli import command_line
 from dragon_ros.commands.certificate_checkers import certificate
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.near_misses import near_misses
-from dragon_ros.core.verdict import Contact, NoContact
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.near_misses import near_misses
 
 
 def main(argv: list[str]) -> int:

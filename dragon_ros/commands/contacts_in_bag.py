@@ -8,9 +8,9 @@ from tqdm import tqdm
 
 from dragon_ros.bags.read.frames import BagFrame, frames
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.verdict import Contact
 from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagnostics
 
 

@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number
-from dragon_ros.core.extent import extent, fits
+from dragon_ros.core.design.bounding_box import extent, fits
 
 
 def options(parser: ArgumentParser) -> None:

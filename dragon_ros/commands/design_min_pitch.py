@@ -6,8 +6,8 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.cli import command_line
+from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.min_pitch import min_pitch
 
 _OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
             'start_turns': 'track.start_turns'}

@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number
-from dragon_ros.core.fastest import fastest
+from dragon_ros.core.design.max_speed import fastest
 
 
 def options(parser: ArgumentParser) -> None:

@@ -6,13 +6,15 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.cli import command_line
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.head import Head
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.turn import Turn, shortest_bent
-from dragon_ros.core.verdict import Contact
-from dragon_ros.core.walk import least_radius_m
+from dragon_ros.core.tracks.composite import least_radius_m
+from dragon_ros.core.tracks.s_turn import shortest_bent
+from dragon_ros.core.tracks.spec import STurn
 
 
 def options(parser: ArgumentParser) -> None:
@@ -37,20 +39,20 @@ def _contact_m(scene: Scene, diameter_m: float) -> float | None:
 
     Looked for from the head's entry until the whole dragon has left the turn.
     """
-    turn = Turn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
-    run = Run(0.0, 2 * (turn.length_m + scene.length_m))
+    turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
+    run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
     with tqdm(desc='turn', unit=' states', disable=None, leave=False, delay=1) as bar:
         found = first_contact(replace(scene, track=turn, head=Head(), run=run), bar.update)
     return found.t_s if isinstance(found, Contact) else None
 
 
-def _turn_of(scene: Scene) -> Turn:
-    if isinstance(scene.track, Turn):
+def _turn_of(scene: Scene) -> STurn:
+    if isinstance(scene.track, STurn):
         return scene.track
     raise InputError('--scene: its track has no S-turn; give a scene whose track.kind is turn', field='track.kind')
 
 
-def answer_of(turn: Turn, least_radius_m: float) -> dict[str, Any]:
+def answer_of(turn: STurn, least_radius_m: float) -> dict[str, Any]:
     """Return the figures of a turn whose arcs may have a least radius."""
     smallest, bent = turn.smallest_diameter_m(least_radius_m), shortest_bent(turn, least_radius_m)
     return {'length_m': turn.length_m, 'radii_m': list(turn.radii_m), 'angle_rad': turn.angle_rad,

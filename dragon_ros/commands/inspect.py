@@ -20,6 +20,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
 from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
@@ -119,10 +120,10 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
                            'it cannot be recomputed')
         namespace = namespace_of(bag, arguments.namespace)
         frame_id = bag.metadata(RECORD).get('about.frame_id', 'dragon')
-        with tqdm(desc='check', total=scene.last_tick + 1, unit=' ticks', disable=None, leave=False, delay=1) as bar:
+        with tqdm(desc='check', total=compile_scene(scene).last_tick + 1, unit=' ticks', disable=None, leave=False, delay=1) as bar:
             found = compare_with_model(bag, scene, namespace, lambda k: bar.update(k + 1 - bar.n), frame_id)
     code = command_line.FAILED if found.fault_count else command_line.OK
-    return _verdict(arguments.bag, found, scene.tier.name), code
+    return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
 
 
 def _verdict(path: Path, found: Comparison, tier: str) -> dict[str, Any]:

@@ -13,6 +13,7 @@ from dragon_ros.bags.write.mcap import COMPRESSIONS
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.cli.signals import stopped_by_signals
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
@@ -45,7 +46,7 @@ def _run(arguments: Namespace) -> int:
     scene = command_line.scene_from(arguments)
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
-    ticks, began = scene.last_tick + 1, time.perf_counter()
+    ticks, began = compile_scene(scene).last_tick + 1, time.perf_counter()
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
@@ -73,7 +74,7 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
 def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
     topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
-    ticks = scene.last_tick + 1
+    ticks = compile_scene(scene).last_tick + 1
     with tqdm(desc='simulate', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
         for k in range(ticks):
             if stop.is_set():

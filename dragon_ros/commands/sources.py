@@ -13,18 +13,17 @@ import numpy as np
 from dragon_ros.bags.read.frames import frames, namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
-from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.contact import Witness, gaps, witness
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import Witness, gaps, witness
+from dragon_ros.core.contact.tracker import Sight, Watch
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.outline import outline
-from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import state, states, velocity_of
-from dragon_ros.core.verdict import Contact
-from dragon_ros.core.watch import Sight, Watch
+from dragon_ros.core.step import states, velocity_of
 from dragon_ros.messages.decode import read_stamp_ns
 
 _AT_ONCE = 64               # states that are computed together
@@ -95,17 +94,12 @@ class SceneSource:
     def span_s(self) -> tuple[float, float]:
         """Times of the run's first and last tick."""
         run = self.scene.run
-        return run.start_ns / NS, run.time_ns(self.scene.last_tick) / NS
+        return run.start_ns / NS, run.time_ns(compile_scene(self.scene).last_tick) / NS
 
     @cached_property
     def track(self) -> Floats:
-        """The track that the run walks; a spiral from the centre to beyond the tail at the run's ends."""
-        if self.scene.led:
-            return outline(self.scene)
-        b_m = self.scene.spiral.b_m
-        outer = max(float(np.hypot(*state(self.scene, t_s).p[-1])) for t_s in self.span_s) / b_m
-        theta: Floats = np.linspace(0.0, outer + np.pi, 2000 + int(min(outer, _MOST_TRACK_RAD) * _EACH_RAD))
-        return points(b_m, theta, np.zeros_like(theta))
+        """The stretch of track on which handles are during the run."""
+        return compile_scene(self.scene).track_line()
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` of the run's ticks between two times, evenly spread."""

@@ -11,14 +11,15 @@ from math import inf, pi
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
-from dragon_ros.core.dragon import is_even
+from dragon_ros.core.chain.dragon import is_even
+from dragon_ros.core.chain.lock import turning_places, turns
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.inwards import inwards, span
-from dragon_ros.core.lock import turning_places, turns
-from dragon_ros.core.march import place
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.paper import place
 from dragon_ros.core.placed import PlacedArc
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.walk import Walk
@@ -34,8 +35,8 @@ class Visits:
         """Prepare for a scene."""
         self.scene = replace(scene, accuracy='exact', solver='march')
         run, law = scene.run, scene.head
-        inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < scene.end.t_s]
-        self._times_s = [run.start_s, *inside, scene.end.t_s]
+        inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
+        self._times_s = [run.start_s, *inside, compile_scene(scene).end.t_s]
         self._gone_m = [float(law.travelled_m(t_s)[0]) for t_s in self._times_s]
 
     @cached_property
@@ -74,7 +75,7 @@ class Visits:
         """Least and greatest distance (2, N) of the front handles along the walk."""
         scene, links = self.scene, self.scene.dragon.link_lengths_m
         if scene.led:
-            ends = [scene.led.chain((gone, 0.0), scene.effort) for gone in (min(self._gone_m), max(self._gone_m))]
+            ends = [scene.led.chain((gone, 0.0), compile_scene(scene).model.effort) for gone in (min(self._gone_m), max(self._gone_m))]
             out: Floats = np.sort([self.walk.distances(end.piece, end.u)[:-1] for end in ends], axis=0)
             return out
         spans = [self._polar]
@@ -82,7 +83,7 @@ class Visits:
             low, high = spans[-1]
             places = [_behind(theta, chord) for theta in (low, high, *turns(chord)) if low <= theta <= high]
             spans.append((min(places), max(places)))
-        rest = [place(scene.spiral, links[2:], Angle(edge, 0.0), scene.effort).theta[1:] for edge in spans[-1]]
+        rest = [place(scene.spiral, links[2:], DoubleDouble(edge, 0.0), compile_scene(scene).model.effort).theta[1:] for edge in spans[-1]]
         theta = np.concatenate((np.array(spans).T, rest), axis=1)[:, :links.size]
         self._check_rest(theta)
         return np.sort(self.walk.distances(np.zeros(theta.shape, dtype=np.int64), theta), axis=0)
@@ -139,12 +140,12 @@ class Visits:
         """Return the distance of a handle along the walk when the leader has gone so far."""
         scene = self.scene
         if scene.led:
-            chain = scene.led.chain((gone_m, 0.0), scene.effort)
+            chain = scene.led.chain((gone_m, 0.0), compile_scene(scene).model.effort)
             return float(self.walk.distances(chain.piece[handle:handle + 1], chain.u[handle:handle + 1])[0])
         theta = self._polar_at(gone_m)
         for chord in self._chords[:handle]:
             theta = _behind(theta, chord)
-        rest = place(scene.spiral, scene.dragon.link_lengths_m[2:handle], Angle(theta, 0.0), scene.effort)
+        rest = place(scene.spiral, scene.dragon.link_lengths_m[2:handle], DoubleDouble(theta, 0.0), compile_scene(scene).model.effort)
         return self._along_m(float(rest.theta[-1]))
 
 

@@ -7,12 +7,12 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.dragon import AnyDragon
-from dragon_ros.core.march import Effort
-from dragon_ros.core.march_many import steps
-from dragon_ros.core.motion import dot, left
+from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.path import points
+from dragon_ros.core.numerics.vectors import dot, left
+from dragon_ros.core.tracks.chord import steps
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spiral import points
 
 
 @dataclass(frozen=True)

@@ -6,12 +6,13 @@ from math import cos, inf, pi, sin, sqrt
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
-from dragon_ros.core.chain import SpiralChain
-from dragon_ros.core.march import Effort, place
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.path import points
+from dragon_ros.core.old_chain import SpiralChain
+from dragon_ros.core.paper import place
 from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spiral import points
 
 Solver = Callable[[Scene, float], Floats]
 

@@ -6,10 +6,10 @@ from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
 
-from dragon_ros.core.dragon import AnyDragon, Dragon, Group, Mixed
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Spiral
 
 
 @dataclass(frozen=True)

@@ -6,18 +6,19 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
-from dragon_ros.core.chain import Chain
-from dragon_ros.core.march import place
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost.baselines import by_newton
 
-ChainSolver = Callable[[Scene, Angle], Chain]
+ChainSolver = Callable[[Scene, DoubleDouble], Chain]
 _TOLERANCE_RAD = 1e-9       # of plain Newton
 
 
-def _plain(scene: Scene, head: Angle) -> Chain:
+def _plain(scene: Scene, head: DoubleDouble) -> Chain:
     """Place the chain as it is usually written in Python: Newton on the cosine rule, a point after another."""
     b = scene.spiral.b_m
     theta = [head.hi]
@@ -48,12 +49,12 @@ class PlainChain(Chain):
         return np.array(rows)
 
 
-def _march(scene: Scene, head: Angle) -> Chain:
+def _march(scene: Scene, head: DoubleDouble) -> Chain:
     """Place handle after handle."""
-    return place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
+    return place(scene.spiral, scene.dragon.link_lengths_m, head, compile_scene(scene).model.effort)
 
 
-def _table(scene: Scene, head: Angle) -> Chain:
+def _table(scene: Scene, head: DoubleDouble) -> Chain:
     """Place all handles at once."""
     chain = scene.table.place(head) if scene.table else None
     return chain or _march(scene, head)

@@ -10,12 +10,13 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.path import points
-from dragon_ros.core.rates import conditioning
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
+from dragon_ros.core.tracks.spiral import points
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -100,7 +101,7 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
             error = max(error, float(np.max(truth(problem).distance(number, chain.p[list(problem.handles)]))))
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
-    promise = None if scene.tier is PAPER else position_promise_m(scene.tier, scene.size_m, worst)
+    promise = None if compile_scene(scene).tier is PAPER else position_promise_m(compile_scene(scene).tier, compile_scene(scene).size_m, worst)
     both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s), t_s), times, budget_s)
     alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
     return Row(problem.name, name, error, promise, alone, note, both)
@@ -115,7 +116,7 @@ def _batch_row(problem: Problem, ticks: int, budget_s: float) -> Row:
     both = timed(lambda: velocity_of(scene, states(scene, table_s), table_s), budget_s).shared_by(ticks)
     handle_ns = both.median_s * 1e9 / (scene.dragon.benches + 1)
     note = f'{ticks:,} ticks in one call; {handle_ns:.1f} ns a handle with velocities'
-    return Row(problem.name, f'exact, {ticks:,} at once', error, scene.promise_m, alone, note, both)
+    return Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both)
 
 
 def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:

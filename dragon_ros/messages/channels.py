@@ -4,8 +4,8 @@ from functools import lru_cache
 from typing import Any
 
 from dragon_ros import configuration
-from dragon_ros.core.effects import Effect, effects_of
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.flags import Effect, effects_of
 from dragon_ros.scenes.yaml import Document, read_document
 
 _KEYS = ('type', 'from', 'effect', 'qos', 'meaning')

@@ -1,8 +1,8 @@
 """From frames to the bytes of each topic that a scene's effects switch on."""
 from collections.abc import Callable
 
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import Frame
 from dragon_ros.messages.cdr import PoseArrayTemplate, VelocitiesTemplate
 from dragon_ros.messages.channels import live
 from dragon_ros.messages.markers import CubesTemplate, TrianglesTemplate

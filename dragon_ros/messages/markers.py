@@ -10,8 +10,8 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Floats
-from dragon_ros.core.outline import outline
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.cdr import Rows, Template, Writer, half_turns, plane, stamp_number, stamp_of, strided, turns_of
 
@@ -200,7 +200,7 @@ def trail_marker(t_ns: int, points: Floats, frame_id: str) -> bytes:
 def track_marker(scene: Scene, frame_id: str) -> bytes:
     """Return a Marker with the track as a line, stamped with the start of the run."""
     writer = Writer()
-    _put_line(writer, 'track', _TRACK_WIDTH_M, _TRACK_GREY, outline(scene), _TRACK_Z_M, scene.run.start_ns, frame_id)
+    _put_line(writer, 'track', _TRACK_WIDTH_M, _TRACK_GREY, compile_scene(scene).track_line(), _TRACK_Z_M, scene.run.start_ns, frame_id)
     return bytes(writer.finish())
 
 

@@ -1,8 +1,8 @@
 """What the monitor shows of a tick, as the bytes of markers: the deepest contacts, and the clearance as a label."""
 import numpy as np
 
-from dragon_ros.core.contact import witness
-from dragon_ros.core.watch import Report
+from dragon_ros.core.contact.signed_distance import witness
+from dragon_ros.core.contact.tracker import Report
 from dragon_ros.messages.markers import (
     BENCH_HEIGHT_M,
     BLACK,

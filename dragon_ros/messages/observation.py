@@ -3,9 +3,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
+from dragon_ros.core.contact.tracker import Sight
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.watch import Sight
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
 from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST

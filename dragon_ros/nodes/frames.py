@@ -1,10 +1,12 @@
 """The frames of a run in order, and a place among them: its ticks, and the contact's own frame where it ends there."""
 from dataclasses import replace
 
+from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import Frame, frame_of, state, tick
-from dragon_ros.core.verdict import Contact
+from dragon_ros.core.step import frame_of, state, tick
 
 
 class Frames:
@@ -14,7 +16,7 @@ class Frames:
         """Stand before the first frame."""
         self._scene, self._contact = scene, contact
         self._last = contact_frame(scene, contact) if contact else None
-        ticks = scene.last_tick + 1
+        ticks = compile_scene(scene).last_tick + 1
         self._ticks = min(ticks, ticks_before(scene, contact)) if contact else ticks
         self.count = self._ticks + (contact is not None)
         self.k = 0
@@ -45,7 +47,7 @@ class Frames:
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError where the run has no frame at or before ``t_ns``, or has ended long before."""
         first, last = self._time_ns(0), self.last_ns()
-        end = max(last, round(self._scene.end.t_s * NS)) if self._last is None else last
+        end = max(last, round(compile_scene(self._scene).end.t_s * NS)) if self._last is None else last
         if not first <= t_ns <= end:
             raise FieldError('seek_s', t_ns / NS, f'the run goes from {first / NS:.9g} s to {end / NS:.9g} s',
                              'seek within it')
@@ -60,7 +62,7 @@ class Frames:
         if self._contact:
             inner, outer = self._contact.benches
             return f'the run ends in the contact of benches {inner} and {outer} at {self._contact.t_s:.9f} s'
-        end = self._scene.end
+        end = compile_scene(self._scene).end
         why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
         return f'{why[end.reason]} at {end.t_s:.6f} s after {self.count} ticks'
 

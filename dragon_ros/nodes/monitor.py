@@ -7,8 +7,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
+from dragon_ros.core.contact.tracker import NS, Report, Watch
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import Poses

@@ -9,7 +9,7 @@ from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.step import Frame
+from dragon_ros.core.frame import Frame
 from dragon_ros.messages.encode import Encode
 
 _GIVE_UP = 20       # failures of 0.1 s in a row with nobody to wait for

@@ -7,12 +7,12 @@ from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
 from dragon_ros.cli import command_line
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import Frame
-from dragon_ros.core.verdict import Contact
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

@@ -5,21 +5,17 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros import configuration
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.effects import effects_of
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import KINDS as PIECES
-from dragon_ros.core.joined import Joined
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.flags import Noise, Trails, effects_of
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.settings import Noise, Trails
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
 from dragon_ros.scenes.yaml import Document, parse_document, read_document
 
 SECTIONS: dict[str, dict[str, type]] = {
     'dragon': {'equal': Dragon, 'mixed': Mixed},
-    'track': {'spiral': Spiral, 'turn': Turn, 'joined': Joined},
+    'track': {'spiral': Spiral, 'turn': STurn, 'joined': Composite},
     'head': {'constant': Head, 'profile': Profile},
     'run': {'': Run},
     'noise': {'': Noise},

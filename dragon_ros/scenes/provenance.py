@@ -12,6 +12,7 @@ import yaml
 
 from dragon_ros import __version__
 from dragon_ros.core.errors import DragonError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.scenes.load import scene_of, scene_values
 from dragon_ros.scenes.yaml import parse_document
@@ -47,7 +48,7 @@ def run_metadata(text: str, recorder: Mapping[str, str]) -> dict[str, str]:
     scene = scene_in(text)
     told = {'scene': text, **{f'about.{key}': str(value) for key, value in _about(text).items()}}
     if scene is not None:
-        told |= {'tier': scene.tier.name, 'promise_m': repr(scene.promise_m), 'effects': ', '.join(scene.effects.names)}
+        told |= {'tier': compile_scene(scene).tier.name, 'promise_m': repr(compile_scene(scene).promise_m), 'effects': ', '.join(scene.effects.names)}
     return told | {f'recorder.{key}': value for key, value in recorder.items()}
 
 

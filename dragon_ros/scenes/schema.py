@@ -8,8 +8,8 @@ from dataclasses import MISSING, Field, fields
 from types import UnionType
 from typing import Any, get_args, get_origin
 
-from dragon_ros.core.effects import MEANINGS
-from dragon_ros.core.head import LEADERS, RAMPS
+from dragon_ros.core.chain.head_law import LEADERS, RAMPS
+from dragon_ros.core.flags import MEANINGS
 from dragon_ros.core.scene import MARKERS, SOLVERS, Scene
 from dragon_ros.core.tiers import TIERS
 from dragon_ros.scenes.load import PARTS, SECTIONS

@@ -2,6 +2,7 @@
 import pytest
 
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
@@ -29,7 +30,7 @@ def write_bag(scene):
         with BagWriter(path) as bag:
             for name in encode:
                 bag.add_channel(f'{namespace}/{name}', channels()[name])
-            for k in range(scene.last_tick + 1):
+            for k in range(compile_scene(scene).last_tick + 1):
                 frame = tick(scene, k)
                 for name, encoded in encode.items():
                     if name not in skip:

@@ -8,8 +8,8 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.scenes.load import load_scene
 
 STRANGE = [None, True, -1, 0, 2, 1e308, -1e308, 1e-308, 10**400, float('nan'), float('inf'), '', 'x', '1', [], [[]], {},

@@ -10,7 +10,8 @@ from dragon_ros.cli.figures import style
 from dragon_ros.commands.plot.animation import animate
 from dragon_ros.commands.plot.command import options
 from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.model import compile_scene
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 
@@ -61,7 +62,7 @@ def test_a_bag_tells_what_its_scene_tells(scene, bag):
         assert (touch.benches, touch.witness.corner) == (exact.benches, exact.witness.corner)
         assert touch.t_s == pytest.approx(exact.t_s, abs=1e-4)
         times, gaps = clearances(recorded, recorded.ticks_s(*every), iter)
-        assert len(times) == scene.last_tick + 1
+        assert len(times) == compile_scene(scene).last_tick + 1
         assert gaps == pytest.approx(clearances(model, model.ticks_s(*every), iter)[1], abs=1e-9)
 
 

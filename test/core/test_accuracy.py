@@ -8,16 +8,19 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dragon_ros.core import paper
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
-from dragon_ros.core.head import Head
-from dragon_ros.core.march import chord_excess, chord_of, first_guess, phi_of, place
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
-from dragon_ros.core.path import Spiral, arc_between
-from dragon_ros.core.rates import conditioning
+from dragon_ros.core.paper import place
 from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state, states
 from dragon_ros.core.tiers import EXACT, TIERS, position_promise_m, speed_promise_m_s, tier_for
+from dragon_ros.core.tracks.chord import chord_excess, chord_of, first_guess, phi_of
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import arc_between
 from dragon_ros.cost.problems import problems
 from dragon_ros.cost.reference import truth
 
@@ -28,7 +31,7 @@ CASES = {problem.name: problem for problem in problems()}
 def worst_errors(problem, tier, effort=None, solver='march'):
     """Return (position error / promise, speed error / promise, evaluations), the worst over the problem's times."""
     scene = replace(problem.scene, accuracy=tier, solver=solver)
-    effort = effort or scene.effort
+    effort = effort or compile_scene(scene).model.effort
     known, handles = truth(problem), list(problem.handles)
     position = speed = spent = 0
     for number, t_s in enumerate(problem.times_s):
@@ -40,8 +43,8 @@ def worst_errors(problem, tier, effort=None, solver='march'):
         condition = conditioning(chain)
         spent += chain.evaluations
         off = np.max(known.distance(number, chain.p[handles]))
-        position = max(position, off / position_promise_m(scene.tier, scene.size_m, condition))
-        allowed = speed_promise_m_s(scene.tier, scene.size_m, scene.length_m / scene.dragon.benches, condition,
+        position = max(position, off / position_promise_m(compile_scene(scene).tier, compile_scene(scene).size_m, condition))
+        allowed = speed_promise_m_s(compile_scene(scene).tier, compile_scene(scene).size_m, compile_scene(scene).model.length_m / scene.dragon.benches, condition,
                                     scene.head.speed_m_s)
         found = signed_speeds(chain, scene.head.speed_m_s)[handles]
         v_off = np.max(np.abs(found - known.high[number, :, 2] - known.low[number, :, 2]))
@@ -77,9 +80,9 @@ def test_a_tier_that_works_one_step_less_breaks_its_promise(tier):
     looser = replace(TIERS[tier], name='looser', promise_m=1e3 * TIERS[tier].promise_m)
     broken = []
     for name, problem in CASES.items():
-        if 'lock' in name or problem.scene.size_m > 20 or problem.scene.size_m < 1e-2:
+        if 'lock' in name or compile_scene(problem.scene).size_m > 20 or compile_scene(problem.scene).size_m < 1e-2:
             continue
-        effort = looser.effort(problem.scene.size_m, problem.scene.length_m)
+        effort = looser.effort(compile_scene(problem.scene).size_m, compile_scene(problem.scene).model.length_m)
         if worst_errors(problem, tier, effort)[0] > 1:
             broken.append(name)
     assert broken
@@ -97,7 +100,7 @@ def test_accuracy_beyond_floats_is_refused_with_what_can_be_had():
     far = Spiral(0.55, 1e9)
     with pytest.raises(FieldError, match='ask for'):
         Scene(track=far, accuracy=1e-9)
-    assert Scene(track=far, accuracy='exact').promise_m > 1e-6
+    assert compile_scene(Scene(track=far, accuracy='exact')).promise_m > 1e-6
     assert Scene(track=far, accuracy=1e-3).tier.name == 'preview'
     assert tier_for(1e-3, 1e8).name == 'preview'
 
@@ -111,7 +114,7 @@ def test_conditioning_is_reported_on_the_way_to_the_lock(k):
 
 
 def test_the_lock_itself_is_known_to_a_tenth_of_a_picosecond():
-    assert Scene().end.t_s == pytest.approx(432.91792422838296, abs=3e-13)
+    assert compile_scene(Scene()).end.t_s == pytest.approx(432.91792422838296, abs=3e-13)
 
 
 def test_the_plain_cosine_rule_loses_the_digits_that_the_stable_form_keeps():
@@ -168,7 +171,7 @@ def test_handles_lie_on_the_track_in_order(pitch, turns, benches):
 
 def test_the_last_representable_tick_before_the_lock_is_computed():
     scene = Scene(run=Run(rate_hz=1e6))
-    assert np.all(np.isfinite(state(scene, scene.run.time_ns(scene.last_tick) / 1e9).p))
+    assert np.all(np.isfinite(state(scene, scene.run.time_ns(compile_scene(scene).last_tick) / 1e9).p))
 
 
 @pytest.mark.parametrize('name', ['classic', 'mixed', 'mixed-lock'])
@@ -178,7 +181,7 @@ def test_many_states_at_once_keep_the_promise_too(accuracy, name):
     scene = replace(problem.scene, accuracy=accuracy)
     chain = states(scene, problem.times_s)
     for number, (t_s, p) in enumerate(zip(problem.times_s, chain.p, strict=True)):
-        promise_m = position_promise_m(scene.tier, scene.size_m, conditioning(state(problem.scene, t_s)))
+        promise_m = position_promise_m(compile_scene(scene).tier, compile_scene(scene).size_m, conditioning(state(problem.scene, t_s)))
         assert np.max(truth(problem).distance(number, p[list(problem.handles)])) <= promise_m
 
 

@@ -9,43 +9,43 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.design.max_speed import fastest
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.fastest import fastest
-from dragon_ros.core.head import Head
-from dragon_ros.core.joined import Arc, Joined, Line
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, velocity_of
-from dragon_ros.core.turn import Turn, shortest_bent
+from dragon_ros.core.tracks.s_turn import shortest_bent
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, STurn
 
 FIGURES = json.loads((Path(__file__).parents[1] / 'data' / 'dances.json').read_text())['figures']
-TURNING = Scene(track=Turn(before_m=100.0), run=Run(0, 200))
+TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 
 
 def test_the_turn_is_13_6212449068_m_long():
     assert FIGURES['turn_length_m'].startswith('13.6212449068')
-    assert Turn().length_m == pytest.approx(float(FIGURES['turn_length_m']), rel=1e-15)
+    assert STurn().length_m == pytest.approx(float(FIGURES['turn_length_m']), rel=1e-15)
 
 
 @given(st.floats(0.1, 10))
 def test_no_ratio_changes_the_length(ratio):
-    assert Turn(ratio=ratio).length_m == pytest.approx(Turn().length_m, rel=1e-15)
-    assert Turn(ratio=ratio).walk.end_of_first_m == 0
+    assert STurn(ratio=ratio).length_m == pytest.approx(STurn().length_m, rel=1e-15)
+    assert STurn(ratio=ratio).walk.end_of_first_m == 0
 
 
 def test_the_smallest_circle_has_both_arcs_of_the_least_radius():
-    small = Turn(diameter_m=Turn().smallest_diameter_m(1.43), ratio=1.0)
+    small = STurn(diameter_m=STurn().smallest_diameter_m(1.43), ratio=1.0)
     assert small.radii_m == pytest.approx((1.43, 1.43), rel=1e-14)
-    assert small.length_m < Turn().length_m
-    assert Turn(ratio=Turn().largest_ratio(1.43)).radii_m[1] == pytest.approx(1.43, rel=1e-14)
+    assert small.length_m < STurn().length_m
+    assert STurn(ratio=STurn().largest_ratio(1.43)).radii_m[1] == pytest.approx(1.43, rel=1e-14)
 
 
 @given(st.floats(0.2, 2.25))
 def test_the_way_with_a_line_leads_from_entry_to_exit_and_is_shorter(radius_m):
-    turn = Turn()
+    turn = STurn()
     bent = shortest_bent(turn, radius_m)
     walk = turn.walk
     start, heading = complex(walk.pieces[1].at(0.0)), complex(walk.pieces[1].heading(0.0))
-    way = Joined((Arc(radius_m, -degrees(bent.angle_rad), (start.real, start.imag), degrees(np.angle(heading))),
+    way = Composite((Arc(radius_m, -degrees(bent.angle_rad), (start.real, start.imag), degrees(np.angle(heading))),
                   Line(bent.line_m), Arc(radius_m, degrees(bent.angle_rad)))).walk
     last = way.pieces[-1]
     assert abs(complex(last.at(last.last)) + start) < 1e-12
@@ -54,9 +54,9 @@ def test_the_way_with_a_line_leads_from_entry_to_exit_and_is_shorter(radius_m):
 
 
 def test_two_equal_arcs_are_the_way_without_a_line():
-    bent = shortest_bent(Turn(), 0.5 * sum(Turn().radii_m))
-    assert bent.length_m == pytest.approx(Turn().length_m, rel=1e-12)
-    assert shortest_bent(Turn(), 2.3) is None
+    bent = shortest_bent(STurn(), 0.5 * sum(STurn().radii_m))
+    assert bent.length_m == pytest.approx(STurn().length_m, rel=1e-12)
+    assert shortest_bent(STurn(), 2.3) is None
 
 
 def test_the_head_may_go_1_2462663582_m_s_under_a_cap_of_2():
@@ -66,10 +66,10 @@ def test_the_head_may_go_1_2462663582_m_s_under_a_cap_of_2():
     assert 2 / found.bound == pytest.approx(2 / found.ratio, abs=1e-11)
     assert found.bound >= float(FIGURES['max_speed_ratio'])
     assert (found.handle, round(found.along_m, 5)) == (3, 14.47997)
-    assert found.along_m - Turn().length_m == pytest.approx(0.859, abs=5e-4)
+    assert found.along_m - STurn().length_m == pytest.approx(0.859, abs=5e-4)
 
 
-@pytest.mark.parametrize('track', [Turn(ratio=1.0), Turn(ratio=0.6), Turn(pitch_m=1.2, ratio=2.1), Joined((
+@pytest.mark.parametrize('track', [STurn(ratio=1.0), STurn(ratio=0.6), STurn(pitch_m=1.2, ratio=2.1), Composite((
     Line(5.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)))])
 def test_no_look_at_any_time_finds_a_faster_handle_than_the_bound(track):
     scene = Scene(track=track, run=Run(0, 55))

@@ -6,8 +6,8 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.head import Head, Profile
 
 speeds = st.floats(-3, 3)
 knots = st.lists(st.tuples(st.floats(0.1, 50), speeds), min_size=1, max_size=6)

@@ -2,19 +2,22 @@ from math import inf, pi
 
 import numpy as np
 import pytest
+from dragon_ros.core.march_many import place_many
+from dragon_ros.core.rates import speeds
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.lock import follower, head_lock_angle, lock_angle
 from dragon_ros.core.errors import ChainLockError, FieldError
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.lock import follower, head_lock_angle, lock_angle
-from dragon_ros.core.march import Effort, chord_of, first_guess, first_peak, place, step
-from dragon_ros.core.march_many import place_many
-from dragon_ros.core.path import Spiral
-from dragon_ros.core.rates import speeds
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states
+from dragon_ros.core.tracks.chord import chord_of, first_guess, first_peak, step
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
 
 TOLERANCE = 1e-8
 EFFORT = Effort(TOLERANCE)
@@ -77,12 +80,12 @@ def test_a_short_link_never_locks(chord):
 
 def test_body_links_longer_than_the_heads_may_lock_first():
     scene = Scene(dragon=Dragon(benches=5, head_length_m=1.0, body_length_m=5.0))
-    assert (scene.end.reason, scene.end.link) == ('lock', 1)
-    state(scene, scene.end.t_s - 1e-6)
+    assert (compile_scene(scene).end.reason, compile_scene(scene).end.link) == ('lock', 1)
+    state(scene, compile_scene(scene).end.t_s - 1e-6)
     with pytest.raises(ChainLockError, match='link 1'):
-        state(scene, scene.end.t_s + 1e-6)
+        state(scene, compile_scene(scene).end.t_s + 1e-6)
     spiral = scene.track
-    head = spiral.inward(scene.end.t_s + 1e-6)
+    head = spiral.inward(compile_scene(scene).end.t_s + 1e-6)
     with pytest.raises(ChainLockError, match='link 1'):
         place(spiral, scene.dragon.link_lengths_m, head, EFFORT)
 
@@ -93,13 +96,13 @@ def test_body_links_longer_than_the_heads_may_lock_first():
 def test_at_the_very_time_of_a_lock_every_link_has_a_place(benches, head, body, pitch, turns, law, accuracy, solver):
     try:
         scene = Scene(Dragon(benches, head, body, 0.05), Spiral(pitch, turns), law, accuracy=accuracy, solver=solver)
-        assume(scene.limit.reason == 'lock')
+        assume(compile_scene(scene).limit.reason == 'lock')
     except ChainLockError:
         assume(False)
-    assert np.all(np.isfinite(state(scene, scene.limit.t_s).p))
-    assert np.all(np.isfinite(states(scene, [0.0, scene.limit.t_s]).p))
+    assert np.all(np.isfinite(state(scene, compile_scene(scene).limit.t_s).p))
+    assert np.all(np.isfinite(states(scene, [0.0, compile_scene(scene).limit.t_s]).p))
     with pytest.raises(ChainLockError):
-        state(scene, np.nextafter(scene.limit.t_s, np.inf))
+        state(scene, np.nextafter(compile_scene(scene).limit.t_s, np.inf))
 
 
 def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
@@ -111,7 +114,7 @@ def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
 
 def test_a_chain_without_room_at_the_start_says_so():
     with pytest.raises(ChainLockError, match='locked from the start'):
-        _ = Scene(track=Spiral(0.01)).end
+        _ = compile_scene(Scene(track=Spiral(0.01))).end
 
 
 def test_many_states_at_once_agree_with_single_ones():

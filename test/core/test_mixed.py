@@ -10,29 +10,29 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.commands.certificate_checkers import certificate
-from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.dragon import Dragon, Group, Mixed, goes_on_alike
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.lock import follower, head_lock_angle
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.narrow_phase import Lookout, beyond, further
+from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.design.bounding_box import extent
+from dragon_ros.core.design.max_speed import fastest
+from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
-from dragon_ros.core.extent import extent
-from dragon_ros.core.fastest import fastest
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.head import Head
-from dragon_ros.core.lock import follower, head_lock_angle
-from dragon_ros.core.lookout import Lookout, beyond, further
-from dragon_ros.core.min_pitch import min_pitch
-from dragon_ros.core.near_misses import near_misses
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact, NoContact
+from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene, scene_values
 
 CLASSIC, SPELT = Scene(), Scene(dragon=Mixed((Group(3.41), Group(2.2, 100), Group(2.2, 122))))
-TURNING = replace(CLASSIC, track=Turn(before_m=100.0), run=Run(0, 200))
+TURNING = replace(CLASSIC, track=STurn(before_m=100.0), run=Run(0, 200))
 LONG_FOURTH = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02)
 MIDDLE = Mixed((Group(1.2, 6), Group(3.6), Group(1.2, 25)))
 
@@ -64,7 +64,7 @@ def test_a_list_that_spells_out_the_classic_dragon_has_its_first_contact_and_cer
     assert first_contact(SPELT) == first_contact(CLASSIC)
 
 
-@pytest.mark.parametrize('scene', [TURNING, replace(TURNING, head=Head(1.0, 'tail'), track=Turn(before_m=-400.0))])
+@pytest.mark.parametrize('scene', [TURNING, replace(TURNING, head=Head(1.0, 'tail'), track=STurn(before_m=-400.0))])
 def test_a_list_that_spells_out_the_classic_dragon_turns_as_it_does(scene):
     other = replace(scene, dragon=SPELT.dragon)
     for t_s in (0.0, 110.0):
@@ -94,14 +94,14 @@ def test_benches_that_cannot_be_built_are_refused_by_field(groups, says):
 def test_links_of_any_mixed_list_hold_and_many_states_agree_with_one(dragon, pitch, turns, part):
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, turns), run=Run(0, 60))
-        t_s = part * scene.end.t_s
+        t_s = part * compile_scene(scene).end.t_s
     except ChainLockError:
         assume(False)
     chain = state(scene, t_s)
     assert chain.solver == 'march' or dragon.benches >= 8
     assert chain.worst[0] < 1e-13
     assert chain.links_m.size == dragon.benches
-    np.testing.assert_allclose(states(scene, [0.0, t_s]).p[1], chain.p, rtol=0, atol=scene.promise_m)
+    np.testing.assert_allclose(states(scene, [0.0, t_s]).p[1], chain.p, rtol=0, atol=compile_scene(scene).promise_m)
     size = benches_of(chain, dragon, axes_of(chain))
     np.testing.assert_allclose(2 * size.half_length - np.hypot(*np.diff(chain.p, axis=0).T), 0.55, rtol=0, atol=1e-12)
 
@@ -109,7 +109,7 @@ def test_links_of_any_mixed_list_hold_and_many_states_agree_with_one(dragon, pit
 @given(mixed, st.floats(0, 60), st.sampled_from(['head', 'tail']))
 @example(Mixed((Group(1.0, 5), Group(4.0, 8), Group(0.5500000000000002)), 0.25), 0.0, 'tail')      # a link of one ulp
 def test_links_of_any_mixed_list_hold_on_a_turn_behind_head_and_tail(dragon, t_s, lead):
-    scene = Scene(dragon=dragon, track=Turn(2.5, 20.0, 1.0, 30.0 if lead == 'head' else -30.0), head=Head(1.0, lead),
+    scene = Scene(dragon=dragon, track=STurn(2.5, 20.0, 1.0, 30.0 if lead == 'head' else -30.0), head=Head(1.0, lead),
                   run=Run(0, 60))
     assert state(scene, t_s).worst[0] < 1e-12
 
@@ -132,11 +132,11 @@ def test_a_chain_holds_above_its_lock_and_not_a_hair_below(chords):
 
 
 def test_the_link_that_locks_first_is_named_wherever_it_is():
-    end = Scene(dragon=LONG_FOURTH).end
+    end = compile_scene(Scene(dragon=LONG_FOURTH)).end
     assert (end.reason, end.link) == ('lock', 3)
     assert Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 16.0), run=Run(0, 430)).end.reason == 'stop'
     with pytest.raises(ChainLockError, match='link 3 finds no place'):
-        _ = Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 2.0)).end
+        _ = compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 2.0))).end
 
 
 def test_behind_which_benches_the_dragon_goes_on_alike():
@@ -178,7 +178,7 @@ def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitc
         found = first_contact(scene)
     except DragonError:
         assume(False)
-    before_s = (found.t_s if isinstance(found, Contact) else scene.end.t_s) - 1e-6
+    before_s = (found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s) - 1e-6
     assert all(smallest(scene, t_s) > 0 for t_s in np.linspace(0, before_s, 40) if before_s > 0)
     if isinstance(found, Contact) and not found.grazing_m:
         assert smallest(scene, found.t_s) < 1e-9
@@ -263,7 +263,7 @@ def test_the_room_of_a_mixed_dragon_holds_every_corner_of_its_run():
 @pytest.mark.parametrize('lead', ['head', 'tail'])
 def test_no_handle_of_a_mixed_dragon_is_faster_than_the_fastest(lead):
     dragon = Mixed((Group(0.9, 5), Group(2.2, 3), Group(1.3, 4), Group(3.0), Group(2.2, 3)))
-    scene = Scene(dragon=dragon, track=Turn(before_m=5.0 if lead == 'head' else -15.0), head=Head(1.0, lead),
+    scene = Scene(dragon=dragon, track=STurn(before_m=5.0 if lead == 'head' else -15.0), head=Head(1.0, lead),
                   run=Run(0, 30))
     v = states(scene, np.linspace(0, 30, 3000).tolist()).velocities(np.ones(3000))
     seen = np.max(np.hypot(v[..., 0], v[..., 1]))

@@ -1,13 +1,13 @@
 """The line that is drawn for the track."""
 import numpy as np
 import pytest
-
-from dragon_ros.core.head import Head
 from dragon_ros.core.outline import outline
-from dragon_ros.core.path import Spiral
+
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Spiral, STurn
 
 
 @pytest.mark.parametrize('scene', [Scene(), Scene(run=Run(400, 413)), Scene(head=Head(-1.0), run=Run(0, 50)),
@@ -15,7 +15,7 @@ from dragon_ros.core.turn import Turn
 def test_the_line_covers_every_handle_of_the_run_and_strays_from_the_track_no_more_than_promised(scene):
     line = outline(scene, sag_m=0.002)
     radius = np.hypot(*line.T)
-    for k in (0, scene.last_tick // 2, scene.last_tick):
+    for k in (0, compile_scene(scene).last_tick // 2, compile_scene(scene).last_tick):
         p = tick(scene, k).chain.p
         assert radius[0] - 1e-9 <= np.hypot(*p.T).min()
         assert np.hypot(*p.T).max() <= radius[-1] + 1e-9
@@ -31,12 +31,12 @@ def test_the_line_of_a_huge_dragon_stays_drawable():
 
 
 @pytest.mark.parametrize('scene', [
-    Scene(track=Turn(before_m=20.0), run=Run(0, 60)),
+    Scene(track=STurn(before_m=20.0), run=Run(0, 60)),
     Scene(track=Spiral(start_turns=6), head=Head(1.0, lead='tail'), run=Run(0, 60))], ids=str)
 def test_the_line_of_pieces_passes_every_handle(scene):
     line = outline(scene, sag_m=0.002)
     step = np.diff(line, axis=0)
-    for k in (0, scene.last_tick // 2, scene.last_tick):
+    for k in (0, compile_scene(scene).last_tick // 2, compile_scene(scene).last_tick):
         for place in tick(scene, k).chain.p[::7]:
             along = np.sum((place - line[:-1]) * step, axis=1) / np.maximum(np.sum(step * step, axis=1), 1e-30)
             nearest = line[:-1] + np.clip(along, 0, 1)[:, None] * step

@@ -7,26 +7,27 @@ from math import inf
 
 import numpy as np
 import pytest
+from dragon_ros.core.joined import wound
+from dragon_ros.core.placed import BACK
+from dragon_ros.core.runs import Runs
+from dragon_ros.core.track_rows import track_table
+from dragon_ros.core.walk_chain import chain_on
+from dragon_ros.core.walk_many import places_at
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.angle import Angle
-from dragon_ros.core.benches import axes_of
-from dragon_ros.core.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
-from dragon_ros.core.head import Head
-from dragon_ros.core.joined import Arc, Joined, Line, Wind, wound
-from dragon_ros.core.march import Effort, place
-from dragon_ros.core.path import Spiral
-from dragon_ros.core.placed import AHEAD, BACK
-from dragon_ros.core.runs import Runs
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, velocity_of
-from dragon_ros.core.track_rows import track_table
-from dragon_ros.core.turn import Turn
-from dragon_ros.core.walk import Place
-from dragon_ros.core.walk_chain import chain_on
-from dragon_ros.core.walk_many import places_at
+from dragon_ros.core.tracks.composite import Place
+from dragon_ros.core.tracks.segments import AHEAD, Effort
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.cost.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
@@ -37,7 +38,7 @@ SHORT = Dragon(12, 2.2, 1.6)
 
 lines = st.builds(Line, st.floats(0.05, 6))
 arcs = st.builds(Arc, st.floats(1.6, 5), st.floats(5, 400) | st.floats(-400, -5))
-winds = st.builds(Wind, st.floats(1.5, 3), st.floats(1, 3), st.floats(1, 3), st.sampled_from(['left', 'right']))
+winds = st.builds(SpiralArc, st.floats(1.5, 3), st.floats(1, 3), st.floats(1, 3), st.sampled_from(['left', 'right']))
 tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 
@@ -48,7 +49,7 @@ def march(scene):
 def dance(pieces, lead):
     """Return a dance over all of a track that begins with a line and ends with one."""
     try:
-        track = Joined((Line(1.0), *pieces, Line(1.0)))
+        track = Composite((Line(1.0), *pieces, Line(1.0)))
         if lead == 'tail':
             track = replace(track, start_m=track.walk.end_m)
         return Scene(dragon=SHORT, track=track, head=Head(1.0, lead), run=Run(0, track.walk.end_m + 4))
@@ -59,7 +60,7 @@ def dance(pieces, lead):
 def agree(scene, t_s):
     """Hold the chain, its velocities and those of many against the march, in metres of the promise."""
     one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
-    atol = 0.5 * scene.promise_m        # each may be a quarter off
+    atol = 0.5 * compile_scene(scene).promise_m        # each may be a quarter off
     v = velocity_of(march(scene), other, t_s)
     fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)
@@ -83,13 +84,13 @@ def test_stats_say_that_the_table_serves_every_dance_but_one(name):
 @pytest.mark.parametrize('name', CASES)
 def test_states_of_a_dance_are_its_single_ones_to_half_the_promise(name):
     scene = CASES[name].scene
-    times = sorted({*np.linspace(0.0, scene.end.t_s, 40).tolist(), *CASES[name].times_s})
+    times = sorted({*np.linspace(0.0, compile_scene(scene).end.t_s, 40).tolist(), *CASES[name].times_s})
     many = states(scene, times)
     speed = velocity_of(scene, many, times)
     for n, t_s in enumerate(times):
         one = state(scene, t_s)
-        np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * scene.promise_m)
-        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * scene.promise_m)
+        np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m)
+        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * compile_scene(scene).promise_m)
 
 
 @pytest.mark.parametrize('scene', [TURNING, UNWINDING])
@@ -107,7 +108,7 @@ def test_a_state_has_the_same_bits_whatever_was_asked_before(scene):
 @example([Line(1.05), Line(1.05), Line(1.05), Line(1.05)], 'head', 0.3)
 def test_on_any_track_the_table_is_where_the_march_is(pieces, lead, part):
     scene = dance(pieces, lead)
-    agree(scene, part * scene.end.t_s)
+    agree(scene, part * compile_scene(scene).end.t_s)
 
 
 @given(tracks, st.integers(0, 8), st.integers(0, 12),
@@ -118,11 +119,11 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
     joint = 1 + joint % (len(walk.pieces) - 1)
     links = scene.dragon.link_lengths_m[:handle][::-1]
     try:
-        head = walk.follow(links, Place(joint, Angle(walk.pieces[joint].first, 0.0)), AHEAD, EFFORT)[0][-1]
+        head = walk.follow(links, Place(joint, DoubleDouble(walk.pieces[joint].first, 0.0)), AHEAD, EFFORT)[0][-1]
     except TrackEndError:
         assume(False)
     t_s = walk.distance_of(head)[0] + past_m
-    assume(0 <= t_s <= scene.end.t_s)
+    assume(0 <= t_s <= compile_scene(scene).end.t_s)
     agree(scene, t_s)
 
 
@@ -131,7 +132,7 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
 def test_benches_of_any_mix_are_where_the_march_puts_them(mix, way, part):
     links = np.repeat(*map(np.array, zip(*mix, strict=True)))
     assume(links.sum() > 0)
-    walk, low, high = Turn().walk, -links.sum() * 1.3 - 5, 60.0
+    walk, low, high = STurn().walk, -links.sum() * 1.3 - 5, 60.0
     metres = high * part if way == BACK else low + part * (high - links.sum() - low)
     runs = Runs(walk, links, way, (low, high), EFFORT, 2e-14)
     leader = walk.place_at(metres)
@@ -178,19 +179,19 @@ def test_a_scene_of_mixed_benches_has_a_table_for_each_run(speed):
 def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
     spiral, links = Spiral(), np.array([0.5] + [1.65] * 40)
     runs = Runs(wound(spiral, 0.0), links, BACK, (-100.0, 440.0), EFFORT, 2e-14)
-    head = Angle(13.0, 0.0)
+    head = DoubleDouble(13.0, 0.0)
     chain, other = runs.place(Place(0, head)), place(spiral, links, head, EFFORT)
     assert chain.solver == 'table+march'
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
-    assert runs.place(Place(0, Angle(2000.0, 0.0))) is None
+    assert runs.place(Place(0, DoubleDouble(2000.0, 0.0))) is None
 
 
 def test_a_mix_that_locks_names_its_link():
     spiral, links = Spiral(), np.array([1.0] + [5.0] * 20)
     runs = Runs(wound(spiral, 0.0), links, BACK, (-500.0, 440.0), EFFORT, 2e-14)
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
-        runs.place(Place(0, Angle(8.0, 0.0)))
+        runs.place(Place(0, DoubleDouble(8.0, 0.0)))
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
         runs.place_many((np.zeros(1, dtype=int), np.array([8.0]), np.zeros(1)))
 
@@ -204,19 +205,19 @@ def test_beyond_its_run_a_dance_is_marched_as_before():
 
 
 def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
-    scene = Scene(dragon=SHORT, track=Joined((Wind(1.0, 2.0, 8.0), Line(5.0)), start_m=60.0), head=Head(-1.0))
-    last = scene.end.t_s
+    scene = Scene(dragon=SHORT, track=Composite((SpiralArc(1.0, 2.0, 8.0), Line(5.0)), start_m=60.0), head=Head(-1.0))
+    last = compile_scene(scene).end.t_s
     seen = {agree(scene, t_s) for t_s in np.linspace(0.0, last, 200).tolist()}
     assert seen == {'table', 'table+march'}
 
 
 def test_links_that_have_no_length_or_are_too_many_have_no_table():
-    walk = Turn().walk
+    walk = STurn().walk
     assert track_table(walk, 0.0, (-50.0, 50.0), 2e-14) is None
     assert track_table(walk, 1e-4, (-50.0, 50.0), 2e-14) is None
-    assert Scene(track=Turn(), run=Run(0, 1e6)).runs.tables == []
-    assert Scene(track=Turn()).runs is None         # nothing ends the run
-    assert Scene(dragon=Dragon(7), track=Turn(), run=Run(0, 9)).runs is None
+    assert Scene(track=STurn(), run=Run(0, 1e6)).runs.tables == []
+    assert Scene(track=STurn()).runs is None         # nothing ends the run
+    assert Scene(dragon=Dragon(7), track=STurn(), run=Run(0, 9)).runs is None
 
 
 def test_a_table_of_a_track_is_bounded_and_shows_what_it_takes():
@@ -229,7 +230,7 @@ def test_a_table_of_a_track_is_bounded_and_shows_what_it_takes():
 
 
 def test_far_more_handles_than_one_product_takes_join_without_a_seam():
-    long = Scene(dragon=Dragon(2000), track=Turn(), run=Run(0, 60))
+    long = Scene(dragon=Dragon(2000), track=STurn(), run=Run(0, 60))
     np.testing.assert_allclose(state(long, 40.0).p, state(march(long), 40.0).p, rtol=0, atol=1e-12)
 
 
@@ -254,7 +255,7 @@ def test_a_dance_at_rest_has_directions():
 
 @pytest.mark.parametrize('lead', ['head', 'tail'])
 def test_a_bench_whose_link_has_no_length_lies_along_the_track_beside_a_table_too(lead):
-    scene = Scene(Dragon(12, 0.02, 0.42, 0.01, 0.01), Turn(before_m=30.0 if lead == 'head' else -5.0),
+    scene = Scene(Dragon(12, 0.02, 0.42, 0.01, 0.01), STurn(before_m=30.0 if lead == 'head' else -5.0),
                   Head(1.0, lead), Run(0, 10))
     for t_s in (0.0, 3.3):
         chain, marched = state(scene, t_s), state(march(scene), t_s)
@@ -266,7 +267,7 @@ def test_a_bench_whose_link_has_no_length_lies_along_the_track_beside_a_table_to
 def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_before_them_go_back():
     benches = Mixed((Group(2.2, 2), Group(3.41, 2), Group(0.55), Group(2.2, 12), Group(0.55, 2)))
     scene = Scene(benches, Spiral(1.184, 8.0))
-    t_s = scene.end.t_s - 0.05
+    t_s = compile_scene(scene).end.t_s - 0.05
     chain, marched = state(scene, t_s), state(march(scene), t_s)
     assert chain.solver == 'table'
     assert np.min(np.sum(marched.velocities(1.0) * marched.tangents, axis=1)[1:]) > 1     # outwards, unlike the head

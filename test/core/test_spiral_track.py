@@ -5,13 +5,15 @@ import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.angle import Angle, from_turns, plus
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral, arc_between, points, tangents
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import arc_between, points, tangents
 
 turns = st.floats(0.01, 1000)
 
@@ -59,7 +61,7 @@ def test_tangents_are_unit_vectors_along_the_growing_angle(theta):
 
 @given(st.floats(0, 1e9), st.floats(-3, 3))
 def test_an_angle_pair_keeps_what_one_float_loses(hi, delta):
-    total = Angle(*plus(hi, 0.0, delta))
+    total = DoubleDouble(*plus(hi, 0.0, delta))
     from fractions import Fraction
     assert Fraction(total.hi) + Fraction(total.lo) == Fraction(hi) + Fraction(delta)
 
@@ -77,5 +79,5 @@ def test_an_impossible_spiral_is_refused_by_field(field, value):
 
 def test_the_end_of_the_track_itself_is_a_place_to_the_last_bit():
     scene = Scene(dragon=Dragon(3, 0.5, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0))
-    assert scene.end.reason == 'track'
-    assert np.hypot(*state(scene, scene.end.t_s).p[0]) == pytest.approx(0, abs=1e-6)
+    assert compile_scene(scene).end.reason == 'track'
+    assert np.hypot(*state(scene, compile_scene(scene).end.t_s).p[0]) == pytest.approx(0, abs=1e-6)

@@ -6,12 +6,13 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
@@ -56,12 +57,12 @@ def test_no_states_are_a_chain_of_no_states():
 def test_any_dragon_on_the_table_is_where_the_march_puts_it(pitch, turns, benches, head, body, speed, part):
     try:
         scene = Scene(dragon=Dragon(benches, head, body), track=Spiral(pitch, turns), head=Head(speed), run=Run(0, 100))
-        t_s = part * scene.end.t_s
+        t_s = part * compile_scene(scene).end.t_s
     except (ChainLockError, FieldError):
         assume(False)
     one, other = state(scene, t_s), state(replace(scene, solver='march'), t_s)
     faster = max(1.0, float(np.max(np.hypot(*other.velocities(1.0).T))))
-    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=0.5 * scene.promise_m * faster)
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m * faster)
 
 
 def test_more_digits_take_more_nodes():

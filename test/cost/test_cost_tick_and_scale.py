@@ -3,7 +3,8 @@ import numpy as np
 import pytest
 
 from dragon_ros.cli import figures
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost import live, scale, ticks
@@ -22,7 +23,7 @@ def test_the_stages_of_a_tick_are_those_of_the_model(solver):
     scene = Scene(dragon=Dragon(30))
     calls = stages_of(scene, solver, 300.0)
     assert tuple(calls) == STAGES
-    np.testing.assert_allclose(calls['chain']().p, state(scene, 300.0).p, atol=scene.promise_m)
+    np.testing.assert_allclose(calls['chain']().p, state(scene, 300.0).p, atol=compile_scene(scene).promise_m)
     assert len(calls['encode']()) == 3
     assert calls['gaps']() > 0
 

@@ -6,8 +6,8 @@ import pytest
 
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
-from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.effects import NEEDS, Effect, known
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.flags import NEEDS, Effect, known
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels, live

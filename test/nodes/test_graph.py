@@ -5,6 +5,7 @@ import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.model import compile_scene
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics, read_pose_array
 from dragon_ros.scenes.load import load_scene
@@ -96,8 +97,8 @@ def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
 def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
     from dragon_ros.bags.write.writer import BagWriter
+    from dragon_ros.core.contact.tracker import Watch
     from dragon_ros.core.step import tick
-    from dragon_ros.core.watch import Watch
     from dragon_ros.messages.encode import encoders
     from dragon_ros.messages.observation import observation_of, read_benches, read_handles
     from dragon_ros.nodes.contact_messages import status_of
@@ -106,7 +107,7 @@ def recorded(tmp_path_factory):
     with BagWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
-        for k in range(scene.last_tick + 1):
+        for k in range(compile_scene(scene).last_tick + 1):
             frame = tick(scene, k)
             data = {name: encode[name](frame) for name in encode}
             for name, message in data.items():

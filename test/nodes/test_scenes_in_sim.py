@@ -3,7 +3,7 @@ import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.effects import Effect, known
+from dragon_ros.core.flags import Effect, known
 from dragon_ros.messages.channels import live
 from dragon_ros.scenes.load import load_scene, scene_names
 

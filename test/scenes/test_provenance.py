@@ -4,8 +4,8 @@ import pytest
 import yaml
 
 from dragon_ros import __version__
-from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.decode import MessageError, read_string

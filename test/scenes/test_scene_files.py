@@ -3,8 +3,8 @@ import re
 import pytest
 import yaml
 
-from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import DragonError, InputError, MissingError
+from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels, channels_of, live
 from dragon_ros.scenes.load import load_scene, scene_names, scene_of, scene_values

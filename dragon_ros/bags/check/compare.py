@@ -7,10 +7,12 @@ from math import inf
 import numpy as np
 
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array
-from dragon_ros.core.rates import conditioning
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import Frame, tick
+from dragon_ros.core.step import tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.messages.decode import MessageError, read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
@@ -66,10 +68,10 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     encode, result = encoders(scene, frame_id), Comparison()
     k = 0
     for t_ns, recorded in _instants(bag, namespace, encode):
-        while k <= scene.last_tick and scene.run.time_ns(k) < t_ns:
+        while k <= compile_scene(scene).last_tick and scene.run.time_ns(k) < t_ns:
             _missing(result, encode, k)
             k += 1
-        if k > scene.last_tick or scene.run.time_ns(k) != t_ns:
+        if k > compile_scene(scene).last_tick or scene.run.time_ns(k) != t_ns:
             for name, found in recorded.items():
                 result.stray(name, t_ns, len(found))
             continue
@@ -78,7 +80,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
             _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
         progress(k)
         k += 1
-    for late in range(k, scene.last_tick + 1):
+    for late in range(k, compile_scene(scene).last_tick + 1):
         _missing(result, encode, late)
     return result
 
@@ -115,7 +117,7 @@ def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
     """Return twice the promise, for each side may be off by it; 0 for a tier that promises nothing."""
-    promise_m = position_promise_m(scene.tier, scene.size_m, conditioning(frame.chain))
+    promise_m = position_promise_m(compile_scene(scene).tier, compile_scene(scene).size_m, conditioning(frame.chain))
     return 2 * promise_m if promise_m < inf else 0.0
 
 
@@ -140,8 +142,8 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -
     if not np.any(off):         # at rest a speed is 0 or -0
         return 0.0
     if name == 'velocities':
-        one = speed_promise_m_s(scene.tier, scene.size_m, scene.length_m / scene.dragon.benches,
+        one = speed_promise_m_s(compile_scene(scene).tier, compile_scene(scene).size_m, compile_scene(scene).model.length_m / scene.dragon.benches,
                                 conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
-        return float(np.max(off)) / one * scene.promise_m if one else inf
+        return float(np.max(off)) / one * compile_scene(scene).promise_m if one else inf
     turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)

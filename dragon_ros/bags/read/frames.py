@@ -8,13 +8,13 @@ from math import inf
 import numpy as np
 
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
-from dragon_ros.core.benches import Benches
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.chain.rectangles import Benches
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.watch import NEAR_M
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
 from dragon_ros.scenes.load import scene_of

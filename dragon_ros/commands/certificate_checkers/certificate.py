@@ -7,10 +7,11 @@ from typing import Any
 from dragon_ros.commands.certificate_checkers.certificate_file import Claims, read_claims
 from dragon_ros.commands.certificate_checkers.checker import Checker, name_of
 from dragon_ros.commands.certificate_checkers.walk_checker import WalkChecker
+from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.verdict import Contact, NoContact
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import scene_values
 
 _BEFORE_S = 1e-6        # that need not be covered before the contact
@@ -42,10 +43,10 @@ def check(path: Path, progress: Callable[[Any], Any] = lambda rows: rows) -> int
 
 def _check(checker: Any, claims: Claims, progress: Callable[[Any], Any]) -> None:
     scene, rows, t_s, pair = claims
-    start, end = scene.run.start_s, scene.end.t_s if t_s is None else t_s
+    start, end = scene.run.start_s, compile_scene(scene).end.t_s if t_s is None else t_s
     if t_s is not None:
         gap = checker.gap(t_s, *pair)
-        if gap > checker.touch_m or not start <= t_s <= scene.end.t_s:
+        if gap > checker.touch_m or not start <= t_s <= compile_scene(scene).end.t_s:
             raise InputError(f'contact: benches {pair[0]} and {pair[1]} do not touch at {t_s!r} s: they are {gap:.3g} '
                              'm apart')
     if end - start > _BEFORE_S:

@@ -8,8 +8,9 @@ from dragon_ros.commands.certificate_checkers.checker import Row
 from dragon_ros.commands.certificate_checkers.walk_checker import Part
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError, InputError, MissingError, ModelEnd
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import LATEST_S, Scene
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
 
@@ -42,7 +43,7 @@ def read_claims(path: Path) -> Claims:
         t_s = values['contact']['t_s']
         if t_s is not None:
             t_s = number('contact.t_s', t_s, low=scene.run.start_s, high=LATEST_S)
-            scene.check_time(t_s)
+            compile_scene(scene).check_time(t_s)
         first, second = (whole('contact.benches', bench, low=0, high=max(benches - 1, 2))
                          for bench in values['contact'].get('benches', (0, 2)))
     except OSError as error:

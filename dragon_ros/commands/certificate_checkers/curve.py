@@ -1,4 +1,4 @@
-"""Joined tracks for the checker of certificates, from the scene's plain numbers, with none of the solver's code.
+"""Composite tracks for the checker of certificates, from the scene's plain numbers, with none of the solver's code.
 
 Every piece is a curve by its length l: lines and arcs are start + direction (e^(i k l) - 1) / (i k), k their signed
 curvature; spirals are b theta e^(i side theta), with theta by Newton from the length.

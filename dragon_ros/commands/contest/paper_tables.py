@@ -9,7 +9,7 @@ import numpy as np
 
 from dragon_ros import configuration
 from dragon_ros.cli.command_line import csv_of
-from dragon_ros.core.chain import Chain
+from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, velocity_of
 

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import states, velocity_of
-from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact
+from dragon_ros.core.tracks.spec import STurn
 
 POSITION, SPEED = '位置', '速度'
 ENDS = ('龙头', '龙尾（后）')
@@ -55,7 +55,7 @@ def result_2(scene: Scene) -> list[Sheet]:
 def result_4(scene: Scene) -> list[Sheet]:
     """Return positions and speeds at -100, -99, ... 100 s, counted from the start of the turn."""
     track = scene.track
-    if not isinstance(track, Turn):
+    if not isinstance(track, STurn):
         raise InputError('--contest: result4 needs a scene with track.kind turn')
     shown = [float(t_s) for t_s in range(-_BEFORE_S, _BEFORE_S + 1)]
     entry_s = track.before_m / scene.steady_m_s

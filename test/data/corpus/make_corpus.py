@@ -12,7 +12,7 @@ import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
 
 from dragon_ros.bags.write.writer import qos_text
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import live

@@ -1,0 +1,177 @@
+"""A bench and those behind it, seen at many places at once: how far apart.
+
+Benches walk one track at equal spacing, so what follows a bench at polar angle theta is the same whenever it is there.
+Places are polar angles of the leading bench's front handle.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import ceil
+
+import numpy as np
+
+from dragon_ros.core.chain.dragon import AnyDragon, is_even
+from dragon_ros.core.chain.rectangles import Benches, axes_of
+from dragon_ros.core.march_many import place_many
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
+
+_CHUNK = 512
+_FEW = 64       # followers, more than two layers of the classic dragon near the centre
+
+
+@dataclass(frozen=True)
+class View:
+    """What is seen from M places of the leading bench, of the K - 2 benches from the second behind it on.
+
+    ``theta`` (M, K+1) are polar angles of all handles from the leading one on, ``delta`` (M, K) what the links span.
+    ``offset`` and ``extent`` (M, K-2, 4): distance of the centres and half sum of the widths along the two axes of the
+    leading bench and the two of the other; the pair is apart where |offset| > extent along any.
+    """
+
+    theta: Floats
+    delta: Floats
+    offset: Floats
+    extent: Floats
+
+    @property
+    def apart(self) -> Floats:
+        """Largest separation along the four axes, shape (M, K-2): positive where the pair is apart."""
+        out: Floats = np.max(np.abs(self.offset) - self.extent, axis=-1)
+        return out
+
+    @property
+    def lead(self) -> Floats:
+        """Polar angles (M,) of the leading handle."""
+        return self.theta[:, 0]
+
+    def rows(self, index: Ints) -> 'View':
+        """Return some of the places."""
+        return View(*(getattr(self, name)[index] for name in _FIELDS))
+
+
+_FIELDS = ('theta', 'delta', 'offset', 'extent')
+
+
+def joined(views: list[View]) -> View:
+    """Return the places of several views as one."""
+    return View(*(np.concatenate([getattr(view, name) for view in views]) for name in _FIELDS))
+
+
+@dataclass(frozen=True)
+class Sizes:
+    """The benches in sight: links, half lengths (K,) and half width in metres.
+
+    ``longest_m`` is the longest link in sight or behind; None where all behind the first are equal.
+    """
+
+    b_m: float
+    links_m: Floats
+    half_length_m: Floats
+    half_width_m: float
+    longest_m: float | None
+
+
+@dataclass(frozen=True)
+class Lookout:
+    """Looks from bench ``first`` (0 is the head) at the ``follow`` benches from it on."""
+
+    spiral: Spiral
+    dragon: AnyDragon
+    first: int
+    follow: int
+    effort: Effort
+    progress: Callable[[int], object]
+
+    def look(self, theta: Floats) -> View:
+        """Return the view from places (M,)."""
+        return joined([self._look(part) for part in np.array_split(theta, max(1, ceil(theta.size / _CHUNK)))])
+
+    def _look(self, theta: Floats) -> View:
+        self.progress(theta.size)
+        chain = place_many(self.spiral, self.sizes.links_m, theta, np.zeros_like(theta), self.effort)
+        size = self.sizes
+        centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
+        benches = Benches(centre, axes_of(chain), size.half_length_m, np.full(size.links_m.size, size.half_width_m))
+        return View(chain.theta, chain.delta, *_seen(benches))
+
+    @cached_property
+    def sizes(self) -> Sizes:
+        """The benches in sight."""
+        d, seen = self.dragon, slice(self.first, self.first + self.follow)
+        links, lengths = d.link_lengths_m[seen], d.bench_lengths_m[seen]
+        rest = d.link_lengths_m[self.first:]
+        return Sizes(self.spiral.b_m, links, 0.5 * lengths, 0.5 * d.width_m,
+                     None if is_even(rest) else float(np.max(rest)))
+
+    def reaching(self, theta: Floats) -> 'Lookout':
+        """Return a lookout with no more followers than can come within reach at any of some places, if it is so few."""
+        follow = _FEW
+        while follow < self.follow:
+            fewer = replace(self, follow=follow)
+            view = fewer.look(theta)
+            circle = beyond(view, view, fewer.sizes)
+            clear = np.all(further(view, view, fewer.sizes, circle) > 0, axis=0)
+            if clear[-1]:
+                return replace(self, follow=5 + int(1.1 * np.argmax(clear)))
+            follow *= 2
+        return self
+
+
+def beyond(a: View, b: View, sizes: Sizes) -> Floats:
+    """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two places.
+
+    The leading bench goes no further out than its rear handle and a corner's distance from that. A link's line is
+    H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
+    """
+    span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
+    inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[2:] / sizes.b_m
+    linked = chord > 0
+    across = (chord * chord - span * span) / (2 * np.where(linked, chord, 1) * np.tan(np.where(linked, 0.5 * span, 1)))
+    along = inner * inner / np.sqrt(1 + inner * inner)      # of a link of no length: a tangent
+    overhang = sizes.half_length_m[0] - 0.5 * sizes.links_m[0]
+    reach = sizes.b_m * outer + np.hypot(overhang, sizes.half_width_m)
+    out: Floats = sizes.b_m * np.where(linked, across, along) - sizes.half_width_m - reach[:, None]
+    return out
+
+
+def further(a: View, b: View, sizes: Sizes, circle: Floats) -> Floats:
+    """Return how far each bench (M, K-2) and all behind it stay outside that circle; ``circle`` is from ``beyond``.
+
+    Where links are equal that is each bench's own, which grows from bench to bench. Else a link of length l comes no
+    nearer to the centre than sqrt(r^2 - l^2 / 4), r the distance of its front handle, which grows from bench to bench:
+    no nearer handle is more than half of it from the foot of the perpendicular. No point of a bench is further from its
+    link than the overhang at the hole and half the width.
+    """
+    if sizes.longest_m is None:
+        return circle
+    overhang = np.hypot(sizes.half_length_m[0] - 0.5 * sizes.links_m[0], sizes.half_width_m)
+    inner, outer = np.minimum(a.theta, b.theta)[:, 2:-1], np.maximum(a.theta[:, 1], b.theta[:, 1])
+    away = np.sqrt(np.maximum((sizes.b_m * inner) ** 2 - 0.25 * sizes.longest_m**2, 0.0))
+    out: Floats = away - 2 * overhang - sizes.b_m * outer[:, None]
+    return out
+
+
+def _seen(benches: Benches) -> tuple[Floats, Floats]:
+    """Return offset and extent of the pairs."""
+    a, b = benches.half_length, benches.half_width
+    u = benches.axis
+    lead, other = u[:, :1], u[:, 2:]
+    d = benches.centre[:, 2:] - benches.centre[:, :1]
+    offset = np.stack((_dot(d, lead), _dot(d, _left(lead)), _dot(d, other), _dot(d, _left(other))), axis=-1)
+    c, s = np.abs(_dot(lead, other)), np.abs(_dot(_left(lead), other))
+    extent = np.stack((a[0] + a[2:] * c + b[2:] * s, b[0] + a[2:] * s + b[2:] * c,
+                       a[2:] + a[0] * c + b[0] * s, b[2:] + a[0] * s + b[0] * c), axis=-1)
+    return offset, extent
+
+
+def _left(vectors: Floats) -> Floats:
+    """Return vectors turned left by a quarter."""
+    return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
+
+
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Return scalar products of vectors (..., 2)."""
+    out: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+    return out

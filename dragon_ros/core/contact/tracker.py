@@ -1,0 +1,294 @@
+"""Watch a dragon tick by tick and report each contact with its bracket: the pure part of the monitor.
+
+A watcher sees ticks only. It reports the last tick without contact, the first one with it, and between them the time
+at which the signed gap, interpolated through the last ticks, vanishes. Each pair has its episodes: begin, deepest, end.
+
+Sights come late, twice or from a run that started again: ``Arrivals`` lets them through in order. ``Episodes`` are the
+open contacts of all pairs at once, as arrays: who touches, how deep it got and when, and who has been told.
+"""
+from collections import deque
+from dataclasses import dataclass, replace
+from math import inf, nan
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dragon_ros.core.chain.rectangles import Benches
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps, witness
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
+
+NS = 10**9
+NEAR_M = 0.02
+MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
+TOUCH_M = 1e-10        # positions are right to 2e-12 m: a smaller gap is a contact
+_SHOWN = 8
+_UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
+
+Pair = tuple[int, int]
+_LAST = 8           # a sight that is not older than the last so many may just be late
+_LATE_NS = 10**9    # by no more than this
+_IN_A_ROW = 3       # so many late ones in a row are a run that started again
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Sight:
+    """What was seen at one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
+
+    t_ns: int
+    p: Floats
+    benches: Benches
+    frame_id: str = ''
+
+
+@dataclass(frozen=True)
+class Event:
+    """A contact began: benches (inner first), the bracket in ns, the interpolated time, the point, and the gap in m.
+
+    ``before_ns`` is None where the first tick that was seen already had the contact. ``gap_m`` is the signed gap at
+    ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
+    """
+
+    benches: Pair
+    before_ns: int | None
+    after_ns: int
+    t_contact_s: float
+    point_m: tuple[float, float]
+    gap_m: float
+    approach_m_s: float
+    frame_id: str = ''
+
+
+@dataclass(frozen=True)
+class EpisodeEnd:
+    """A contact ended: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
+
+    ``parted`` is False where time started afresh instead; ``t_end_s`` is then the last tick that was seen.
+    """
+
+    benches: Pair
+    after_ns: int
+    deepest_gap_m: float
+    deepest_ns: int
+    t_end_s: float
+    parted: bool
+    frame_id: str = ''
+
+
+@dataclass(frozen=True)
+class Report:
+    """What one sight tells.
+
+    ``clearance_m`` is the smallest signed gap of all candidate pairs (inf without any), ``closest`` its benches;
+    ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts contacts that
+    began beyond the ``MOST_REPORTED``.
+    """
+
+    sight: Sight
+    clearance_m: float
+    closest: Pair | None
+    touching: tuple[Pair, ...] = ()
+    count: int = 0
+    begins: tuple[Event, ...] = ()
+    ends: tuple[EpisodeEnd, ...] = ()
+    more: int = 0
+
+
+class _Timed(Protocol):
+    @property
+    def t_ns(self) -> int: ...
+
+    @property
+    def p(self) -> Floats: ...
+
+
+T = TypeVar('T', bound=_Timed)
+
+
+class Arrivals(Generic[T]):
+    """Lets sights through by growing time; a late or repeated one is left out, time that goes back starts afresh."""
+
+    def __init__(self) -> None:
+        """Start having seen nothing."""
+        self._times: deque[int] = deque(maxlen=_LAST)
+        self._shape: tuple[int, ...] = ()
+        self._late: list[T] = []
+
+    def take(self, sight: T) -> tuple[bool, list[T]]:
+        """Return whether time starts afresh, and the sights to look at now, in order.
+
+        It starts afresh with another number of handles, with a time before the last few or more than a second back,
+        and with a few late sights in a row; those are then handed out, so that nothing of a run that started again
+        is lost.
+        """
+        if not self._times or sight.p.shape != self._shape:
+            return self._pass(bool(self._times), [sight])
+        if sight.t_ns > self._times[-1]:
+            return self._pass(False, [sight])
+        if sight.t_ns < max(self._times[0], self._times[-1] - _LATE_NS):
+            return self._pass(True, [sight])
+        return self._hold(sight)
+
+    def _hold(self, sight: T) -> tuple[bool, list[T]]:
+        repeated = sight.t_ns == self._times[-1] or (self._late and sight.t_ns == self._late[-1].t_ns)
+        if not repeated:
+            grows = self._late and sight.t_ns > self._late[-1].t_ns
+            self._late = [*self._late, sight] if grows else [sight]
+        return self._pass(True, self._late) if len(self._late) >= _IN_A_ROW else (False, [])
+
+    def _pass(self, afresh: bool, sights: list[T]) -> tuple[bool, list[T]]:
+        if afresh:
+            self._times.clear()
+        self._times.extend(sight.t_ns for sight in sights)
+        self._shape, self._late = sights[-1].p.shape, []
+        return afresh, sights
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Pairs that touch, by growing ``key`` (M,); the deepest gap in m and its time in ns; whether it was reported."""
+
+    key: Ints
+    deepest_m: Floats
+    deepest_ns: Ints
+    told: Bools
+
+    def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
+        """Return the episodes at ``t_ns``, which of them are new, and which of these here have ended.
+
+        ``key`` (K,) are the pairs that touch now, growing, each once; ``gap_m`` (K,) their gaps.
+        """
+        _, old, now = np.intersect1d(self.key, key, assume_unique=True, return_indices=True)
+        deepest, times = gap_m.copy(), np.full(key.size, t_ns, dtype=np.int64)
+        told, new, ended = np.zeros(key.size, bool), np.ones(key.size, bool), np.ones(self.key.size, bool)
+        keep = self.deepest_m[old] <= gap_m[now]
+        deepest[now[keep]], times[now[keep]] = self.deepest_m[old[keep]], self.deepest_ns[old[keep]]
+        told[now], new[now], ended[old] = self.told[old], False, False
+        return Episodes(key, deepest, times, told), new, ended
+
+
+def no_episodes() -> Episodes:
+    """Return the state in which nothing touches."""
+    none = np.empty(0, np.int64)
+    return Episodes(none, np.empty(0), none, np.empty(0, bool))
+
+
+class Watch:
+    """Looks at sights in the order of their times; each contact of a pair is told when it begins and when it ends."""
+
+    def __init__(self, near_m: float = NEAR_M) -> None:
+        """Start having seen nothing; gaps up to ``near_m`` are never missed as clearance."""
+        self._near_m = near_m
+        self._arrivals: Arrivals[Sight] = Arrivals()
+        self._restart()
+        self._ended: tuple[EpisodeEnd, ...] = ()
+
+    def look(self, sight: Sight) -> list[Report]:
+        """Return what the sight tells; a repeated or late one tells nothing.
+
+        Time going back, or another dragon, starts afresh. Raises CrowdError where too many benches lie in one place.
+        """
+        afresh, sights = self._arrivals.take(sight)
+        if afresh:
+            self._ended += self._ends(self._seen[-1], self._open.told, False) if self._seen else ()
+            self._restart()
+        return [self._look(each) for each in sights]
+
+    def _restart(self) -> None:
+        self._seen: list[Sight] = []
+        self._open = no_episodes()
+
+    def _look(self, sight: Sight) -> Report:
+        i, j, gap = self._gaps(sight)
+        least = int(np.argmin(gap)) if gap.size else -1
+        report = Report(sight, float(gap[least]), (int(i[least]), int(j[least]))) if gap.size else Report(
+            sight, inf, None)
+        touching = gap <= TOUCH_M
+        if self._open.key.size or np.any(touching):
+            key, rows = np.unique((i * len(sight.benches.centre) + j)[touching], return_index=True)
+            report = self._episodes(report, key, gap[touching][rows])
+        ends, self._ended = (*self._ended, *report.ends), ()
+        self._seen = [*self._seen[-2:], sight]
+        return replace(report, ends=ends)
+
+    def _gaps(self, sight: Sight) -> tuple[Ints, Ints, Floats]:
+        """Return candidates (K,), (K,) and their gaps; the pairs of open episodes are always among them."""
+        b = sight.benches
+        i, j = candidates(sight.p, b, self._near_m)
+        if self._open.key.size:
+            inner, outer = np.divmod(self._open.key, len(b.centre))
+            i, j = np.concatenate((i, inner)), np.concatenate((j, outer))
+        return i, j, gaps(b, i, j)
+
+    def _episodes(self, report: Report, key: Ints, gap: Floats) -> Report:
+        """Carry the episodes on with the pairs that touch now."""
+        sight = report.sight
+        now, new, ended = self._open.advance(sight.t_ns, key, gap)
+        ends = self._ends(sight, ended & self._open.told, True)
+        deepest = np.argsort(gap, kind='stable')
+        begun = deepest[new[deepest]]
+        room = max(0, MOST_REPORTED - int(np.sum(now.told)))
+        begins = tuple(self._event(sight, pair, float(gap[n])) for n, pair in
+                       zip(begun[:room], self._pairs(key[begun[:room]], sight), strict=True))
+        told = now.told.copy()
+        told[begun[:room]] = True
+        self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, told)
+        return replace(report, touching=self._pairs(key[deepest[:_SHOWN]], sight), count=key.size, begins=begins,
+                       ends=ends, more=max(0, begun.size - room))
+
+    @staticmethod
+    def _pairs(key: Ints, sight: Sight) -> tuple[Pair, ...]:
+        benches = len(sight.benches.centre)
+        return tuple((k // benches, k % benches) for k in key.tolist())
+
+    def _ends(self, sight: Sight, which: Bools, parted: bool) -> tuple[EpisodeEnd, ...]:
+        """Return the ends of open episodes; ``sight`` is the first one without contact, or the last one seen."""
+        rows, open_ = np.flatnonzero(which), self._open
+        return tuple(EpisodeEnd(
+            pair, sight.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
+            self._crossing(sight, pair)[0] if parted else sight.t_ns / NS, parted, sight.frame_id)
+            for n, pair in zip(rows, self._pairs(open_.key[rows], sight), strict=True))
+
+    def _event(self, sight: Sight, pair: Pair, gap: float) -> Event:
+        before = self._seen[-1] if self._seen else None
+        t_s, slope = self._crossing(sight, pair)
+        point = witness(_between(before, sight, t_s), *pair).point_m
+        return Event(pair, before.t_ns if before else None, sight.t_ns, t_s, point, gap, -slope, sight.frame_id)
+
+    def _crossing(self, sight: Sight, pair: Pair) -> tuple[float, float]:
+        """Return when the gap of a pair vanished since the last tick, and its slope there in m/s (nan if unknown)."""
+        if not self._seen:
+            return sight.t_ns / NS, nan
+        known = [*self._even(sight), sight]
+        i, j = np.array([pair[0]]), np.array([pair[1]])
+        gap = [float(gaps(one.benches, i, j)[0]) for one in known]
+        origin = self._seen[-1].t_ns
+        span = [(one.t_ns - origin) / NS for one in known]
+        curve = np.poly1d(np.polyfit(span, gap, len(known) - 1))
+        crosses = (gap[-2] > 0) != (gap[-1] > 0)
+        root = illinois(lambda t: float(curve(t)), 0.0, span[-1], gap[-2], gap[-1]) if crosses and gap[-1] else span[-1]
+        return origin / NS + root, float(curve.deriv()(root))
+
+    def _even(self, sight: Sight) -> list[Sight]:
+        """Return the last sights, as many as stand at about the distance from the last one to ``sight``."""
+        out, step = [self._seen[-1]], sight.t_ns - self._seen[-1].t_ns
+        for one in reversed(self._seen[:-1]):
+            if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
+                break
+            out.insert(0, one)
+        return out
+
+
+def _between(before: Sight | None, after: Sight, t_s: float) -> Benches:
+    """Return the benches at a time between two sights, each moved along a line and turned evenly."""
+    if before is None:
+        return after.benches
+    share = (t_s - before.t_ns / NS) * NS / (after.t_ns - before.t_ns)
+    a, b = before.benches, after.benches
+    axis = (1 - share) * a.axis + share * b.axis
+    return Benches((1 - share) * a.centre + share * b.centre, axis / np.hypot(axis[:, 0], axis[:, 1])[:, None],
+                   b.half_length, b.half_width)

@@ -1,0 +1,268 @@
+"""Placing a chain block of equal links by block: from shift maps where they serve, link by link where not."""
+from dataclasses import dataclass
+from functools import cached_property
+from math import copysign, hypot, inf
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, Part, arrays_of, join
+from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.shift_map.table import ShiftMap, Spot, Spots
+from dragon_ros.core.tracks.chord import TIGHT
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+
+FEWEST = 8              # links, below which marching is faster than a table
+_MOST_MAPS = 4          # shift maps of one dragon: of the lengths of its longest blocks
+_FARTHEST = 1e300       # a coordinate that no place has: none was found
+_TRIES = 8              # links of a block that are marched in search of its table
+
+
+class TabulatedLinks(NamedTuple):
+    """The handles of some ``links`` behind handle ``start`` from the leader, from a tile, at one instant."""
+
+    start: int
+    links: int
+    spot: Spot
+    first: int          # row of the handle nearest to the head
+    solver: str = 'table'
+
+    def end(self, direction: int) -> Place:
+        """Return the place of the last handle."""
+        return self.spot.tile.place_at(self.spot, self.spot.row - direction * self.links)
+
+    def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
+        """Fill in velocities."""
+        near, far = (0, -1) if chain.direction == BEHIND else (-1, 0)
+        some = out[chain.slice_of(self)]
+        self.spot.tile.fill(self.spot, self.first, some.reshape(-1), 0, 2 * self.links + 2, motions=True)
+        some *= speed / hypot(some.item(near, 0), some.item(near, 1))
+        return copysign(hypot(some.item(far, 0), some.item(far, 1)), speed)
+
+    def headings(self, chain: Chain, out: Floats) -> None:
+        """Fill in unit tangents."""
+        some = out[chain.slice_of(self)]
+        self.spot.tile.fill(self.spot, self.first, some.reshape(-1), 0, 2 * self.links + 2, motions=True)
+        some /= np.hypot(some[:, 0], some[:, 1])[:, None]
+
+    def places(self) -> Places:
+        """Return the places."""
+        tile, spot, count = self.spot.tile, self.spot, self.links + 1
+        rows = self.first + np.arange(count)
+        many = Spots(tile, rows, np.full(count, spot.part), np.broadcast_to(spot.basis, (count, spot.basis.size)))
+        segment, u, lo = tile.places_at(many, rows)
+        order = slice(None, None, 1 if self.first == spot.row else -1)
+        return segment[order], u[order], lo[order]
+
+
+@dataclass(frozen=True, eq=False)
+class TabulatedStates:
+    """As ``TabulatedLinks``, of many instants: ``spots`` by tile, with the instants (S,) that each tile has."""
+
+    start: int
+    links: int
+    spots: tuple[tuple[Ints, Spots], ...]
+    direction: int
+    solver: str = 'table'
+
+    def _first(self, spots: Spots) -> Ints:
+        return spots.row if self.direction == BEHIND else spots.row - self.links
+
+    def fill(self, out: Floats, motions: bool = False, scales: Floats | None = None) -> None:
+        """Fill in coordinates, or motions times a scale for each instant, (S, links + 1, 2)."""
+        for rows, spots in self.spots:
+            one = spots if scales is None else spots._replace(basis=spots.basis * scales[rows][:, None])
+            if len(self.spots) == 1:
+                spots.tile.fill_many(one, self._first(spots), out, motions)
+                continue
+            some = np.empty((rows.size, *out.shape[1:]))
+            spots.tile.fill_many(one, self._first(spots), some, motions)
+            out[rows] = some
+
+    def _each(self, value: Any) -> Floats:
+        """Return a number for each instant."""
+        out: Floats = np.empty(sum(rows.size for rows, _ in self.spots))
+        for rows, spots in self.spots:
+            out[rows] = value(spots)
+        return out
+
+    def end(self) -> Places:
+        """Return the places of the last handles."""
+        return self._places_at(self.links)
+
+    def _places_at(self, link: int) -> Places:
+        size = sum(rows.size for rows, _ in self.spots)
+        segment, u, lo = np.empty(size, dtype=np.int64), np.empty(size), np.empty(size)
+        for rows, spots in self.spots:
+            segment[rows], u[rows], lo[rows] = spots.tile.places_at(spots, spots.row - self.direction * link)
+        return segment, u, lo
+
+    def velocities(self, chain: Chain, speed: Floats, out: Floats) -> Floats:
+        """Fill in velocities."""
+        some = out[:, chain.slice_of(self)]
+        self.fill(some, True, speed / self._each(lambda spots: spots.tile.paces(spots)))
+        return np.copysign(np.hypot(*some[:, -1 if self.direction == BEHIND else 0].T), speed)
+
+    def headings(self, chain: Chain, out: Floats) -> None:
+        """Fill in unit tangents."""
+        some = out[:, chain.slice_of(self)]
+        self.fill(some, True)
+        some /= np.hypot(some[..., 0], some[..., 1])[..., None]
+
+    def places(self) -> Places:
+        """Return the places."""
+        segment, u, lo = (np.stack(values, axis=-1) for values in zip(
+            *(self._places_at(link) for link in range(self.links + 1)), strict=True))
+        return segment, u, lo
+
+
+@dataclass(frozen=True, eq=False)
+class Placement:
+    """Places the handles of links (N,) on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
+
+    ``maps`` has the shift map of each length that has one. Without, all links are marched.
+    """
+
+    track: Track
+    links_m: Floats
+    direction: int
+    effort: Effort
+    maps: dict[float, ShiftMap]
+
+    @cached_property
+    def blocks(self) -> tuple[tuple[Block, ShiftMap | None], ...]:
+        """The blocks of equal links from the leader on, with their shift maps."""
+        return tuple((block, self.maps.get(block.link_m) if block.stop - block.start >= FEWEST else None)
+                     for block in blocks_of(self.links_m, self.direction))
+
+    @cached_property
+    def _joins(self) -> bool:
+        return not np.all(self.links_m)
+
+    @cached_property
+    def _edges(self) -> dict[tuple[int, float], tuple[float, float]]:
+        """Between which coordinates a link stays on a segment, by number and length."""
+        out = {}
+        for k, segment in enumerate(self.track.segments):
+            for link_m in {block.link_m for block, _ in self.blocks}:
+                edge = self.track.edge(k, link_m, self.direction)
+                outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
+                out[k, link_m] = (-inf, min(edge, _FARTHEST)) if outwards else (max(edge, -_FARTHEST), inf)
+        return out
+
+    def place(self, leader: Place) -> Chain:
+        """Return the chain of a leader.
+
+        Raises TrackEndError where there is no track, ChainLockError where a link finds no place.
+        """
+        track, count, direction = self.track, self.links_m.size, self.direction
+        p, parts, here, spent = np.empty((count + 1, 2)), list[Part](), leader, 0
+        flat = p.reshape(-1)
+        for block, shift in self.blocks:
+            i, stop, link_m = block
+            tries = _TRIES
+            while i < stop:
+                spot = shift.spot(here) if shift and tries else None
+                links = min(stop - i, spot.tile.reach(spot.row, direction)) if spot else 0
+                if spot and links:      # all that the table has
+                    behind = direction == BEHIND
+                    part = TabulatedLinks(i, links, spot, spot.row if behind else spot.row - links)
+                    spot.tile.fill(spot, part.first, flat, 2 * (i if behind else count - i - links), 2 * links + 2)
+                    i += links
+                    if i < count:
+                        here = part.end(direction)
+                    parts.append(part)
+                elif i + 1 == stop or shift and tries:      # one link
+                    here, more = self._march_one(parts, i, here, link_m, flat, 'march' if shift else '')
+                    i, spent, tries = i + 1, spent + more, tries - 1
+                else:                   # the rest of the block
+                    handles = forward(track, (Block(i, stop, link_m),), here, direction, self.effort)
+                    rest = MarchedLinks(i, arrays_of(handles), 'march' if shift else '')
+                    low = i if direction == BEHIND else count - stop
+                    p[low:low + stop - i + 1] = track.points(*rest.handles)[::-direction]
+                    here, i, spent = handles.place(-1), stop, spent + handles.evaluations
+                    parts.append(rest)
+        if self._joins:
+            join(p, self.links_m, direction)
+        p.setflags(write=False)
+        return Chain(p, self.links_m, spent, track, direction, tuple(parts))
+
+    def _march_one(self, parts: list[Part], i: int, here: Place, link_m: float, flat: Floats,
+                   solver: str) -> tuple[Place, int]:
+        """March one link: add it to the parts and its handles to the coordinates; return the next place."""
+        track, (k, u) = self.track, here
+        following, spent = track.segments[k].next(u, link_m, self.direction, TIGHT)
+        low, high = self._edges[k, link_m]
+        if low <= following.hi <= high:
+            there = Place(k, following)
+        else:
+            handles = forward(track, (Block(i, i + 1, link_m),), here, self.direction, self.effort)
+            there, spent = handles.place(1), spent + handles.evaluations
+        parts.append(MarchedLink(i, here, there, solver))
+        last = self.links_m.size
+        row = 2 * (i if self.direction == BEHIND else last - i)
+        if not parts[1:]:
+            z = track.segments[k].at(*u)
+            flat[row], flat[row + 1] = z.real, z.imag
+        k, u = there
+        z = track.segments[k].at(*u)
+        row -= 2 * self.direction
+        flat[row], flat[row + 1] = z.real, z.imag
+        return there, spent
+
+    def place_many(self, leaders: Places) -> Chain:
+        """Return the chains of many leaders in one; a block is marched where its tables do not serve them all."""
+        parts: list[Part] = []
+        places, spent = leaders, 0
+        for block, shift in self.blocks:
+            part, more = self._states(block, places, shift)
+            parts.append(part)
+            spent += more
+            if block.stop < self.links_m.size:
+                places = part.end() if isinstance(part, TabulatedStates) else _last(part.places())
+        return self._chains(parts, spent, leaders[0].size)
+
+    def _states(self, block: Block, places: Places, shift: ShiftMap | None) -> tuple[Part, int]:
+        count = block.stop - block.start
+        spots = shift.spots(places) if shift else None
+        if spots is not None and all(self._reaches(one, count) for _, one in spots):
+            return TabulatedStates(block.start, count, tuple(spots), self.direction), 0
+        rows, spent = forward_many(self.track, (block,), places, self.direction, self.effort)
+        return MarchedLinks(block.start, (rows[0].T, rows[1].T, rows[2].T), 'march' if shift else ''), spent
+
+    def _reaches(self, spots: Spots, count: int) -> bool:
+        last = spots.row - self.direction * count
+        return bool(np.all((last >= 0) & (last < spots.tile.table.rows)))
+
+    def _chains(self, parts: list[Part], spent: int, instants: int) -> Chain:
+        p = np.empty((instants, self.links_m.size + 1, 2))
+        chain = Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
+        for part in parts:
+            some = p[:, chain.slice_of(part)]
+            if isinstance(part, TabulatedStates):
+                part.fill(some)
+            else:
+                some[:] = self.track.points(*part.places())[:, ::-self.direction]
+        if self._joins:
+            join(p, self.links_m, self.direction)
+        read_only(p)
+        return chain
+
+
+def _last(places: Places) -> Places:
+    segment, u, lo = places
+    return segment[:, -1], u[:, -1], lo[:, -1]
+
+
+def lengths_with_maps(links_m: Floats) -> dict[float, int]:
+    """Return the lengths of the longest blocks that shift maps serve, with the links of the longest block of each."""
+    longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)
+                      if block.stop - block.start >= FEWEST and block.link_m), key=lambda row: -row[0])
+    out: dict[float, int] = {}
+    for links, link_m in longest:
+        if link_m in out or len(out) < _MOST_MAPS:
+            out[link_m] = max(links, out.get(link_m, 0))
+    return out
+

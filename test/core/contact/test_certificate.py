@@ -1,0 +1,258 @@
+"""First contact is proved: every interval has a bound that holds, and the checker lets no forgery pass."""
+import copy
+import json
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact.certificate import Certificate, Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.interval_clearing import Stretch, bounds
+from dragon_ros.core.contact.narrow_phase import Lookout
+from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.errors import ChainLockError, InputError
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.spec import Spiral
+
+CLASSIC = Scene(solver='march')
+FOUND = first_contact(CLASSIC)
+EFFORT = EXACT.effort(20, 400)
+
+
+def lookout(first=0, follow=60, scene=CLASSIC):
+    return Lookout(scene.track, scene.dragon, first, follow, EFFORT, lambda states: None)
+
+
+def test_the_classic_run_in_is_proved_with_few_looks():
+    assert isinstance(FOUND, Contact)
+    assert FOUND.t_s == pytest.approx(412.473837682115, abs=1e-9)
+    assert FOUND.approach_m_s == pytest.approx(0.0263, abs=1e-4)
+    assert FOUND.uncertainty_s == pytest.approx(7.6e-11, rel=0.01)
+    assert FOUND.certificate.complete
+    assert FOUND.states < 800
+    assert FOUND.grazing_m is None
+    seen = FOUND.witness
+    assert (seen.owner, seen.corner, seen.other, seen.edge) == (0, 'front left', 8, 'right')
+    assert FOUND.simultaneous == ()
+
+
+def test_the_certificate_joins_from_the_start_to_a_nanometre_before_the_contact():
+    for part in (FOUND.certificate.head, FOUND.certificate.body):
+        assert all(before.stop_rad == after.start_rad for before, after in pairwise(part))
+        assert all(stretch.bound_m > 0 for stretch in part)
+    head = FOUND.certificate.head
+    assert head[0].start_rad == pytest.approx(32 * np.pi, abs=1e-12)
+    assert FOUND.t_s - CLASSIC.track.distance_to(head[-1].stop_rad) < 2e-9
+
+
+def inside(first, scene, start, stop):
+    """The bound of a stretch and the smallest separation at places inside."""
+    watch = lookout(first, 40, scene)
+    view = watch.look(np.linspace(start, stop, 41))
+    behind = np.array([scene.dragon.benches - 1 - first])
+    low = bounds(view.rows(np.array([0])), view.rows(np.array([40])), watch.sizes, behind)[0]
+    return low, np.min(view.apart)
+
+
+@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize('start', [16.0, 20.0, 27.0, 40.0, 90.0])
+@pytest.mark.parametrize('length', [0.001, 0.01, 0.05, 0.3])
+def test_a_bound_is_below_every_gap_inside_its_stretch(first, start, length):
+    low, least = inside(first, CLASSIC, start, start + length)
+    assert np.isneginf(low) or low <= least + 1e-12
+    assert start < 40 or low > 0
+
+
+@given(st.floats(0.3, 2), st.floats(1, 20), st.floats(0.001, 0.5), st.sampled_from([0, 1]), st.floats(0.1, 3))
+def test_bounds_hold_for_other_dragons_too(pitch, turns, length, first, body):
+    scene = Scene(dragon=Dragon(60, body_length_m=0.55 + body, width_m=0.2), track=Spiral(pitch, turns))
+    try:
+        low, least = inside(first, scene, 2 * np.pi * turns, 2 * np.pi * turns + length)
+    except ChainLockError:      # another property
+        return
+    assert np.isneginf(low) or low <= least + 1e-12
+
+
+def test_the_corner_meets_bench_8_where_the_true_figures_say():
+    chain = state(CLASSIC, FOUND.t_s)
+    benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
+    along = (np.array(FOUND.point_m) - benches.centre[8]) @ benches.axis[8]
+    assert along == pytest.approx(-0.265180642799, abs=1e-9)
+    assert FOUND.point_m == pytest.approx((1.474394671648, 2.110664876932), abs=1e-9)
+
+
+def test_near_misses_are_reported_on_request():
+    first, second, *_ = near_misses(CLASSIC, FOUND, 0.01)
+    assert (first.bench, second.bench) == (11, 9)
+    assert first.gap_m == pytest.approx(0.865235e-3, abs=1e-9)
+    assert first.t_s == pytest.approx(409.831989, abs=2e-5)
+    assert second.gap_m == pytest.approx(2.957e-3, abs=1e-6)
+
+
+def test_pairs_without_the_head_stay_44_mm_apart():
+    places = np.linspace(*(FOUND.certificate.body[n].start_rad for n in (0, -1)), 4000)
+    assert np.min(lookout(1, 40).reaching(places[:1]).look(places).apart) > 0.044
+
+
+def test_a_run_that_ends_in_the_lock_is_proved_too():
+    found = first_contact(Scene(dragon=Dragon(width_m=0.01)))
+    assert isinstance(found, NoContact)
+    assert found.end.reason == 'lock'
+    assert found.certificate.complete
+
+
+def nearest(width):
+    """Return the near miss of the head and bench 11 near 409.83 s."""
+    scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
+    none = NoContact(scene.end, 0, Certificate((Stretch(scene.track.inward(409.75).hi, scene.track.inward(409.9).hi,
+                                                        0.0, 19),), (), 0.1))
+    return next(miss for miss in near_misses(scene, none, 0.01) if miss.bench == 11)
+
+
+@pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
+def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
+    width, step = 0.3, 0.865235e-3
+    for _ in range(13):     # the gap falls by a little more than one for each unit of width
+        width += step
+        step = nearest(width).gap_m - wanted
+    assert abs(step) < 1e-13
+    found = first_contact(Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2)))
+    if grazes:
+        assert isinstance(found, Contact)
+        assert found.benches == (0, 11)
+        assert found.grazing_m[0] < 0 < found.grazing_m[1] < 1e-11
+        assert found.t_s == pytest.approx(nearest(width).t_s, abs=1e-4)
+    else:
+        assert isinstance(found, NoContact)
+
+
+def test_all_that_touches_at_the_start_is_one_set():
+    scene = Scene(dragon=Dragon(100), track=Spiral(0.28))
+    found = first_contact(scene)
+    assert found.t_s == 0.0
+    chain = state(scene, 0.0)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    i, j = np.triu_indices(100, 2)
+    touching = set(zip(i[gaps(benches, i, j) <= 0], j[gaps(benches, i, j) <= 0], strict=True))
+    assert {found.benches, *found.simultaneous} == touching
+    assert len(touching) > 10
+
+
+SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
+
+
+@pytest.fixture(scope='module')
+def written():
+    return certificate.as_values(SHORT, first_contact(SHORT))
+
+
+def verdict(tmp_path, values):
+    path = tmp_path / 'c.json'
+    path.write_text(json.dumps(values))
+    return certificate.check(path)
+
+
+def test_the_checker_accepts_what_the_solver_proved(tmp_path, written):
+    assert verdict(tmp_path, written) == len(written['intervals'])
+
+
+@pytest.mark.parametrize('share', [0.0, 0.3, 0.6, 0.8, 0.99])
+@pytest.mark.parametrize('forgery', ['removed', 'widened', 'begun early', 'shifted', 'raised', 'lowered below zero',
+                                     'said of fewer benches'])
+def test_the_checker_rejects_a_forged_interval(tmp_path, written, forgery, share):
+    values = copy.deepcopy(written)
+    n = int(share * len(values['intervals']))
+    row = values['intervals'][n]
+    if forgery == 'removed':
+        del values['intervals'][n]
+    elif forgery == 'said of fewer benches':
+        row['behind'] = 1
+    else:
+        changes = {'widened': {'stop_rad': -0.003}, 'begun early': {'start_rad': 0.003}, 'raised': {'bound_m': 0.5},
+                   'shifted': {'start_rad': -0.001, 'stop_rad': -0.001}, 'lowered below zero': {'bound_m': -1.0}}
+        for key, change in changes[forgery].items():
+            row[key] += change
+    with pytest.raises(InputError):
+        verdict(tmp_path, values)
+
+
+@pytest.mark.parametrize('change', [{'t_s': 412.4}, {'t_s': 412.6}, {'t_s': 500.0}, {'benches': [0, 9]},
+                                    {'benches': [3, 3]}, {'t_s': None}])
+def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(tmp_path, written, change):
+    values = copy.deepcopy(written)
+    values['contact'].update(change)
+    with pytest.raises(InputError):
+        verdict(tmp_path, values)
+
+
+@pytest.mark.parametrize('scene', [
+    Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5)),
+    Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 5)),
+    Scene(dragon=Dragon(30, 0.9), run=Run(420.0)),
+    Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
+    Scene(dragon=Dragon(6, 0.55, 1.5, 0.02), track=Spiral(0.9, 1.5)),
+    Scene(dragon=Dragon(6, 0.8, 0.8, 0.02), track=Spiral(0.55, 1.5), head=Head(3.0)),
+    Scene(run=Run(413.0)),
+    Scene(dragon=Dragon(2))], ids=['body out', 'body in', 'body from afar', 'lock', 'lock of a joined head', 'centre',
+                                   'at the start', 'two benches'])
+def test_the_checker_accepts_every_kind_of_certificate(tmp_path, scene):
+    found = first_contact(scene)
+    assert found.certificate.complete
+    values = certificate.as_values(scene, found)
+    assert verdict(tmp_path, values) == len(values['intervals'])
+
+
+def test_a_contact_at_the_start_has_no_intervals_but_states_the_gap(tmp_path):
+    scene = Scene(run=Run(413.0))
+    values = certificate.as_values(scene, first_contact(scene))
+    assert values['intervals'] == []
+    assert values['start_gap_m'] == pytest.approx(-0.01117, abs=1e-5)
+    values['intervals'] = [{'lead': 'head', 'start_rad': 25.0, 'stop_rad': 24.9, 'bound_m': 0.1, 'behind': 222}]
+    with pytest.raises(InputError, match='nothing to clear'):
+        verdict(tmp_path, values)
+
+
+def test_the_checker_rejects_two_intervals_passed_off_as_one(tmp_path, written):
+    values = copy.deepcopy(written)
+    rows = [row for row in values['intervals'] if row['lead'] == 'head']
+    rows[0]['stop_rad'] = rows[-1]['stop_rad']
+    values['intervals'] = [rows[0], *(row for row in values['intervals'] if row['lead'] == 'body')]
+    with pytest.raises(InputError, match='bound'):
+        verdict(tmp_path, values)
+
+
+@pytest.mark.parametrize('content', ['', '{}', '[]', '{"scene": 3}', 'null'])
+def test_what_is_no_certificate_is_refused(tmp_path, content):
+    (tmp_path / 'c.json').write_text(content)
+    with pytest.raises(InputError, match='no certificate'):
+        certificate.check(tmp_path / 'c.json')
+
+
+def test_the_checker_uses_none_of_the_solvers_code():
+    from pathlib import Path
+    folder = Path(certificate.__file__).parent
+    used = {line.split()[1] for name in ('checker', 'geometry', 'going', 'bends', 'intervals', 'walk_checker', 'curve')
+            for line in (folder / f'{name}.py').read_text().splitlines() if line.startswith('from dragon_ros.core')}
+    assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.numerics.types'}
+    text = Path(certificate.__file__).read_text()
+    assert [line for line in text.splitlines() if 'core.contact' in line and 'import' in line] == [
+        'from dragon_ros.core.contact.certificate import Contact, NoContact']
+
+
+def test_gaps_and_views_agree_on_who_is_apart():
+    chain = state(CLASSIC, 412.0)
+    benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
+    exact = gaps(benches, np.zeros(58, dtype=int), np.arange(2, 60))
+    view = lookout().look(np.array([chain.theta[0]]))
+    assert np.array_equal(exact > 0, view.apart[0] > 0)
+    assert np.all(view.apart[0] <= exact + 1e-12)
