@@ -4,13 +4,13 @@ from contextlib import contextmanager, suppress
 
 import pytest
 import yaml
-from dragon_ros.bags.write.mcap_chunk import CHUNK_BYTES
 from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.mcap import CHUNK_BYTES
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.scene import Run, Scene

@@ -109,4 +109,5 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)
-    assert min(one.stop_rad for one in found.certificate.body) == pytest.approx(min(places), abs=1e-3)
+    assert min(scene.track.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
+        min(places), abs=1e-3)
