@@ -20,7 +20,7 @@ from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.placed import BACK
+from dragon_ros.core.tracks.segments import BEHIND
 
 _TOLERANCE = 4          # times the position error: two benches may be off, at two states
 _SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
@@ -82,10 +82,10 @@ class _Space:
         domain.count(places.size)
         chain = domain.chains(places)
         benches = benches_of(chain, domain.dragon, axes_of(chain))
-        along_m = domain.track.distances(chain.piece, chain.u)
+        along_m = domain.track.distances(chain.segment, chain.u)
         self._heads_m.update(zip(places.tolist(), along_m[:, 0].tolist(), strict=True))
         return ChainSamples(places, along_m, benches.centre, benches.axis,
-                            np.sum(chain.piece[:, :-1] > 0, axis=1))
+                            np.sum(chain.segment[:, :-1] > 0, axis=1))
 
     def joined(self, parts: list[ChainSamples]) -> ChainSamples:
         """Return several samples as one."""
@@ -217,4 +217,4 @@ class WholeChain:
         if not any(inside):
             return place_m
         crossing = domain.gone_at(0, joint_m, ends)
-        return (max if domain.led.way == BACK else min)(place_m, crossing)
+        return (max if domain.leader.direction == BEHIND else min)(place_m, crossing)

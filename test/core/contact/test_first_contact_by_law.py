@@ -17,6 +17,7 @@ from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene
@@ -80,7 +81,7 @@ def test_nothing_touches_before_the_contact_whatever_the_law(tmp_path_factory, b
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), Spiral(pitch, turns), law,
                       Run(start_s, start_s + 12.0))
-        end_s = scene.end.t_s
+        end_s = compile_scene(scene).end.t_s
     except DragonError:      # does not fit the track
         assume(False)
     found = first_contact(scene)
@@ -125,7 +126,7 @@ def test_the_course_finds_first_arrivals_and_the_checker_the_same_extent(rows, r
     times = np.cumsum([0.0, *(gap for gap, _ in rows)]).tolist()
     law = Profile(tuple(zip(times, [0.5, *(speed for _, speed in rows)], strict=True)), ramps)
     scene = Scene(Dragon(3), Spiral(0.55, 1e3), law, Run(start_s, start_s + run_s))
-    course, going = RangeOfTravel(law, start_s, scene.end.t_s), Going(scene)
+    course, going = RangeOfTravel(law, start_s, compile_scene(scene).end.t_s), Going(scene)
     here = course.gone_m(start_s)
     ends = [course.gone_m(course.farthest_s(sense)) for sense in (-1, 1)]
     assert going.extent_m(start_s, start_s + run_s) == pytest.approx(ends, abs=1e-11)

@@ -3,7 +3,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from dragon_ros.core.angle import Angle
 from dragon_ros.core.inwards import inwards
 from hypothesis import assume, given
 from hypothesis import strategies as st
@@ -16,17 +15,18 @@ from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond
 from dragon_ros.core.contact.second_order_bounds import bend, bounds
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.paper import place
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 
-EFFORT = EXACT.effort(20, 400)
+EFFORT = Effort()
 COUNT = 24
 
 
 def corners(dragon, theta):
     """Corners of benches 2 and on in the frame of bench 0, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
-    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, Angle(theta, 0.0), EFFORT)
+    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT)
     z = chain.p @ [1, 1j]
     angle = chain.theta[:-1]
     along = np.where(chain.links_m > 0, z[:-1] - z[1:], -np.exp(1j * angle) * (1 + 1j * angle))
@@ -38,7 +38,7 @@ def corners(dragon, theta):
 
 
 def ends(dragon, *places):
-    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, Angle(theta, 0.0), EFFORT) for theta in places]
+    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT) for theta in places]
 
 
 def bound(dragon, start, stop):
