@@ -29,8 +29,8 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 def text(values: dict[str, Any]) -> str:
     """Return the answer in words."""
-    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s) and no handle '
-            f'exceeds {values["limit_m_s"]:.9g} m/s; a profile as a whole is scaled to that largest speed\nhandle '
-            f'{values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader\'s largest speed, when the '
-            f'leader is {values["along_m"]:.7g} m along the track (on a turn: from its entry)\n{values["looks"]} places '
-            'were looked at')
+    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; of a profile, its '
+            f'largest speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
+            f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
+            f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
+            f'{values["looks"]} places were looked at')

@@ -14,9 +14,10 @@ link), is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link: a coordinate of
 alpha and beta the link's angles with the track's tangents. What goes from x0 to x1 and by X at most on its way is never
 further than X / 2 from their mean. With k the largest curvature between the rear handle's first place and the front
 handle's last, tangents turn by k h and k l at most, and the link by ``swing_rad``. All factors of g' therefore lie in
-balls, and so does g': |g'| <= G. So the coordinate goes by V = min(G h, |A| h + |B| l) at most, and is nowhere above the
-mean of its values at the two ends plus V / 2. As intervals shrink that comes down with the square of their length, and
-where a handle passes a joint, so that a curvature jumps, with it. The rear handle must go one way (``motion_bounds``).
+balls, and so does g': |g'| <= G. So the coordinate goes by V = min(G h, |A| h + |B| l) at most, and is nowhere above
+the mean of its values at the two ends plus V / 2. As intervals shrink that comes down with the square of their length,
+and where a handle passes a joint, so that a curvature jumps, with it. The rear handle must go one way
+(``motion_bounds``).
 
 A link of no length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
 """

@@ -170,7 +170,7 @@ class _Search:
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
-        """Return bounds (2, M) of log speed on intervals (2, M), without and with rounding; note the speeds at the ends.
+        """Return bounds (2, M) of log speed on intervals (2, M), without and with rounding; note speeds at the ends.
 
         A speed is promised relative to itself: what positions err, by the mean link, times the square of how much
         faster than the leader it is (docs/model.md).
