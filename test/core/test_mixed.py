@@ -6,6 +6,7 @@ from math import inf
 import numpy as np
 import pytest
 from apart import smallest
+from dragon_ros.core.lookout import Lookout
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
@@ -16,17 +17,17 @@ from dragon_ros.core.chain.lock import follower, head_lock_angle
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond, further
+from dragon_ros.core.contact.narrow_phase import beyond, further
 from dragon_ros.core.contact.near_misses import near_misses
-from dragon_ros.core.design.bounding_box import extent
-from dragon_ros.core.design.max_speed import fastest
+from dragon_ros.core.design.bounding_box import bounding_box
+from dragon_ros.core.design.max_speed import max_speed
 from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene, scene_values
@@ -134,7 +135,7 @@ def test_a_chain_holds_above_its_lock_and_not_a_hair_below(chords):
 def test_the_link_that_locks_first_is_named_wherever_it_is():
     end = compile_scene(Scene(dragon=LONG_FOURTH)).end
     assert (end.reason, end.link) == ('lock', 3)
-    assert Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 16.0), run=Run(0, 430)).end.reason == 'stop'
+    assert compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 16.0), run=Run(0, 430))).end.reason == 'stop'
     with pytest.raises(ChainLockError, match='link 3 finds no place'):
         _ = compile_scene(Scene(dragon=LONG_FOURTH, track=Spiral(0.55, 2.0))).end
 
@@ -153,15 +154,15 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     pitch = 1.6
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
-        watch = BenchSampler(scene.chained.walk, dragon, 0, dragon.benches, EXACT.effort(20, 100), lambda states: None)
-        views = [watch.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
+        watch = Lookout(scene.track, dragon, 0, dragon.benches, Effort(), lambda states: None)
+        views = [watch.look(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)
     bound = further(*views, watch.sizes, beyond(*views, watch.sizes))[0]
     if watch.sizes.longest_m is None:
         return
     for view in views:
-        chain = Scene(dragon=dragon, track=Spiral(pitch, view.places[0] / (2 * np.pi)))
+        chain = Scene(dragon=dragon, track=Spiral(pitch, view.lead[0] / (2 * np.pi)))
         corners = benches_of(state(chain, 0.0), dragon, axes_of(state(chain, 0.0))).corners
         ends = corners[2:], np.roll(corners[2:], 1, axis=1)
         share = np.linspace(0, 1, 200)[:, None, None, None]
@@ -232,7 +233,7 @@ def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_t
 
 def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
     scene = load_scene('mixed')
-    misses = [miss for miss in near_misses(scene, first_contact(scene), 0.05).nearest if miss.benches[0] == 0]
+    misses = near_misses(scene, first_contact(scene), 0.05)
     assert [miss.bench for miss in misses][:2] == [13, 11]
     assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)
 
@@ -255,7 +256,7 @@ def test_the_room_of_a_mixed_dragon_holds_every_corner_of_its_run():
     times = np.linspace(390, 393, 200).tolist()
     chain = states(scene, times)
     reached = 2 * np.max(np.abs(benches_of(chain, scene.dragon, axes_of(chain)).corners))
-    low, high = extent(scene).centred_m
+    low, high = bounding_box(scene).centred_m
     assert reached <= high < low + 1e-9
     assert low < reached + 1e-3
 
@@ -267,4 +268,4 @@ def test_no_handle_of_a_mixed_dragon_is_faster_than_the_fastest(lead):
                   run=Run(0, 30))
     v = states(scene, np.linspace(0, 30, 3000).tolist()).velocities(np.ones(3000))
     seen = np.max(np.hypot(v[..., 0], v[..., 1]))
-    assert seen <= fastest(scene).bound < seen + 1e-4
+    assert seen <= max_speed(scene).bound < seen + 1e-4
