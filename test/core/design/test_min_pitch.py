@@ -67,6 +67,11 @@ def test_what_has_no_answer_is_refused(options, says):
         min_pitch(**options)
 
 
+def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
+    with pytest.raises(FieldError, match=r'largest_m: 0.44 .* benches 0 and 19 touch .* give a larger one'):
+        min_pitch(Dragon(benches=40), largest_m=0.44)
+
+
 def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
     with pytest.raises(DragonError, match='body may touch itself'):
         min_pitch(Dragon(head_length_m=1.0))

@@ -4,12 +4,12 @@ import pytest
 
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.bending import bend
+from dragon_ros.core.design.min_pitch import separations, windings
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.march import Effort, place
 from dragon_ros.core.numerics.ball_arithmetic import between
 from dragon_ros.core.path import Spiral
-from dragon_ros.core.winding import separations, windings
 
 EFFORT, COUNT = Effort(1e-12), 40
 DRAGONS = [Dragon(), Dragon(benches=60, width_m=0.4, head_length_m=1.0), Dragon(head_length_m=6.0)]
