@@ -29,8 +29,8 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 def text(values: dict[str, Any]) -> str:
     """Return the answer in words."""
-    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; of a profile, its '
-            f'largest speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
+    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; of a profile, '
+            f'its largest speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
             f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
             f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
             f'{values["looks"]} places were looked at')

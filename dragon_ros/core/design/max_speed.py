@@ -164,7 +164,7 @@ class _Search:
 
     def _links(self, gone_m: float) -> int:
         """Return how many links from the leader on have rear handles that may be faster than all before them."""
-        if self._leader.way != BEHIND:
+        if self._leader.direction != BEHIND:
             return self._leader.links_m.size
         beyond = self._leader.start_m + gone_m - self._sure_m
         return int(np.searchsorted(self._behind_m[:-1], beyond))
