@@ -178,13 +178,12 @@ class MarchedLinks:
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents in the head's way."""
-        segment, u, _ = self.handles
-        out[..., chain.slice_of(self), :] = chain.track.headings(segment, u)[..., ::-chain.direction, :]
+        out[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities; a link of no length carries the speed over unchanged."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
-        heading = chain.track.headings(*self.handles[:2])
+        heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
         link = p[..., :-1, :] - p[..., 1:, :]
         near, far = np.sum(link * heading[..., :-1, :], axis=-1), np.sum(link * heading[..., 1:, :], axis=-1)
@@ -224,7 +223,7 @@ class MarchedLink(NamedTuple):
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents in the head's way."""
         for row, (k, u) in zip(self.rows(chain), (self.near, self.far), strict=True):
-            heading = chain.track.segments[k].heading(u.hi)
+            heading = chain.track.segments[k].heading(*u)
             out[row] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
@@ -232,7 +231,7 @@ class MarchedLink(NamedTuple):
         here, following = self.rows(chain)
         segments, p = chain.track.segments, chain.p
         (k, u), (k_2, u_2) = self.near, self.far
-        one, two = segments[k].heading(u.hi), segments[k_2].heading(u_2.hi)
+        one, two = segments[k].heading(*u), segments[k_2].heading(*u_2)
         x, y, after = p.item(here, 0) - p.item(following, 0), p.item(here, 1) - p.item(following, 1), speed
         if x or y:
             after = speed * (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
