@@ -21,7 +21,8 @@ def test_a_spiral_heads_where_the_whole_coordinate_says_one_place_or_many(u, par
     lo = part * float(np.spacing(u))
     with mpmath.workdps(50):
         whole = mpf(u) + mpf(lo)
-        true = complex(way * mpc(0.6, 0.8) * mpmath.expj(side * whole) * mpc(1, side * whole) / mpmath.sqrt(1 + whole**2))
+        true = complex(way * mpc(0.6, 0.8) * mpmath.expj(side * whole) * mpc(1, side * whole)
+                       / mpmath.sqrt(1 + whole**2))
     assert abs(complex(segment.heading(u, lo)) - true) < 5e-16
     assert abs(complex(segment.heading(np.array([u]), np.array([lo]))[0]) - true) < 5e-16
 
