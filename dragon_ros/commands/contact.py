@@ -27,7 +27,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help="also report the head's near misses with gaps below this")
     options.add_argument('--certificate', type=Path, metavar='FILE',
-                         help='write the intervals that prove that nothing touched before, as JSON')
+                         help='write the intervals that prove that nothing touched earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
                          help="check a certificate with none of the solver's code (no scene options)")
     command_line.add_output_options(options)
@@ -38,7 +38,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.verify:
         shown = partial(tqdm, desc='verify', unit=' intervals', disable=None, leave=False)
         count = certificate.check(arguments.verify, shown)
-        command_line.write_output(arguments.output, f'{arguments.verify}: {count} intervals hold and leave nothing out')
+        command_line.write_output(arguments.output, f'{arguments.verify}: {count} intervals are valid and leave no gap')
         return command_line.OK
     scene = command_line.scene_from(arguments)
     start = time.perf_counter()

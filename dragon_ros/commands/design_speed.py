@@ -18,7 +18,7 @@ def options(parser: ArgumentParser) -> None:
 
 
 def answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the leader's largest speed, and which handle reaches the limit where."""
+    """Return the leader's largest speed, and which handle reaches the limit, and where."""
     limit = number('--limit', arguments.limit, above=0.0, high=1e9)
     scene = command_line.scene_from(arguments)
     with tqdm(desc='max-speed', unit=' places', disable=None, leave=False, delay=1) as bar:
@@ -28,8 +28,8 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Return the answer in words."""
+    """Return the answer as text."""
     return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s) and no handle '
             f'exceeds {values["limit_m_s"]:.9g} m/s\nhandle {values["handle"]} is the fastest, {values["ratio"]:.12g} '
             f'times the leader, when the leader is {values["along_m"]:.7g} m along the track '
-            f'(on a turn: from its entry)\n{values["looks"]} places were looked at')
+            f'(on a turn: from its entry)\n{values["looks"]} places were examined')

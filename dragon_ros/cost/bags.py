@@ -1,4 +1,4 @@
-"""``cost bag``: how fast a bag is written and how large it becomes, by compression, beside the library's writer."""
+"""``cost bag``: throughput and size of bags by compression, compared with the library's writer."""
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -37,17 +37,17 @@ class Written:
 
     @property
     def mb_s(self) -> float:
-        """Megabytes of messages for each second."""
+        """Megabytes of messages per second."""
         return self.raw_bytes / 1e6 / self.timing.median_s
 
     @property
     def ticks_s(self) -> float:
-        """Ticks for each second."""
+        """Ticks per second."""
         return self.ticks / self.timing.median_s
 
     @property
     def message_us(self) -> float:
-        """Microseconds for each message."""
+        """Microseconds per message."""
         return 1e6 * self.timing.median_s / self.messages
 
     @property
@@ -103,7 +103,7 @@ def table(rows: list[Written]) -> str:
     """Return the rows as Markdown with the circumstances above them."""
     lines = [f'{circumstances()}. {rows[0].ticks} ticks of {_SCENE.dragon.benches} benches: {rows[0].messages} '
              f'messages, {rows[0].raw_bytes / 1e6:.1f} MB.', '',
-             '| writer | compression | MB/s | us a message | ticks/s | times 100 Hz | size | kB a tick |',
+             '| writer | compression | MB/s | µs per message | ticks/s | times 100 Hz | size | kB per tick |',
              '|---|---|---:|---:|---:|---:|---:|---:|']
     lines += [f'| {row.writer} | {row.compression} | {row.mb_s:.0f} | {row.message_us:.1f} | {row.ticks_s:.0f} '
               f'| {row.ticks_s / 100:.0f} | {row.share:.1%} | {row.bag_bytes / row.ticks / 1000:.1f} |' for row in rows]
@@ -111,7 +111,7 @@ def table(rows: list[Written]) -> str:
 
 
 def summary(rows: list[Written]) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
@@ -123,7 +123,7 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return throughput against size, one point a writer and compression."""
+    """Return throughput against size, one point per writer and compression."""
     figure = Figure(figsize=(8, 5), layout='constrained')
     axes = figure.subplots()
     for row in rows:

@@ -1,4 +1,4 @@
-"""``cost memory``: the resident memory of a recorder over a long run, and how fast it grows once it runs."""
+"""``cost memory``: the resident memory of a recorder during a long run, and its growth."""
 import csv
 import io
 import time
@@ -18,10 +18,10 @@ from dragon_ros.cost.live import Start, alive, ended, processes
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # of the head in the run, however long it takes: the bytes of a tick are always as many
+_WAY_M = 400.0          # path of the head in the run, whatever its duration: the size of a tick is constant
 _EACH_S = 5.0
 _SETTLED_S = 60.0       # growth is fitted from here on, or from a tenth of a shorter run
-_STEP_MB = 0.1          # between two looks: a backlog, whose room the middleware keeps
+_STEP_MB = 0.1          # change between two samples: a backlog, whose memory the middleware keeps
 
 
 @dataclass(frozen=True)
@@ -38,41 +38,41 @@ class Recorded:
 
     @property
     def settled(self) -> list[tuple[float, float]]:
-        """The looks that growth is told from."""
+        """The samples from which growth is fitted."""
         return [look for look in self.looks if look[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
 
     @property
     def fit(self) -> tuple[float, float]:
-        """Growth in MB a second, and MB at time 0."""
+        """Growth in MB per second, and MB at time 0."""
         times_s, resident_mb = np.array(self.settled).T
         slope, start = np.polyfit(times_s, resident_mb, 1)
         return float(slope), float(start)
 
     @property
     def grows_kb_min(self) -> float:
-        """Growth in kB a minute."""
+        """Growth in kB per minute."""
         return 6e4 * self.fit[0]
 
     @property
     def steps_mb(self) -> float:
-        """Growth in steps: where the recorder was held up and messages waited for it."""
+        """Growth in steps: where the recorder was delayed and messages were queued."""
         changes = np.diff([mb for _, mb in self.settled])
         return float(np.sum(changes[np.abs(changes) >= _STEP_MB]))
 
     @property
     def creeps_kb_min(self) -> float:
-        """Growth in kB a minute without the steps."""
+        """Growth in kB per minute without the steps."""
         (first_s, first), (last_s, last) = self.settled[0], self.settled[-1]
         return 6e4 * (last - first - self.steps_mb) / (last_s - first_s)
 
     @property
     def index_kb_min(self) -> float:
-        """What is kept of the chunks for the index at the end, in kB a minute."""
+        """What is kept of chunks for the final index, in kB per minute."""
         return 0.06 * self.index_bytes / self.seconds
 
 
 def measure(run_s: float = 600.0) -> Recorded:
-    """Record a run of so many seconds; progress goes to standard error."""
+    """Record a run of this many seconds; progress goes to standard error."""
     ticks = round(run_s * _RATE_HZ)
     with TemporaryDirectory() as name, processes(Path(name)) as start:
         bag = Path(name) / 'run.mcap'
@@ -123,17 +123,17 @@ def table(row: Recorded) -> str:
         f'| {row.seconds / 60:.3g} | {row.missing} | {first_s:.0f} s: {first:.2f} | {last:.2f} | {most:.2f} '
         f'| {row.grows_kb_min:.0f} | {row.steps_mb:.2f} | {row.creeps_kb_min:.0f} | {row.index_kb_min:.0f} '
         f'| {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |', '',
-        'A step is a change of 0.1 MB or more within 5 s: a recorder that is held up finds a backlog afterwards, and '
-        'the middleware keeps the room of the largest.'])
+        'A step is a change of 0.1 MB or more within 5 s: a recorder that is delayed finds a backlog afterwards, and '
+        'the middleware keeps the memory of the largest.'])
 
 
 def summary(row: Recorded) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(row)
 
 
 def csv_text(row: Recorded) -> str:
-    """Return the looks as CSV."""
+    """Return the samples as CSV."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
     writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.looks)])

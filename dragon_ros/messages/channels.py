@@ -1,4 +1,4 @@
-"""The topics of the package, as ``msg_configs/topics.yaml`` lists them."""
+"""The topics of the package, from ``msg_configs/topics.yaml``."""
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -27,7 +27,7 @@ class Channel:
 
     @property
     def latched(self) -> bool:
-        """Whether late readers get what was published last."""
+        """Whether late subscribers receive the last message."""
         return self.durability == 'transient_local'
 
 
@@ -43,7 +43,7 @@ def channels_of(document: Document) -> dict[str, Channel]:
 
 
 def live(effects: Effect) -> list[Channel]:
-    """Return the topics on which sim publishes each tick for these effects; latched ones it publishes once."""
+    """Return the topics that sim publishes every tick for these effects, without the latched ones."""
     return [channel for channel in channels().values() if channel.publisher == 'sim'
             and not channel.latched and (channel.effect is None or channel.effect in effects)]
 

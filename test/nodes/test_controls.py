@@ -100,7 +100,7 @@ def test_seek_shows_the_last_tick_at_or_before_the_time_and_does_not_start_what_
 def test_what_is_resumed_goes_on_from_where_it_was_without_a_gap(paused, node):
     paused.set('seek_s', 405.0)
     paused.call('seek')
-    assert paused.call('resume') == (True, 'goes on at 405.000 s, tick 250 of 651')
+    assert paused.call('resume') == (True, 'resumed at 405.000 s, tick 250 of 651')
     node.until(lambda: len(paused.stamps) > 10)
     assert paused.call('pause')[0]
     steps = {after - before for before, after in zip(paused.stamps, paused.stamps[1:], strict=False)}

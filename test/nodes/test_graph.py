@@ -258,7 +258,7 @@ def test_record_never_overwrites_unasked(start, tmp_path):
 
 def test_record_writes_to_a_dated_file_unless_told(start, tmp_path):
     process = start('record')
-    process.wait_for('records to dragon_')
+    process.wait_for('recording to dragon_')
     assert process.stop() == 0
     assert len(list(tmp_path.glob('dragon_20*.mcap'))) == 1
 
@@ -345,7 +345,7 @@ def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
     for _ in range(2):
         demo = start('demo', '--output', tmp_path / 'demo', '--pace', '5')
         assert demo.end() == 0, demo.text
-        assert '1953 messages are bit for bit what the model says, 0 are not' in demo.text
+        assert '1953 messages are bit for bit those of the model, 0 are not' in demo.text
         assert 'the same bytes, the same event' in demo.text
     assert {'first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg'} <= {
         path.name for path in (tmp_path / 'demo').iterdir()}

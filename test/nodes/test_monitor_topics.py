@@ -106,7 +106,7 @@ def test_health_is_told_again_and_again_without_a_message(start, node):
     start('monitor')
     heard = Listener(node, '/diagnostics')
     node.until(lambda: len(heard.got['/diagnostics']) >= 2)
-    assert {status.message for status in heard.statuses('/diagnostics')} == {'waits for handles and benches'}
+    assert {status.message for status in heard.statuses('/diagnostics')} == {'waiting for handles and benches'}
 
 
 def test_a_monitor_or_listener_that_comes_late_knows_the_contact(start, node):

@@ -176,7 +176,7 @@ def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
     os.write(terminal, b's')
     wait_for('at ')
     os.write(terminal, b' ')
-    wait_for('goes on at')
+    wait_for('resumed at')
     os.write(terminal, b'\x1b[C')
     wait_for('seek_s')
     os.write(terminal, b'\x03')
