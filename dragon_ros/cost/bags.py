@@ -11,6 +11,7 @@ from tqdm import tqdm
 
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -66,14 +67,14 @@ def measure(budget_s: float = 0.3) -> list[Written]:
         path = Path(folder) / 'bag.mcap'
         for writer, compression in tqdm(jobs, desc='cost bag', unit='bag', disable=None):
             timing = timed(partial(_WRITERS[writer], path, compression, rows), budget_s)
-            out.append(Written(writer, compression, timing, _SCENE.last_tick + 1, len(rows), raw,
+            out.append(Written(writer, compression, timing, compile_scene(_SCENE).last_tick + 1, len(rows), raw,
                                path.stat().st_size))
     return out
 
 
 def _rows() -> list[_Row]:
     encode = encoders(_SCENE)
-    frames = [tick(_SCENE, k) for k in range(_SCENE.last_tick + 1)]
+    frames = [tick(_SCENE, k) for k in range(compile_scene(_SCENE).last_tick + 1)]
     return [(name, encode[name](frame), frame.t_ns, k) for k, frame in enumerate(frames) for name in encode]
 
 

@@ -109,11 +109,11 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
     known = [f.name for f in fields(kind)]
     for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):
         if key in given and key not in known:
-            document.refuse(f'{name}.{key}', f'there is no such key of kind {chosen}; write kind: {other} for it')
+            document.refuse(f'{name}.{key}', f'unknown key for kind {chosen}; write kind: {other} for it')
     document.check_keys(f'{name}.', given, (*known, 'kind') if len(kinds) > 1 else known)
     for f in fields(kind):
         if f.default is MISSING and f.name not in given:
-            document.refuse(f'{name}.{f.name}', f'it is missing; a {chosen or "part"} needs it')
+            document.refuse(f'{name}.{f.name}', f'it is missing; {f"kind {chosen}" if chosen else "each part"} requires it')
     return kind(**{key: _value(document, f'{name}.{key}', value) for key, value in given.items()})
 
 

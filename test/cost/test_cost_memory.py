@@ -1,4 +1,4 @@
-"""The page on the memory of a recorder: its figures follow from the looks, and its run is whole."""
+"""The page on the memory of a recorder: its figures follow from the samples, and its run is complete."""
 import csv
 import io
 from dataclasses import replace
@@ -15,14 +15,14 @@ def recorded(seconds=600.0, growth_mb_s=1e-4):
     return memory.Recorded(seconds, looks, 60_000, 0, 4800, 345_600, 10**9)
 
 
-def test_growth_is_told_from_the_time_after_the_first_minute():
+def test_growth_is_fitted_from_the_first_minute_on():
     row = recorded()
     assert row.grows_kb_min == pytest.approx(6.0)
     assert row.index_kb_min == pytest.approx(34.56)
     assert row.settled[0] == (60.0, pytest.approx(80.006))
 
 
-def test_a_step_is_told_apart_from_steady_growth():
+def test_a_step_is_distinguished_from_steady_growth():
     row = recorded()
     stepped = replace(row, looks=tuple((t_s, mb + (2.0 if t_s > 300 else 0.0)) for t_s, mb in row.looks))
     assert stepped.steps_mb == pytest.approx(2.0, abs=1e-3)

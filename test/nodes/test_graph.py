@@ -1,4 +1,4 @@
-"""The proof of the whole, and each node's part of it."""
+"""All nodes together, and each node's part."""
 import signal
 
 import pytest
@@ -80,7 +80,7 @@ def test_the_recorder_ends_with_the_run(start, tmp_path):
 
 
 @pytest.mark.parametrize('scene', ['turning', 'unwinding'])
-def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
+def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene):
     bag = tmp_path / 'run.mcap'
     record = start('record', '--output', bag)
     short = ('run.start_s=100', 'run.stop_s=101')
@@ -176,7 +176,7 @@ def test_a_signal_closes_the_bag_properly(start, node, tmp_path, number):
     assert max(counts.values()) - min(counts.values()) <= 2
 
 
-def test_the_sim_stands_in_any_namespace_and_publishes_what_its_effects_ask_for(start, node):
+def test_the_sim_runs_in_any_namespace_and_publishes_the_topics_of_its_effects(start, node):
     start('sim', '--set', 'effects=[]', '--ros-args', '-r', '__ns:=/another', '-p', 'rate_hz:=20')
     node.until(lambda: node.count_publishers('/another/handles') == 1)
     assert node.count_publishers('/another/benches') == 0
@@ -256,14 +256,14 @@ def test_record_never_overwrites_unasked(start, tmp_path):
     assert (tmp_path / 'mine.mcap').read_bytes() == b'precious'
 
 
-def test_record_writes_to_a_dated_file_unless_told(start, tmp_path):
+def test_record_writes_to_a_dated_file_by_default(start, tmp_path):
     process = start('record')
     process.wait_for('recording to dragon_')
     assert process.stop() == 0
     assert len(list(tmp_path.glob('dragon_20*.mcap'))) == 1
 
 
-def test_the_monitor_survives_every_message_that_nobody_can_use(start, node):
+def test_the_monitor_survives_every_unusable_message(start, node):
     from geometry_msgs.msg import Pose, PoseArray
     from visualization_msgs.msg import Marker, MarkerArray
     monitor = start('monitor')
