@@ -224,11 +224,11 @@ def _contact_line(found: dict[str, Any]) -> str:
 
 def _clearance_lines(found: dict[str, Any]) -> list[str]:
     rows = list(zip(found['t_s'], found['gap_m'], strict=True))
-    looked = f'{found["looks"]} of {found["ticks"]} ticks'
+    examined = f'{found["looks"]} of {found["ticks"]} ticks'
     if not rows:
-        return [f'  smallest clearance: none ({looked} looked at)']
+        return [f'  smallest clearance: none ({examined} examined)']
     t_s, gap = min(rows, key=lambda row: row[1])
-    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{looked} looked at'
+    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{examined} examined'
     size = max(1, -(-len(rows) // _STEPS))
     parts = [min(rows[n:n + size], key=lambda row: row[1]) for n in range(0, len(rows), size)]
     over_time = ', '.join(f'{gap * 1e3:.3f} at {t:g} s' for t, gap in parts)

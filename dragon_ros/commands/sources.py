@@ -204,9 +204,9 @@ class BagSource:
         rows = self._nearest(times_s)
         wanted = {self._ticks[row][0] for row in rows.tolist()}
         first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
-        for sight, speed in self._observations(first_ns, last_ns):
-            if sight.t_ns in wanted:
-                yield Moment(sight.t_ns / NS, sight.p, sight.benches, speed)
+        for observation, speed in self._observations(first_ns, last_ns):
+            if observation.t_ns in wanted:
+                yield Moment(observation.t_ns / NS, observation.p, observation.benches, speed)
 
     def _nearest(self, times_s: Floats) -> Ints:
         """Return the numbers of the ticks nearest to times, each once."""
@@ -218,9 +218,9 @@ class BagSource:
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
         watch = Watch()
-        for sight, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
-            for event in joined.from_iterable(report.begins for report in watch.look(sight)):
-                at = Moment(sight.t_ns / NS, sight.p, sight.benches, None)
+        for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
+            for event in joined.from_iterable(report.begins for report in watch.look(observation)):
+                at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
                 return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches))
         return None
 

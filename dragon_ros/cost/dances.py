@@ -64,11 +64,11 @@ def dances() -> tuple[Problem, ...]:
             (0.0, 4.0, 7.0), Dragon(40)),
         _like('law', 'ramps, a turn back, a jump and a hold; times inside ramps',
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
-        _like('unwinding', 'led by the tail, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
+        _like('unwinding', 'the tail leads, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),
         _like('mixed-by-the-tail', 'benches of six lengths behind their tail, links in reverse on a turn',
               Scene(dragon=MIXED, track=STurn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
-        _like('turn-by-the-tail', 'led by the tail, back through a turn that the head had left',
+        _like('turn-by-the-tail', 'the tail leads back through a turn that the head has left',
               replace(_TURNING, dragon=Dragon(30), track=STurn(before_m=-20.0), head=Head(0.7, 'tail')),
               (0.0, 5.0, 20.0, 40.0)),
     )

@@ -29,7 +29,7 @@ class Recorded:
     """A recording: its resident memory (MB) at times (s), what it missed, and its bag."""
 
     seconds: float
-    looks: tuple[tuple[float, float], ...]
+    samples: tuple[tuple[float, float], ...]
     ticks: int
     missing: int
     chunks: int
@@ -39,7 +39,7 @@ class Recorded:
     @property
     def settled(self) -> list[tuple[float, float]]:
         """The samples from which growth is fitted."""
-        return [look for look in self.looks if look[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
+        return [sample for sample in self.samples if sample[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
 
     @property
     def fit(self) -> tuple[float, float]:
@@ -80,12 +80,12 @@ def measure(run_s: float = 600.0) -> Recorded:
         start('sim', '--set', f'dragon.benches={_BENCHES}', '--set', f'head.speed_m_s={_WAY_M / run_s!r}', '--set',
               f'run.stop_s={(ticks - 1) / _RATE_HZ!r}', '--ros-args', '-p', f'rate_hz:={float(_RATE_HZ)}', '-p',
               f'wait_subscribers:=[{",".join(f"{topic}=1" for topic in _TOPICS)}]')
-        looks = _watched(start, psutil.Process(record.pid), run_s)
+        samples = _watched(start, psutil.Process(record.pid), run_s)
         ended(record)
-        return _recorded(bag, run_s, ticks, looks)
+        return _recorded(bag, run_s, ticks, samples)
 
 
-def _recorded(bag: Path, run_s: float, ticks: int, looks: list[tuple[float, float]]) -> Recorded:
+def _recorded(bag: Path, run_s: float, ticks: int, samples: list[tuple[float, float]]) -> Recorded:
     with bag.open('rb') as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -94,7 +94,7 @@ def _recorded(bag: Path, run_s: float, ticks: int, looks: list[tuple[float, floa
               for number, channel in summary.channels.items()}
     missing = sum(ticks - counts.get(f'/dragon/{topic}', 0) for topic in _TOPICS)
     kept = sum(packed_bytes(len(chunk.message_index_offsets)) for chunk in summary.chunk_indexes)
-    return Recorded(run_s, tuple(looks), ticks, missing, len(summary.chunk_indexes), kept, bag.stat().st_size)
+    return Recorded(run_s, tuple(samples), ticks, missing, len(summary.chunk_indexes), kept, bag.stat().st_size)
 
 
 def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[float, float]]:
@@ -115,7 +115,7 @@ def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[
 
 def table(row: Recorded) -> str:
     """Return the run as Markdown with the circumstances above it."""
-    (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.looks)
+    (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.samples)
     return '\n'.join([
         f'{circumstances()}. {row.ticks:,} ticks of {_BENCHES} benches at {_RATE_HZ} Hz over DDS, zstd.', '',
         '| recorded (min) | missing | resident (MB) after | at the end | most | grows (kB/min) | of that in steps (MB) '
@@ -136,7 +136,7 @@ def csv_text(row: Recorded) -> str:
     """Return the samples as CSV."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
-    writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.looks)])
+    writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.samples)])
     return out.getvalue()
 
 
@@ -144,13 +144,13 @@ def picture(row: Recorded) -> Figure:
     """Return resident memory against time, with the fitted growth."""
     figure = Figure(figsize=(8, 4), layout='constrained')
     axes = figure.subplots()
-    axes.plot(*zip(*row.looks, strict=True), '.', color='#0072B2', label='resident')
+    axes.plot(*zip(*row.samples, strict=True), '.', color='#0072B2', label='resident')
     slope, start = row.fit
     ends = np.array([row.settled[0][0], row.settled[-1][0]])
     axes.plot(ends, start + slope * ends, '-', color='#D55E00', label=f'grows by {row.grows_kb_min:.0f} kB/min')
     axes.set(xlabel='time (s)', ylabel='memory of the recorder (MB)',
              title=f'Recording {_BENCHES} benches at {_RATE_HZ} Hz')
-    axes.set_ylim(0, 1.15 * max(mb for _, mb in row.looks))
+    axes.set_ylim(0, 1.15 * max(mb for _, mb in row.samples))
     axes.grid(True, linewidth=0.4)
     axes.legend(loc='lower right')
     figure.supxlabel(circumstances(), fontsize=7)

@@ -70,7 +70,7 @@ def _qos(document: Document, key: str, qos: Any) -> dict[str, Any]:
             document.refuse(f'{key}.{policy}', f'{qos.get(policy)!r} is not one of {", ".join(allowed)}')
     depth = qos.get('depth')
     if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= 10_000:
-        document.refuse(f'{key}.depth', f'{depth!r} is not a whole number from 1 to 10000')
+        document.refuse(f'{key}.depth', f'{depth!r} is not an integer from 1 to 10000')
     return qos
 
 

@@ -113,7 +113,8 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
     document.check_keys(f'{name}.', given, (*known, 'kind') if len(kinds) > 1 else known)
     for f in fields(kind):
         if f.default is MISSING and f.name not in given:
-            document.refuse(f'{name}.{f.name}', f'it is missing; {f"kind {chosen}" if chosen else "each part"} requires it')
+            whose = f'kind {chosen}' if chosen else 'each part'
+            document.refuse(f'{name}.{f.name}', f'it is missing; {whose} requires it')
     return kind(**{key: _value(document, f'{name}.{key}', value) for key, value in given.items()})
 
 

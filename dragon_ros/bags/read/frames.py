@@ -167,5 +167,5 @@ def _frame(parts: _Parts) -> BagFrame:
     if parts.shown is None:
         handles = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
         return BagFrame(poses.t_ns, handles, None, velocity, poses.frame_id)
-    sight = observation_of(poses, parts.shown)
-    return BagFrame(sight.t_ns, sight.p, sight.benches, velocity, sight.frame_id)
+    observation = observation_of(poses, parts.shown)
+    return BagFrame(observation.t_ns, observation.p, observation.benches, velocity, observation.frame_id)

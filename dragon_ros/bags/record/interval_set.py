@@ -62,5 +62,5 @@ def count(intervals: Iterable[Interval]) -> int:
 
 def text(intervals: list[Interval]) -> str:
     """Return intervals as text: 7, 12-15; a long list is abbreviated."""
-    told = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in intervals[:_MOST_SHOWN])
-    return told + (f' and {len(intervals) - _MOST_SHOWN} more gaps' if len(intervals) > _MOST_SHOWN else '')
+    shown = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in intervals[:_MOST_SHOWN])
+    return shown + (f' and {len(intervals) - _MOST_SHOWN} more gaps' if len(intervals) > _MOST_SHOWN else '')
