@@ -87,7 +87,7 @@ def mentioned(path, known):
     return found & known
 
 
-def test_no_module_imports_itself_by_way_of_others():
+def test_there_is_no_import_cycle():
     paths = {'.'.join(path.relative_to(ROOT).with_suffix('').parts): path for path in PACKAGE.rglob('*.py')
              if path.name != '__init__.py' and (CORE_IS_IN_ROOMS or 'core' not in path.parts)}
     rest = {name: mentioned(path, set(paths)) - {name} for name, path in paths.items()}

@@ -26,7 +26,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses, the smallest gaps of two benches below this')
     options.add_argument('--certificate', type=Path, metavar='FILE',
-                         help='write the intervals that prove that nothing touched before, as JSON')
+                         help='write the intervals that prove that nothing touched earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
                          help="check a certificate with none of the solver's code (no scene options)")
     command_line.add_output_options(options)
@@ -37,7 +37,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.verify:
         shown = partial(tqdm, desc='verify', unit=' intervals', disable=None, leave=False)
         count = certificate.check(arguments.verify, shown)
-        command_line.write_output(arguments.output, f'{arguments.verify}: {count} intervals hold and leave nothing out')
+        command_line.write_output(arguments.output, f'{arguments.verify}: {count} intervals are valid and leave no gap')
         return command_line.OK
     scene = command_line.scene_from(arguments)
     start = time.perf_counter()
@@ -78,11 +78,11 @@ def _text(values: dict[str, Any]) -> str:
         why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
         return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
     (inner, outer), (x, y) = values['benches'], values['point_m']
-    told = values.get('near_misses', [])
+    misses_shown = values.get('near_misses', [])
     misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
-                     f'at {miss["t_s"]:.5f} s' for miss in told)
-    if (count := values.get('near_misses_count', 0)) > len(told):
-        misses += f'\n  and {count - len(told)} more near misses with larger gaps'
+                     f'at {miss["t_s"]:.5f} s' for miss in misses_shown)
+    if (count := values.get('near_misses_count', 0)) > len(misses_shown):
+        misses += f'\n  and {count - len(misses_shown)} more near misses with larger gaps'
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
     return (f'{kind} at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
             f'{misses}')

@@ -1,4 +1,4 @@
-"""``design``: questions about what to build, each a subcommand with one answer and its bounds."""
+"""``design``: questions about what to build, each a subcommand whose answer has bounds."""
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
@@ -12,7 +12,7 @@ Values = dict[str, Any]
 
 
 class Question(NamedTuple):
-    """A subcommand: what it answers, its own options, and the functions that find and tell the answer."""
+    """A subcommand: what it answers, its options, and the functions that find and print the answer."""
 
     help: str
     example: str

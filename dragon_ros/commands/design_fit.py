@@ -17,8 +17,8 @@ def options(parser: ArgumentParser) -> None:
 
 
 def answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the smallest squares, what touches the centred one, and whether the given one holds the run."""
-    scene = cli.scene_from(arguments)
+    """Return the smallest squares, what touches the centred one, and whether the run fits into the given one."""
+    scene = command_line.scene_from(arguments)
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
     with tqdm(desc='fit', unit=' looks', disable=None, leave=False, delay=1) as bar:
         found = bounding_box(scene, progress=bar.update)
@@ -28,10 +28,10 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Return the answer in words."""
+    """Return the answer as text."""
     at, side = values['touching'], values['square_m']
     x, y = at['point_m']
-    lines = [f'the smallest square about the origin that holds the run: {_bounds(values["centred_m"])}',
+    lines = [f'the smallest square about the origin that contains the run: {_bounds(values["centred_m"])}',
              f'its side is touched by the {at["corner"]} corner of bench {at["bench"]} at {at["t_s"]:.6f} s, at '
              f'({x:.6f}, {y:.6f}) m',
              f'wherever its centre is, along the axes: {_bounds(values["free_m"])}']
@@ -41,15 +41,15 @@ def text(values: dict[str, Any]) -> str:
 
 
 def _bounds(bounds_m: tuple[float, float]) -> str:
-    """Return a figure that is touched, and how much larger the proved one is."""
+    """Return a lower bound that is attained, and how far above it the proved bound lies."""
     low, high = bounds_m
     return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
 
 
 def _verdict(centred: bool | None, free: bool | None) -> str:
-    """Return whether the dragon fits in words."""
+    """Return as text whether the dragon fits."""
     if free is False:
         return 'the dragon does not fit'
     if centred is None or free is None:
-        return 'that is within the bounds, and whether the dragon fits cannot be told'
+        return 'that is between the bounds: whether the dragon fits is undecided'
     return 'the dragon fits' if centred else 'the dragon fits off the centre only'

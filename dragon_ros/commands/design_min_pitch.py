@@ -17,12 +17,12 @@ def options(parser: ArgumentParser) -> None:
     """Add the scene options, the circle and the bounds."""
     command_line.add_scene_options(parser)
     parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES', help='of the turning circle (9)')
-    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES', help='largest pitch looked at (1)')
+    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES', help='largest pitch considered (1)')
     parser.add_argument('--within', type=float, default=2e-11, metavar='METRES', help='width of the bracket (2e-11)')
 
 
 def answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the bracket of the smallest pitch; of the scene only the dragon and track.start_turns count."""
+    """Return the bracket of the smallest pitch; only the scene's dragon and track.start_turns are used."""
     scene = command_line.scene_from(arguments)
     with tqdm(desc='min-pitch', unit=' states', disable=None, leave=False, delay=1) as bar:
         try:
@@ -36,11 +36,11 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Return the answer in words."""
+    """Return the answer as text."""
     inner, outer = values['benches']
     return '\n'.join([
-        f'the smallest pitch is {values["high_m"]:.12f} m: from there on to {values["largest_m"]:g} m there is no '
+        f'the smallest pitch is {values["high_m"]:.12f} m: from there to {values["largest_m"]:g} m there is no '
         'contact on the way in',
         f'at {values["low_m"]:.12f} m benches {inner} and {outer} touch, with the head at radius '
         f'{values["radius_m"]:.6f} m',
-        f'{values["states"]:,} windings were looked at'])
+        f'{values["states"]:,} windings were examined'])

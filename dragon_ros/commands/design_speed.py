@@ -20,7 +20,7 @@ def options(parser: ArgumentParser) -> None:
 def answer(arguments: Namespace) -> dict[str, Any]:
     """Return the leader's largest speed, and which handle reaches the limit where; a profile is scaled as a whole."""
     limit = number('--limit', arguments.limit, above=0.0, high=1e9)
-    scene = cli.scene_from(arguments)
+    scene = command_line.scene_from(arguments)
     with tqdm(desc='max-speed', unit=' places', disable=None, leave=False, delay=1) as bar:
         found = max_speed(scene, bar.update)
     return {'speed_m_s': limit / found.ratio, 'uncertainty_m_s': limit / found.ratio - limit / found.bound,
@@ -28,9 +28,9 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Return the answer in words."""
+    """Return the answer as text."""
     return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; of a profile, '
             f'its largest speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
             f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
             f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
-            f'{values["looks"]} places were looked at')
+            f'{values["looks"]} places were examined')

@@ -25,7 +25,7 @@ def options(parser: ArgumentParser) -> None:
 
 
 def answer(arguments: Namespace) -> dict[str, Any]:
-    """Return the length of the scene's turn, and of the ways that would be shorter."""
+    """Return the length of the scene's turn, and of shorter alternatives."""
     scene = command_line.scene_from(arguments)
     turn = _turn_of(scene)
     values = answer_of(turn, least_radius_m(scene.dragon.link_lengths_m))
@@ -35,9 +35,9 @@ def answer(arguments: Namespace) -> dict[str, Any]:
 
 
 def _contact_m(scene: Scene, diameter_m: float) -> float | None:
-    """Return how far the head is from the entry of the smallest turn at the first contact there; None if none comes.
+    """Return how far the head is from the entry of the smallest turn at the first contact there; None without one.
 
-    Looked for from the head's entry until the whole dragon has left the turn.
+    The search goes from the head's entry until the whole dragon has left the turn.
     """
     turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
     run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
@@ -63,12 +63,12 @@ def answer_of(turn: STurn, least_radius_m: float) -> dict[str, Any]:
 
 
 def text(values: dict[str, Any]) -> str:
-    """Return the answer in words."""
+    """Return the answer as text."""
     first, second = values['radii_m']
     least = values['least_radius_m']
     lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each by '
              f'{values["angle_rad"]:.9g} rad',
-             'another ratio does not shorten it: in this circle the radii have one sum and both arcs turn by one angle',
+             'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set',
              f'what limits the ratio: both radii must be at least {least:.9g} m, a hair over half the longest link, '
              f'or links could lock; that allows ratios from {1 / values["largest_ratio"]:.9g} to '
              f'{values["largest_ratio"]:.9g}']

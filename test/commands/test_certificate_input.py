@@ -1,4 +1,4 @@
-"""Certificates from strangers: whatever stands in them, the checker refuses it in one clear error, and soon."""
+"""Untrusted certificates: whatever they contain, the checker rejects it with one clear error, and quickly."""
 import copy
 import json
 from contextlib import suppress
