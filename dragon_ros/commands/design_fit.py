@@ -5,14 +5,13 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dragon_ros.cli import command_line as cli
 from dragon_ros.core.checks import number
 from dragon_ros.core.design.bounding_box import bounding_box, fits
 
 
 def options(parser: ArgumentParser) -> None:
     """Add the scene options and the square."""
-    cli.add_scene_options(parser)
+    command_line.add_scene_options(parser)
     parser.add_argument('--square', type=float, metavar='METRES', help='side of a square to fit into')
 
 

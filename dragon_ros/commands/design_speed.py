@@ -5,14 +5,13 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dragon_ros.cli import command_line as cli
 from dragon_ros.core.checks import number
 from dragon_ros.core.design.max_speed import max_speed
 
 
 def options(parser: ArgumentParser) -> None:
     """Add the scene options and the limit; the scene is the turn's."""
-    cli.add_scene_options(parser)
+    command_line.add_scene_options(parser)
     parser.set_defaults(scene='turning')
     parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (2)')
 
