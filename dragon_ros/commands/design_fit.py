@@ -5,6 +5,7 @@ from typing import Any
 
 from tqdm import tqdm
 
+from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number
 from dragon_ros.core.design.bounding_box import bounding_box, fits
 

@@ -8,15 +8,14 @@ import numpy as np
 import pytest
 import shapely
 from apart import smallest
+from dragon_ros.commands.certificate_checkers.curve import Curve
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
-from dragon_ros.commands.certificate_checkers.curve import Curve
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.contact import conservative_advancement
+from dragon_ros.core.contact import certificate, conservative_advancement
 from dragon_ros.core.contact.certificate import ALL, Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError
