@@ -57,7 +57,7 @@ def test_only_one_module_of_wire_imports_a_library_of_the_screen(library, module
 def test_the_core_runs_where_there_is_no_ros():
     code = ('import sys\nfor name in ("rclpy", "yaml", "mcap", "matplotlib"): sys.modules[name] = None\n'
             'from dragon_ros.core.scene import Scene\nfrom dragon_ros.core.step import tick\n'
-            'from dragon_ros.core.first_contact import first_contact\n'
+            'from dragon_ros.core.contact.first_contact import first_contact\n'
             'print(len(tick(Scene(), 0).chain.p), first_contact(Scene()).benches)')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ['224', '(0,', '8)']

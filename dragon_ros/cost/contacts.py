@@ -11,13 +11,13 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.verdict import Contact
 from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cost.measure import TIMES, circumstances, timed
 from dragon_ros.wire.cli import csv_of

@@ -8,13 +8,13 @@ import numpy as np
 from matplotlib.axes import Axes
 
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.contact.tracker import NEAR_M, Sight, Watch
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.watch import NEAR_M, Sight, Watch
 from dragon_ros.cost.measure import Timing, timed
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 20_000, 30_000, 100_000)

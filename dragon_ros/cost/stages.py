@@ -6,8 +6,8 @@ import numpy as np
 
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
-from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, velocity_of
 from dragon_ros.cost.solvers import CHAIN_SOLVERS

@@ -1,11 +1,11 @@
 """The frames of a run in order, and a place among them: its ticks, and the contact's own frame where it ends there."""
 from dataclasses import replace
 
+from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, state, tick
-from dragon_ros.core.verdict import Contact
 
 
 class Frames:

@@ -7,8 +7,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
+from dragon_ros.core.contact.tracker import NS, Report, Watch
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.watch import NS, Report, Watch
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import outlet, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode

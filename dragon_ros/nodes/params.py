@@ -2,7 +2,7 @@
 from dataclasses import dataclass
 from typing import Any
 
-# A test keeps these two equal to those of core.scene and core.watch, which are slow to import.
+# A test keeps these two equal to those of core.scene and core.contact.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
 _AS_SCENE = -1.0

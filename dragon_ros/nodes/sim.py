@@ -6,12 +6,12 @@ from typing import Any
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.verdict import Contact
 from dragon_ros.nodes import outlet, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import SimulationTime

@@ -6,10 +6,10 @@ from itertools import chain as joined
 
 import numpy as np
 
+from dragon_ros.core.contact.tracker import Sight, Watch
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS
-from dragon_ros.core.watch import Sight, Watch
 from dragon_ros.tools.sources import Moment, Progress, Touch, thinned, witness_at
 from dragon_ros.wire.bag_frames import frames, namespace_of
 from dragon_ros.wire.cdr_read import read_stamp_ns

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import InputError, MissingError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import states, velocity_of
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact
 
 POSITION, SPEED = '位置', '速度'
 ENDS = ('龙头', '龙尾（后）')

@@ -5,12 +5,12 @@ from typing import Any
 
 from tqdm import tqdm
 
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.turn import Turn, shortest_bent
-from dragon_ros.core.verdict import Contact
 from dragon_ros.core.walk import least_radius_m
 from dragon_ros.wire import cli
 

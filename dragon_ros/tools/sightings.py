@@ -6,9 +6,9 @@ from typing import Any
 
 from tqdm import tqdm
 
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.verdict import Contact
 from dragon_ros.wire.bag_frames import BagFrame, frames
 from dragon_ros.wire.cdr_read import MessageError, Reader, Status, read_diagnostics
 from dragon_ros.wire.log_read import LogReader

@@ -7,16 +7,16 @@ from typing import Any, Protocol
 import numpy as np
 
 from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.contact import Witness, gaps, witness
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import Witness, gaps, witness
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.outline import outline
 from dragon_ros.core.path import points
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state, states, velocity_of
-from dragon_ros.core.verdict import Contact
 
 _AT_ONCE = 64               # states that are computed together
 _EACH_RAD = 12              # points of the drawn track

@@ -8,12 +8,12 @@ from math import inf
 import numpy as np
 
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.watch import NEAR_M
 from dragon_ros.wire.cdr_read import MessageError, Poses, read_multi_array
 from dragon_ros.wire.documents import parse_document
 from dragon_ros.wire.log_read import END_OF_TIME_NS, LogReader, Message

@@ -1,6 +1,6 @@
 """Contacts and clearance of a tick as the bytes of markers: while there is contact they come with every tick."""
-from dragon_ros.core.contact import witness
-from dragon_ros.core.watch import Report, Sight
+from dragon_ros.core.contact.signed_distance import witness
+from dragon_ros.core.contact.tracker import Report, Sight
 from dragon_ros.wire.cdr import Writer, half_turns
 from dragon_ros.wire.cdr_markers import BENCH_HEIGHT_M, CUBE, Colour, Look, put_marker
 

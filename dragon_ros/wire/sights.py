@@ -4,8 +4,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.benches import Benches
+from dragon_ros.core.contact.tracker import Sight
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.watch import Sight
 from dragon_ros.wire.cdr import NS
 from dragon_ros.wire.cdr_markers import BENCH, CUBE, TRIANGLE_LIST
 from dragon_ros.wire.cdr_read import MessageError, Poses, read_pose_array

@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
-from dragon_ros.core.neighbours import layer_windows
+from dragon_ros.core.contact.broad_phase import adjacent_layer_windows
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.path import arc_between
 from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
@@ -121,7 +121,7 @@ def test_equation_24_range_of_an_edge():
 
 def test_section_3_4_next_layer_is_outside():
     angle = state(SCENE, 412.473837682).theta
-    first, last = layer_windows(angle)
+    first, last = adjacent_layer_windows(angle)
     assert first[0] <= 8 <= last[0]
     inwards = np.searchsorted(angle, angle[:2] - 2 * pi)
     assert not inwards.any(), 'no bench at all lies at theta - 2 pi of the head'

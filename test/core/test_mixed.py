@@ -10,23 +10,23 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond, further
+from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.design.bounding_box import bounding_box
 from dragon_ros.core.design.max_speed import max_speed
 from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
 from dragon_ros.core.lock import follower, head_lock_angle
-from dragon_ros.core.lookout import Lookout, beyond, further
-from dragon_ros.core.near_misses import near_misses
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.scenes import load_scene, scene_values
@@ -153,15 +153,15 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     pitch = 1.6
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
-        watch = Lookout(scene.track, dragon, 0, dragon.benches, EXACT.effort(20, 100), lambda states: None)
-        views = [watch.look(np.array([2 * theta + turned])) for turned in (0.0, way)]
+        watch = BenchSampler(scene.chained.walk, dragon, 0, dragon.benches, EXACT.effort(20, 100), lambda states: None)
+        views = [watch.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)
     bound = further(*views, watch.sizes, beyond(*views, watch.sizes))[0]
     if watch.sizes.longest_m is None:
         return
     for view in views:
-        chain = Scene(dragon=dragon, track=Spiral(pitch, view.lead[0] / (2 * np.pi)))
+        chain = Scene(dragon=dragon, track=Spiral(pitch, view.places[0] / (2 * np.pi)))
         corners = benches_of(state(chain, 0.0), dragon, axes_of(state(chain, 0.0))).corners
         ends = corners[2:], np.roll(corners[2:], 1, axis=1)
         share = np.linspace(0, 1, 200)[:, None, None, None]
@@ -232,7 +232,7 @@ def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_t
 
 def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
     scene = load_scene('mixed')
-    misses = near_misses(scene, first_contact(scene), 0.05)
+    misses = [miss for miss in near_misses(scene, first_contact(scene), 0.05).nearest if miss.benches[0] == 0]
     assert [miss.bench for miss in misses][:2] == [13, 11]
     assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)
 

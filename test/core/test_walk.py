@@ -12,13 +12,14 @@ from shapely import LineString
 
 from dragon_ros.core.angle import Angle
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.neighbours import box_pairs, candidates, default_reach_m
 from dragon_ros.core.outline import outline
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.rates import conditioning
@@ -26,7 +27,6 @@ from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state, states, tick, velocity_of
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.core.walk import Place
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.reference import truth

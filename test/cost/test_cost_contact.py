@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.cost import contacts, growth
 from dragon_ros.cost.measure import Timing

@@ -13,7 +13,8 @@ from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
-from dragon_ros.core import scene, watch
+from dragon_ros.core import scene
+from dragon_ros.core.contact import tracker
 from dragon_ros.nodes import params
 from dragon_ros.nodes.params import SIM
 from dragon_ros.wire.cdr_read import read_pose_array
@@ -167,7 +168,7 @@ def test_parameters_are_described_with_type_range_text_and_whether_they_are_live
 
 
 def test_the_tables_that_import_little_have_the_limits_of_the_core():
-    assert (params.NEAR_M, params.LATEST_S) == (watch.NEAR_M, scene.LATEST_S)
+    assert (params.NEAR_M, params.LATEST_S) == (tracker.NEAR_M, scene.LATEST_S)
 
 
 def test_the_clock_follows_every_tick_goes_back_at_a_reset_and_is_told_while_time_stands(start, node):

@@ -95,8 +95,8 @@ def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
+    from dragon_ros.core.contact.tracker import Watch
     from dragon_ros.core.step import tick
-    from dragon_ros.core.watch import Watch
     from dragon_ros.nodes.contact_messages import status_of
     from dragon_ros.wire.encode import encoders
     from dragon_ros.wire.log_write import LogWriter

@@ -4,7 +4,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
 from dragon_ros.wire.channels import channels

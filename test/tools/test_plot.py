@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
-from dragon_ros.core.first_contact import first_contact
+from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.tools.bag_source import dragon_in
 from dragon_ros.tools.plot import options
 from dragon_ros.tools.plot_animation import animate

@@ -1,9 +1,9 @@
 """The monitor's markers: red benches, the point, a label, read back by the real serialiser."""
 import pytest
 
+from dragon_ros.core.contact.tracker import Report, Sight, Watch
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.core.watch import Report, Sight, Watch
 from dragon_ros.wire.cdr_read_markers import read_marker_array
 from dragon_ros.wire.contact_markers import contact_markers
 

@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.contact.tracker import Watch
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.core.watch import Watch
 from dragon_ros.wire.cdr_read import MessageError
 from dragon_ros.wire.encode import encoders
 from dragon_ros.wire.scenes import load_scene

@@ -30,7 +30,7 @@ from math import inf, pi
 import numpy as np
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import CORNERS
+from dragon_ros.core.contact.signed_distance import CORNERS
 from dragon_ros.core.design.motion_bounds import (
     TOLERANCE,
     curvatures_between,

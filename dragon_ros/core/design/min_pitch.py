@@ -5,7 +5,7 @@ has a contact on the way, and the plane of (radius of the head, pitch) is search
 pitch down. A touching pair anywhere is a bound from below. A cell of the plane is clear, and with it every pitch and
 radius in it, where each pair has an edge from which it is apart at all four corners by more than what the benches'
 corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and
-B2 bound second derivatives by radius and scale on the whole cell, which is proved (``bending``,
+B2 bound second derivatives by radius and scale on the whole cell, which is proved (``second_order_bounds``,
 ``second_order_bounds_by_scale``).
 
 All is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times
@@ -18,8 +18,8 @@ from math import asin, ceil, isclose, log, pi, sqrt
 
 import numpy as np
 
-from dragon_ros.core.bending import bend
 from dragon_ros.core.checks import number
+from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
 from dragon_ros.core.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.errors import DragonError, FieldError

@@ -1,12 +1,12 @@
 """Which benches are near each other at one instant, which of them touch, and where."""
 import numpy as np
 
-from dragon_ros.core.contact import gaps, witnesses
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps, witnesses
+from dragon_ros.core.contact.tracker import NEAR_M, TOUCH_M
 from dragon_ros.core.frame import Closeness, Contacts, Frame
-from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.watch import NEAR_M, TOUCH_M
 
 
 def closeness(_: Scene, frame: Frame) -> Closeness:

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError, FieldError
-from dragon_ros.core.first_contact import first_contact
-from dragon_ros.core.neighbours import candidates
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.verdict import Contact, NoContact
 
 REFERENCE = json.loads((Path(__file__).parents[2] / 'data' / 'min_pitch.json').read_text())
 

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.angle import Angle
-from dragon_ros.core.bending import bend
+from dragon_ros.core.contact.second_order_bounds import bend
 from dragon_ros.core.design.min_pitch import separations, windings
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
 from dragon_ros.core.dragon import Dragon

@@ -10,20 +10,20 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain import Chain
-from dragon_ros.core.contact import gaps, witness
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps, witness
+from dragon_ros.core.contact.tracker import Sight, Watch
 from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.effects import MEANINGS, NEEDS, Effect, check_needs, effects_of, known
 from dragon_ros.core.effects.noise import normal
 from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head, Profile
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.settings import Noise, Trails
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
 from dragon_ros.core.turn import Turn
-from dragon_ros.core.watch import Sight, Watch
 
 ALL = ~Effect.NONE
 FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLEARANCE: 'closeness',
@@ -81,8 +81,8 @@ def test_what_is_off_is_not_even_imported():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
     for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
-                 'core.effects.health', 'core.contact',
-                 'core.neighbours', 'core.watch', 'wire.encode_effects', 'wire.cdr_effects'):
+                 'core.effects.health', 'core.contact', 'core.contact.broad_phase', 'core.contact.tracker',
+                 'wire.encode_effects', 'wire.cdr_effects'):
         assert f'dragon_ros.{name}' not in loaded
 
 

@@ -1,10 +1,11 @@
 """Which benches can touch: the adjacent layer of a dragon that winds about the origin, else a broad phase for all.
 
 The paper looks, for each bench, where the lines from the centre through its two handles meet the next layer out, at
-theta + 2 pi (it prints theta - 2 pi), and takes the three benches nearest to each of the two points. That is complete
-only where a bench reaches no further than its neighbours on the next layer, and no bench meets its own layer or the
-next but one: ``layer_windows``. ``candidates`` asks instead which benches share a direction and a distance from the
-origin, turn by turn, which is complete wherever the benches are, and the same few benches where the paper is right.
+theta + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points.
+That is complete only where a bench reaches no further than its neighbours on the next layer, and no bench meets its
+own layer or the next but one: ``adjacent_layer_windows``. ``candidates`` asks instead which benches share a direction
+and a distance from the origin, turn by turn, which is complete wherever the benches are, and the same few benches
+where the paper is right.
 """
 from dataclasses import dataclass
 
@@ -142,7 +143,7 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
     return i, j
 
 
-def layer_windows(angle: Floats) -> tuple[Ints, Ints]:
+def adjacent_layer_windows(angle: Floats) -> tuple[Ints, Ints]:
     """Return the paper's first and last candidate (N,) in the next layer out, corrected, from handle angles (N+1,).
 
     ``candidates`` does not use it: no bench may reach further than the three of them.
@@ -159,9 +160,17 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
 
     Pairs with |i - j| = 2 and 3 are always among them. Raises CrowdError where they would fill the memory.
     """
-    corners, count = benches.corners, benches.half_length.size
+    return swept_pairs(benches.corners[None], reach_m)
+
+
+def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
+    """Return every pair whose boxes about all corners (M, N, 4, 2) of each come within ``reach_m``, as ``box_pairs``.
+
+    The gaps of all other pairs exceed it at each of the M states.
+    """
+    count = corners.shape[1]
     hair = 0.5 * reach_m + _HAIR * float(np.max(np.abs(corners)))
-    low, high = corners.min(axis=-2) - hair, corners.max(axis=-2) + hair
+    low, high = corners.min(axis=(0, 2)) - hair, corners.max(axis=(0, 2)) + hair
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)
     found = [own * count + own + step for step in (2, 3) for own in [np.arange(max(0, count - step))]]

@@ -8,16 +8,16 @@ from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import axes_of, benches_of
-from dragon_ros.core.contact import gaps
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.first_contact import first_contact
 from dragon_ros.core.head import Head
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.verdict import Contact, NoContact
 from dragon_ros.tools import certificate
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
@@ -109,4 +109,5 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)
-    assert min(one.stop_rad for one in found.certificate.body) == pytest.approx(min(places), abs=1e-3)
+    assert min(scene.track.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
+        min(places), abs=1e-3)

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.contact import CORNERS, gaps, witness, witnesses
+from dragon_ros.core.contact.signed_distance import CORNERS, gaps, witness, witnesses
 
 A, B = np.array([0]), np.array([1])
 EPS = np.finfo(float).eps

@@ -2,9 +2,9 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.benches import Benches
+from dragon_ros.core.contact.tracker import MOST_REPORTED, Sight, Watch
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.core.watch import MOST_REPORTED, Sight, Watch
 
 
 def sights(scene, ticks):
@@ -219,7 +219,7 @@ def test_many_contacts_at_once_are_bounded_deepest_first_and_counted():
 
 
 def test_an_open_episode_goes_on_where_the_pair_is_no_candidate_any_more(monkeypatch):
-    from dragon_ros.core import watch as module
+    from dragon_ros.core.contact import tracker as module
     watch = Watch()
     watch.look(crossed(10**9, -0.1))
     monkeypatch.setattr(module, 'candidates', lambda p, benches, reach_m=None: (np.array([0]), np.array([2])))

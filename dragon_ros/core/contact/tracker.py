@@ -2,17 +2,21 @@
 
 A watcher sees ticks only. It reports the last tick without contact, the first one with it, and between them the time
 at which the signed gap, interpolated through the last ticks, vanishes. Each pair has its episodes: begin, deepest, end.
+
+Sights come late, twice or from a run that started again: ``Arrivals`` lets them through in order. ``Episodes`` are the
+open contacts of all pairs at once, as arrays: who touches, how deep it got and when, and who has been told.
 """
+from collections import deque
 from dataclasses import dataclass, replace
 from math import inf, nan
+from typing import Generic, Protocol, TypeVar
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dragon_ros.core.arrivals import Arrivals
 from dragon_ros.core.benches import Benches
-from dragon_ros.core.contact import gaps, witness
-from dragon_ros.core.episodes import Bools, Episodes, no_episodes
-from dragon_ros.core.neighbours import candidates
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps, witness
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
@@ -24,6 +28,11 @@ _SHOWN = 8
 _UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
 
 Pair = tuple[int, int]
+_LAST = 8           # a sight that is not older than the last so many may just be late
+_LATE_NS = 10**9    # by no more than this
+_IN_A_ROW = 3       # so many late ones in a row are a run that started again
+
+Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
@@ -87,6 +96,85 @@ class Report:
     begins: tuple[Event, ...] = ()
     ends: tuple[EpisodeEnd, ...] = ()
     more: int = 0
+
+
+class _Timed(Protocol):
+    @property
+    def t_ns(self) -> int: ...
+
+    @property
+    def p(self) -> Floats: ...
+
+
+T = TypeVar('T', bound=_Timed)
+
+
+class Arrivals(Generic[T]):
+    """Lets sights through by growing time; a late or repeated one is left out, time that goes back starts afresh."""
+
+    def __init__(self) -> None:
+        """Start having seen nothing."""
+        self._times: deque[int] = deque(maxlen=_LAST)
+        self._shape: tuple[int, ...] = ()
+        self._late: list[T] = []
+
+    def take(self, sight: T) -> tuple[bool, list[T]]:
+        """Return whether time starts afresh, and the sights to look at now, in order.
+
+        It starts afresh with another number of handles, with a time before the last few or more than a second back,
+        and with a few late sights in a row; those are then handed out, so that nothing of a run that started again
+        is lost.
+        """
+        if not self._times or sight.p.shape != self._shape:
+            return self._pass(bool(self._times), [sight])
+        if sight.t_ns > self._times[-1]:
+            return self._pass(False, [sight])
+        if sight.t_ns < max(self._times[0], self._times[-1] - _LATE_NS):
+            return self._pass(True, [sight])
+        return self._hold(sight)
+
+    def _hold(self, sight: T) -> tuple[bool, list[T]]:
+        repeated = sight.t_ns == self._times[-1] or (self._late and sight.t_ns == self._late[-1].t_ns)
+        if not repeated:
+            grows = self._late and sight.t_ns > self._late[-1].t_ns
+            self._late = [*self._late, sight] if grows else [sight]
+        return self._pass(True, self._late) if len(self._late) >= _IN_A_ROW else (False, [])
+
+    def _pass(self, afresh: bool, sights: list[T]) -> tuple[bool, list[T]]:
+        if afresh:
+            self._times.clear()
+        self._times.extend(sight.t_ns for sight in sights)
+        self._shape, self._late = sights[-1].p.shape, []
+        return afresh, sights
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Pairs that touch, by growing ``key`` (M,); the deepest gap in m and its time in ns; whether it was reported."""
+
+    key: Ints
+    deepest_m: Floats
+    deepest_ns: Ints
+    told: Bools
+
+    def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
+        """Return the episodes at ``t_ns``, which of them are new, and which of these here have ended.
+
+        ``key`` (K,) are the pairs that touch now, growing, each once; ``gap_m`` (K,) their gaps.
+        """
+        _, old, now = np.intersect1d(self.key, key, assume_unique=True, return_indices=True)
+        deepest, times = gap_m.copy(), np.full(key.size, t_ns, dtype=np.int64)
+        told, new, ended = np.zeros(key.size, bool), np.ones(key.size, bool), np.ones(self.key.size, bool)
+        keep = self.deepest_m[old] <= gap_m[now]
+        deepest[now[keep]], times[now[keep]] = self.deepest_m[old[keep]], self.deepest_ns[old[keep]]
+        told[now], new[now], ended[old] = self.told[old], False, False
+        return Episodes(key, deepest, times, told), new, ended
+
+
+def no_episodes() -> Episodes:
+    """Return the state in which nothing touches."""
+    none = np.empty(0, np.int64)
+    return Episodes(none, np.empty(0), none, np.empty(0, bool))
 
 
 class Watch:

@@ -1,0 +1,220 @@
+"""How near any two benches can come while the leader goes on: a Lipschitz bound over a step of the whole chain.
+
+It holds where no link can lock. Handles then only move on as the leader does, so between two states handle i goes the
+way D_i between its places at both, and no more. A point of a bench that is t of the way between its handles goes
+(1 - t) D_i + t D_(i+1) at most; one that is e beside or beyond them goes e times the bench's turning more, which is at
+most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between, the same two points of
+theirs would have been apart by their gaps at both states: they would have gone at least the sum of both gaps.
+docs/contact.md has the proof.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.contact.broad_phase import swept_pairs
+from dragon_ros.core.contact.certificate import ALL, Interval
+from dragon_ros.core.contact.interval_clearing import Judgement, clear
+from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.placed import BACK
+
+_TOLERANCE = 4          # times the position error: two benches may be off, at two states
+_SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
+_MOST = 2_000_000       # of them: some hours
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_SHARE = 0.9            # of the room for a step: gaps shrink on the way
+_MOST_PARTS = 10        # that an interval is cut into at once: the room is known at its ends alone
+_REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
+_SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
+_AT_ONCE = 2**16        # benches that are sampled together, for the memory
+_FEW = 8                # roots of the first block; later ones are twice as long each
+_STILL_M = 1e-200       # two states may round to one place
+
+
+@dataclass(frozen=True)
+class ChainSamples:
+    """States of a chain with N benches at M places: handles' distances (M, N+1) along the track, and rectangles.
+
+    ``beyond`` (M,) are the benches whose front handles lie beyond the first segment of the track.
+    """
+
+    places: Floats
+    along_m: Floats
+    centre: Floats
+    axis: Floats
+    beyond: Ints
+
+    def rows(self, index: Ints) -> 'ChainSamples':
+        """Return some of the states."""
+        return ChainSamples(*(getattr(self, name)[index] for name in _FIELDS))
+
+
+_FIELDS = ('places', 'along_m', 'centre', 'axis', 'beyond')
+
+
+class _Space:
+    """Places of the leader, for ``clear``; pairs are looked for once for each root."""
+
+    def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
+        dragon = domain.dragon
+        self._domain, self._only_beyond, self._heads_m = domain, only_beyond, heads_m
+        self.tolerance_m = _TOLERANCE * domain.error_m
+        self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
+        overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
+        self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
+        self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self._first: Ints = np.empty(0, dtype=np.int64)     # of each root's pairs
+        self._count: Ints = np.empty(0, dtype=np.int64)
+        self._others_m: Floats = np.empty(0)                # a bound of the gaps of each root's other pairs
+
+    def sample(self, places: Floats) -> ChainSamples:
+        """Return samples."""
+        at_once = max(1, _AT_ONCE // self._domain.dragon.benches)
+        return self.joined([self._sample(places[n:n + at_once]) for n in range(0, places.size, at_once)])
+
+    def _sample(self, places: Floats) -> ChainSamples:
+        domain = self._domain
+        domain.count(places.size)
+        chain = domain.chains(places)
+        benches = benches_of(chain, domain.dragon, axes_of(chain))
+        along_m = domain.track.distances(chain.piece, chain.u)
+        self._heads_m.update(zip(places.tolist(), along_m[:, 0].tolist(), strict=True))
+        return ChainSamples(places, along_m, benches.centre, benches.axis,
+                            np.sum(chain.piece[:, :-1] > 0, axis=1))
+
+    def joined(self, parts: list[ChainSamples]) -> ChainSamples:
+        """Return several samples as one."""
+        return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
+
+    def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
+        """Take the roots: look which pairs come near on each."""
+        moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
+        reach_m = _REACH * 2 * moved_m + self._far_m
+        found = [self._near(samples, rows, reach) for rows, reach in zip(pairs.T, reach_m.tolist(), strict=True)]
+        self._count = np.array([i.size for i, _ in found])
+        self._first = np.cumsum(self._count) - self._count
+        self._pairs = np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+        self._others_m = reach_m - 2 * moved_m
+
+    def _near(self, samples: ChainSamples, rows: Ints, reach_m: float) -> tuple[Ints, Ints]:
+        """Return the pairs that are to be looked at on a root: all within reach, but those that others speak for."""
+        half_length, half_width = self._half
+        benches = Benches(samples.centre[rows], samples.axis[rows], half_length, half_width)
+        i, j = swept_pairs(benches.corners, reach_m)
+        keep = i < np.max(samples.beyond[rows]) if self._only_beyond else slice(None)
+        return i[keep], j[keep]
+
+    def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
+        """Return how far points of benches (M, N) go at most between samples."""
+        way_m = np.abs(b.along_m - a.along_m)
+        out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
+        return out
+
+    def judge(self, a: ChainSamples, b: ChainSamples, root: Ints) -> Judgement:
+        """Judge intervals by what gaps leave of the ways of benches; they are cut as the room asks for."""
+        moved_m, size = self._moved(a, b), self._count[root]
+        row = np.repeat(np.arange(root.size), size)
+        at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[root], size)
+        i, j = self._pairs[0][at], self._pairs[1][at]
+        gap_a, gap_b, moving_m = self._gaps(a, row, i, j), self._gaps(b, row, i, j), moved_m[row, i] + moved_m[row, j]
+        bound_m, room = self._others_m[root], np.full(root.size, 1.0)
+        np.minimum.at(bound_m, row, 0.5 * (gap_a + gap_b - moving_m))
+        np.minimum.at(room, row, (gap_a + gap_b) / np.maximum(moving_m, _STILL_M))
+        touching = np.zeros((2, root.size), dtype=bool)
+        for end, gap in enumerate((gap_a, gap_b)):
+            touching[end, row[gap <= 0]] = True
+        parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
+        return Judgement(bound_m, touching, np.clip(parts, 2, _MOST_PARTS).astype(np.int64))
+
+    def _gaps(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> Floats:
+        states, count = samples.places.size, self._domain.dragon.benches
+        half_length, half_width = (np.tile(half, states) for half in self._half)
+        benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
+        return gaps(benches, row * count + i, row * count + j)
+
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return the leader's ways."""
+        return np.abs(stop - start)
+
+
+class WholeChain:
+    """All pairs of a domain, or those that ``LeadingBenches`` leave: what is cleared of them, and where that ends."""
+
+    def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
+        """Take a domain; with ``only_beyond`` pairs count whose inner bench is beyond the track's first segment.
+
+        Raises FieldError where the domain is too long to search.
+        """
+        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
+        longest_m = float(np.max(domain.dragon.bench_lengths_m))
+        self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
+        self._rows: list[tuple[float, float, float]] = []
+        self._heads_m: dict[float, float] = {}      # the head's distance along the track at the places
+        self._hit: Bracket | None = None
+        length_m = abs(domain.stop_m - domain.start_m)
+        if length_m > _MOST * self._spacing_m:
+            raise FieldError('run.stop_s', domain.scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more '
+                             f'than {_MOST * self._spacing_m:.3g} m can be searched', 'stop earlier')
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear all pairs up to a place of the leader; return the first bracket of places that is not."""
+        self._rows, self._hit = [], None
+        self._go_on(self._domain.start_m, stop_m)
+        return self._hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        sense = self._domain.sense
+        kept = [row for row in self._rows if sense * row[0] < sense * stop_m]
+        self._rows = [(start, sense * min(sense * stop, sense * stop_m), bound) for start, stop, bound in kept]
+        if self._hit:
+            self._hit = None
+            self._go_on(self._rows[-1][1] if self._rows else self._domain.start_m, stop_m,
+                        (_SHORTEST * self.tolerance_m,))
+        return self._hit
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        for start, stop, bound_m in self._rows:
+            yield Interval(ALL, self._head_m(start), self._head_m(stop), self._domain.dragon.benches - 1, bound_m)
+
+    def _head_m(self, place: float) -> float:
+        """Return the head's distance along the track."""
+        if place not in self._heads_m:
+            self._heads_m[place] = float(self._domain.along_m(place)[0])
+        return self._heads_m[place]
+
+    def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
+        """Clear from one place to another, block by block, or to the first place that is not."""
+        start_m, stop_m = (self._within(place) for place in (start_m, stop_m))
+        most = max(1, _AT_ONCE // self._domain.dragon.benches)
+        count = max(1, int(abs(stop_m - start_m) / self._spacing_m + 0.5)) if start_m != stop_m else 0
+        done, size = 0, min(_FEW, most)
+        while done < count and not self._hit:
+            block = np.arange(done, min(done + size, count) + 1) / count
+            places = np.where(block == 1, stop_m, start_m + block * (stop_m - start_m))
+            space = _Space(self._domain, self._only_beyond, self._heads_m)
+            cleared = clear(space, [places], finest_m or self._finest_m)[0]
+            self._rows += cleared.rows
+            self._hit = Bracket(*cleared.hit) if cleared.hit else None
+            done, size = done + size, min(2 * size, most)
+
+    def _within(self, place_m: float) -> float:
+        """Return the place, or the nearest one at which a bench is beyond the first segment if only those count."""
+        domain = self._domain
+        if not self._only_beyond:
+            return place_m
+        ends = domain.start_m, domain.stop_m
+        joint_m = domain.track.joints_m[0] if domain.track.joints_m else np.inf
+        inside = [float(domain.along_m(end)[0]) <= joint_m for end in ends]
+        if all(inside):
+            return domain.start_m
+        if not any(inside):
+            return place_m
+        crossing = domain.gone_at(0, joint_m, ends)
+        return (max if domain.led.way == BACK else min)(place_m, crossing)

@@ -1,0 +1,1 @@
+"""Helpers beside this file (``apart``) are imported by the tests of the rooms below."""
