@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core import paper
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.chain import Chain, SpiralChain, stack
 from dragon_ros.core.effects import Effect
 from dragon_ros.core.errors import FieldError
@@ -56,45 +56,28 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Flo
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
-    frame = Frame(k, t_ns, chain, axes_of(chain))
-    for name, compute in plan(scene.effects):
+    axis, effects = axes_of(chain), scene.effects
+    velocity = velocity_of(scene, chain, t_ns / NS) if Effect.VELOCITY in effects else None
+    benches = benches_of(chain, scene.dragon, axis) if Effect.BENCHES in effects else None
+    frame = Frame(k, t_ns, chain, axis, velocity, benches)
+    for name, compute in plan(effects):
         frame = replace(frame, **{name: compute(scene, frame)})
     return frame
 
 
-def _velocity(scene: Scene, frame: Frame) -> Floats:
-    return velocity_of(scene, frame.chain, frame.t_ns / NS)
-
-
-def _benches(scene: Scene, frame: Frame) -> Benches:
-    return benches_of(frame.chain, scene.dragon, frame.axis)
-
-
-Compute = Callable[[Scene, Frame], Any]
-
-
-def _in(module: str, name: str) -> Callable[[], Compute]:
-    """Return what imports a function of ``effects``: the modules of effects that are off stay unloaded."""
-    def load() -> Compute:
-        compute: Compute = getattr(import_module(f'dragon_ros.core.effects.{module}'), name)
-        return compute
-    return load
-
-
-# The field of each effect, and what returns its function (scene, frame with what comes before) -> value.
-_PARTS: dict[Effect, tuple[str, Callable[[], Compute]]] = {
-    Effect.VELOCITY: ('velocity_m_s', lambda: _velocity), Effect.BENCHES: ('benches', lambda: _benches),
-    Effect.CLEARANCE: ('closeness', _in('proximity', 'closeness')),
-    Effect.CONTACT: ('contacts', _in('proximity', 'contacts')),
-    Effect.ACCELERATIONS: ('acceleration_m_s2', _in('dynamics', 'accelerations')),
-    Effect.FORCES: ('tension_n_kg', _in('dynamics', 'tensions')), Effect.NOISE: ('measured', _in('noise', 'measured')),
-    Effect.TRAILS: ('trail_m', _in('trails', 'trail')), Effect.DIAGNOSTICS: ('health', _in('health', 'health'))}
+# The field of each further effect, and its function in ``effects``: (scene, frame with what comes before) -> value.
+_FURTHER = {
+    Effect.CLEARANCE: ('closeness', 'proximity', 'closeness'), Effect.CONTACT: ('contacts', 'proximity', 'contacts'),
+    Effect.ACCELERATIONS: ('acceleration_m_s2', 'dynamics', 'accelerations'),
+    Effect.FORCES: ('tension_n_kg', 'dynamics', 'tensions'), Effect.NOISE: ('measured', 'noise', 'measured'),
+    Effect.TRAILS: ('trail_m', 'trails', 'trail'), Effect.DIAGNOSTICS: ('health', 'health', 'health')}
 
 
 @lru_cache(maxsize=256)
-def plan(effects: Effect) -> tuple[tuple[str, Compute], ...]:
-    """Return the fields to fill, with their functions, in order."""
-    return tuple((name, load()) for effect, (name, load) in _PARTS.items() if effect in effects)
+def plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
+    """Return the further fields to fill, with their functions, in order; modules of effects that are off stay out."""
+    return tuple((name, getattr(import_module(f'dragon_ros.core.effects.{module}'), function))
+                 for effect, (name, module, function) in _FURTHER.items() if effect in effects)
 
 
 def states(scene: Scene, times_s: Sequence[float]) -> Chain:

@@ -4,11 +4,13 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import count
 from statistics import median, quantiles
+from typing import Any
 
-from dragon_ros.core.benches import axes_of
+from dragon_ros.core.benches import axes_of, benches_of
 from dragon_ros.core.effects import NEEDS, Effect, known
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import frame_of, plan, state, tick
+from dragon_ros.core.step import frame_of, plan, state, tick, velocity_of
 from dragon_ros.cost.measure import Timing
 from dragon_ros.wire.cdr import PoseArrayTemplate
 from dragon_ros.wire.channels import live
@@ -20,6 +22,10 @@ ALL = ~Effect.NONE
 _LEAST, _MOST = 15, 400         # calls
 _TICKS, _PLACES = 97, 7         # ticks apart, and places along the run: successive calls are of unlike ones
 Call = Callable[[], object]
+# What frame_of computes by itself, for the effects that are not in its plan.
+_PLAIN: dict[Effect, tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]] = {
+    Effect.VELOCITY: (('velocity_m_s', lambda scene, frame: velocity_of(scene, frame.chain, frame.t_ns / NS)),),
+    Effect.BENCHES: (('benches', lambda scene, frame: benches_of(frame.chain, scene.dragon, frame.axis)),)}
 
 
 @dataclass(frozen=True)
@@ -66,7 +72,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
         t_ns = times[len(spent) % _PLACES]
         frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
-        for name, compute in plan(effect):
+        for name, compute in (*_PLAIN.get(effect, ()), *plan(effect)):
             frame = replace(frame, **{name: compute(scene, frame)})     # as frame_of does
         for one in encode:
             one(frame)
