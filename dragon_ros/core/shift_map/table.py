@@ -240,15 +240,14 @@ def _same_cells(cell: Ints) -> list[tuple[slice, int]]:
 class ShiftMap:
     """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
 
-    ``error_m`` tells where the series of a tile are cut, from its largest distance from the origin and its foremost
-    place.
+    ``series_m`` tells from a tile's foremost place, and then from how far out places are, where series are cut.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int,
-                 error_m: Callable[[float, Place], float]) -> None:
+                 series_m: Callable[[Place], Callable[[Floats], Floats]]) -> None:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
-        self._error_m = error_m
+        self._series_m = series_m
         length = max(_FEWEST_LINKS, 1 << (links - 1).bit_length())
         self._length_m, self._before_m = length * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
@@ -338,9 +337,8 @@ class ShiftMap:
         track = self.track
         low_m, high_m = (n * self._length_m - self._before_m for n in (number, number + 1))
         ends = [self._boundary(number + 1) or self._end(1), self._boundary(number) or self._end(-1)]
-        far_m = track.far_m(max(low_m - self._length_m, track.begin_m), min(high_m, track.end_m))
         table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction),
-                      self._error_m(far_m, ends[0]))
+                      self._series_m(ends[0]))
         return Tile(track, table, *ends) if table else None
 
     def _end(self, side: int) -> Place:
