@@ -22,7 +22,8 @@ def main(argv: list[str]) -> int:
         print(f'dragon_ros: there is no {name!r}; {hint}', file=sys.stderr)
         return 2
     try:
-        code: int = importlib.import_module(EXECUTABLES[name].module).main(rest)
+        executable = EXECUTABLES[name]
+        code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
     except KeyboardInterrupt:
         return 1
     return code

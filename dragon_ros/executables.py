@@ -3,17 +3,19 @@ from typing import NamedTuple
 
 
 class Executable(NamedTuple):
-    """Where the ``main(argv)`` of an executable is, and what it is for."""
+    """The module and the function ``f(argv) -> exit code`` of an executable, and what it is for."""
 
     module: str
     help: str
+    function: str = 'main'
 
 
 EXECUTABLES = {
-    'sim': Executable('dragon_ros.nodes.executables.sim', 'simulate a scene and publish it'),
-    'monitor': Executable('dragon_ros.nodes.executables.monitor', 'watch a published dragon and report its contacts'),
-    'record': Executable('dragon_ros.nodes.executables.record', 'record the topics of a dragon as an MCAP bag'),
-    'replay': Executable('dragon_ros.nodes.executables.replay', 'publish a bag as it was recorded'),
+    'sim': Executable('dragon_ros.nodes.command_lines', 'simulate a scene and publish it', 'sim'),
+    'monitor': Executable('dragon_ros.nodes.command_lines', 'watch a published dragon and report its contacts',
+                          'monitor'),
+    'record': Executable('dragon_ros.nodes.command_lines', 'record the topics of a dragon as an MCAP bag', 'record'),
+    'replay': Executable('dragon_ros.nodes.command_lines', 'publish a bag as it was recorded', 'replay'),
     'table': Executable('dragon_ros.commands.table', 'print positions and velocities, without ROS'),
     'contact': Executable('dragon_ros.commands.contact', 'find the first contact of a scene, without ROS'),
     'inspect': Executable('dragon_ros.commands.inspect', 'tell what is in a bag, check or repair it'),

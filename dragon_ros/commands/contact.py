@@ -3,7 +3,6 @@ import json
 import time
 from argparse import Namespace
 from collections.abc import Callable
-from dataclasses import asdict
 from functools import partial
 from math import isfinite
 from pathlib import Path
@@ -25,7 +24,7 @@ def main(argv: list[str]) -> int:
                                   'python -m dragon_ros contact --scene winding --format json')
     command_line.add_scene_options(options)
     options.add_argument('--near-misses', type=float, metavar='METRES',
-                         help="also report the head's near misses with gaps below this")
+                         help='also report near misses, the smallest gaps of two benches below this')
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the intervals that prove that nothing touched before, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
@@ -47,7 +46,10 @@ def _run(arguments: Namespace) -> int:
     values = values_of(found)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     if arguments.near_misses is not None:
-        values['near_misses'] = [asdict(miss) for miss in near_misses(scene, found, arguments.near_misses)]
+        near = near_misses(scene, found, arguments.near_misses)
+        values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 't_s': miss.t_s,
+                                  'gap_m': miss.gap_m} for miss in near.nearest]
+        values['near_misses_count'] = near.count
     if arguments.certificate:
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
@@ -76,8 +78,11 @@ def _text(values: dict[str, Any]) -> str:
         why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
         return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
     (inner, outer), (x, y) = values['benches'], values['point_m']
-    misses = ''.join(f'\n  near miss of bench 0 and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
-                     f'at {miss["t_s"]:.5f} s' for miss in values.get('near_misses', []))
+    told = values.get('near_misses', [])
+    misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
+                     f'at {miss["t_s"]:.5f} s' for miss in told)
+    if (count := values.get('near_misses_count', 0)) > len(told):
+        misses += f'\n  and {count - len(told)} more near misses with larger gaps'
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
     return (f'{kind} at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
             f'{misses}')

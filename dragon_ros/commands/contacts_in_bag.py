@@ -7,14 +7,14 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.bags.read.frames import BagFrame, frames
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagnostics
 
 
-def first_contact_in(bag: LogReader, namespace: str, scene: Scene | None) -> dict[str, Any]:
+def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None) -> dict[str, Any]:
     """Return the first contact and where it is known from: the topic ``collision``, or the scene, recomputed."""
     told = _told(bag, f'{namespace}/collision')
     if told is not None:
@@ -29,7 +29,7 @@ def first_contact_in(bag: LogReader, namespace: str, scene: Scene | None) -> dic
             'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
 
 
-def _told(bag: LogReader, topic: str) -> dict[str, Any] | None:
+def _told(bag: BagReader, topic: str) -> dict[str, Any] | None:
     """Return the first contact that a monitor reported in the bag."""
     for message in bag.messages([topic]):
         try:
@@ -59,7 +59,7 @@ class Clearance:
     ticks: int
 
 
-def clearance_in(bag: LogReader, namespace: str, looks: int) -> Clearance:
+def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
     """Return the clearance over time: the topic where there is one, else ``looks`` ticks (0: all) are looked at."""
     counts = {topic.name: topic.messages for topic in bag.topics}
     ticks = counts.get(f'{namespace}/handles', 0)
@@ -80,12 +80,12 @@ def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) ->
     return Clearance(source, [t_s for t_s, _ in near], [gap for _, gap in near], looks, ticks)
 
 
-def _every(bag: LogReader, namespace: str, ticks: int) -> Iterator[BagFrame]:
+def _every(bag: BagReader, namespace: str, ticks: int) -> Iterator[BagFrame]:
     yield from tqdm(frames(bag, namespace), desc='clearance', total=ticks, unit=' ticks', disable=None, leave=False,
                     delay=1)
 
 
-def _some(bag: LogReader, namespace: str, looks: int) -> Iterator[BagFrame]:
+def _some(bag: BagReader, namespace: str, looks: int) -> Iterator[BagFrame]:
     """Yield the first tick at or after each of evenly spread times."""
     span = bag.end_ns - bag.start_ns
     for n in tqdm(range(looks), desc='clearance', unit=' ticks', disable=None, leave=False, delay=1):

@@ -16,7 +16,7 @@ from typing import IO, NoReturn
 from tqdm import tqdm
 
 from dragon_ros.bags.check.compare import compare_with_model
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import save, style
@@ -95,7 +95,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
 def _check(folder: Path, live: Path, again: Path) -> int:
     """Compare live, replayed and model; draw the picture; say what there is to see."""
     scene = load_scene(SCENE)
-    with LogReader(live) as bag, LogReader(again) as replayed:
+    with BagReader(live) as bag, BagReader(again) as replayed:
         comparison = compare_with_model(bag, scene)
         event, second = _event(bag), _event(replayed)
         same = _by_topic(bag) == _by_topic(replayed)
@@ -213,7 +213,7 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
         raise DragonError(f'{name} ended with exit code {code}; see the .log files beside the bag')
 
 
-def _by_topic(bag: LogReader) -> dict[str, list[tuple[int, bytes]]]:
+def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
     """Return the messages of each topic with a stamp in order; between topics of one time there is no order."""
     out: dict[str, list[tuple[int, bytes]]] = {}
     for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
@@ -221,7 +221,7 @@ def _by_topic(bag: LogReader) -> dict[str, list[tuple[int, bytes]]]:
     return out
 
 
-def _event(bag: LogReader) -> Status:
+def _event(bag: BagReader) -> Status:
     """Return the one contact in a bag."""
     events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
               if status.values['phase'] == 'begin']

@@ -13,11 +13,10 @@ import numpy as np
 from tqdm import tqdm
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.cli import command_line
-from dragon_ros.commands.bag_rows import values_of
-from dragon_ros.commands.table import COLUMNS, handles_of
+from dragon_ros.commands.table import COLUMNS, handles_of, values_of
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
@@ -43,7 +42,7 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     if arguments.every < 1:
         raise InputError(f'--every {arguments.every}: give 1 or more', field='every')
-    with LogReader(arguments.bag) as bag:
+    with BagReader(arguments.bag) as bag:
         source = _Source(bag, arguments)
         with _created(arguments.output, arguments.force) as file:
             _FORMATS[arguments.format](source, file)
@@ -53,7 +52,7 @@ def _run(arguments: Namespace) -> int:
 class _Source:
     """The ticks that are to be exported, as often as they are asked for."""
 
-    def __init__(self, bag: LogReader, arguments: Namespace) -> None:
+    def __init__(self, bag: BagReader, arguments: Namespace) -> None:
         self._bag, self._every = bag, arguments.every
         self._namespace = namespace_of(bag, arguments.namespace)
         first = next(frames(bag, self._namespace), None)

@@ -11,21 +11,22 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.bags.check.compare import Comparison, compare_with_model
-from dragon_ros.bags.check.examine import Contents, examine
-from dragon_ros.bags.check.gaps import gaps_of
+from dragon_ros.bags.check.examine import Contents, examine, gaps_of
 from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.frames import namespace_of, scene_of_bag
-from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.bags.read.records import BagError
+from dragon_ros.bags.read.mcap import BagError
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
-from dragon_ros.commands.inspect_text import bag_text, check_text, repair_text
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
+
+_SHOWN = 20     # lines of faults
+_STEPS = 8      # of the clearance over time
 
 
 def main(argv: list[str]) -> int:
@@ -56,7 +57,7 @@ def _run(arguments: Namespace) -> int:
 def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
     contents = _examined(arguments.bag)
     if arguments.namespace is not None:
-        with LogReader(arguments.bag, bool(contents.problems.count)) as bag:
+        with BagReader(arguments.bag, bool(contents.problems.count)) as bag:
             namespace_of(bag, arguments.namespace)
     values: dict[str, Any] = {
         'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
@@ -81,11 +82,11 @@ def _examined(path: Path) -> Contents:
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
     """Return what the bag, or what still holds of a damaged one, tells of its dragon."""
-    with LogReader(arguments.bag, damaged) as bag:
+    with BagReader(arguments.bag, damaged) as bag:
         return _told(bag, arguments)
 
 
-def _told(bag: LogReader, arguments: Namespace) -> dict[str, Any]:
+def _told(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     scene = scene_of_bag(bag)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
     out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
@@ -112,7 +113,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
-    with LogReader(arguments.bag) as bag:
+    with BagReader(arguments.bag) as bag:
         scene = scene_of_bag(bag)
         if scene is None:
             raise BagError(f'{arguments.bag}: says of no scene what it holds (metadata record {RECORD}, key scene); '
@@ -139,5 +140,108 @@ def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
     return values, command_line.OK
 
 
+def _bag_text(values: dict[str, Any]) -> str:
+    """Return the text of an inspection."""
+    chunks = ', '.join(f'{count} chunks in {name}' for name, count in values['chunks'].items()) or 'no chunks'
+    lines = [f'{values["bag"]}: {len(values["files"])} file{"s"[:len(values["files"]) != 1]}, '
+             f'{values["bytes"] / 1e6:.3f} MB, {chunks}; written by {", ".join(sorted(set(values["written_by"])))}']
+    lines += _about_lines(values['about'])
+    lines += _scene_lines(values['scene']) + _topic_lines(values['topics'])
+    if 'start_s' in values:
+        lines.append(f'  from {values["start_s"]:.9f} to {values["end_s"]:.9f} s')
+    if 'namespace' in values:
+        lines += [_contact_line(values['first_contact']), *_clearance_lines(values['clearance'])]
+    return '\n'.join([*lines, *_integrity_lines(values)])
+
+
+def _check_text(values: dict[str, Any]) -> str:
+    """Return the text of a check."""
+    line = f'{values["bag"]}: {values["equal"]} messages are bit for bit what the model says'
+    if values['close']:
+        line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
+                 f'difference is {values["worst_m"]:.3g} m: another machine\'s mathematics library)')
+    lines = [f'{line}, {values["fault_count"]} are not'] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
+    return '\n'.join(lines + _more(len(values['faults'][:_SHOWN]), len(values['faults'])))
+
+
+def _repair_text(values: dict[str, Any]) -> str:
+    """Return the text of a repair."""
+    lines = [f'{values["repaired"]}: {values["messages"]} messages saved from {values["bag"]}']
+    lines += [f'  {line}' for line in values['lost'][:_SHOWN]]
+    return '\n'.join(lines + _more(len(values['lost'][:_SHOWN]), values['lost_count']))
+
+
+def _more(shown: int, count: int) -> list[str]:
+    return [f'  and {count - shown} more'] if count > shown else []
+
+
+def _about_lines(about: dict[str, str]) -> list[str]:
+    made = [f'{key.removeprefix("about.")} {value}' for key, value in about.items() if key.startswith('about.')]
+    return [f'  made with {", ".join(made)}'] if made else []
+
+
+def _scene_lines(scene: dict[str, Any] | None) -> list[str]:
+    if scene is None:
+        return ['  no scene is recorded in it']
+    dragon, track, run = scene['dragon'], scene['track'], scene['run']
+    benches = dragon.get('benches') or sum(group['count'] for group in dragon['groups'])
+    on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{len(track["pieces"])} pieces of track'
+    return [f'  scene: {benches}{" mixed" if "groups" in dragon else ""} benches, {on}, {run["rate_hz"]:g} Hz from '
+            f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}']
+
+
+def _topic_lines(topics: list[dict[str, Any]]) -> list[str]:
+    head = f'  {"topic":<30} {"type":<36} {"messages":>9} {"MB":>9} {"Hz":>9}  ticks'
+    return [head, *(f'  {row["topic"]:<30} {row["type"]:<36} {row["messages"]:>9} {row["bytes"] / 1e6:>9.3f} '
+                    f'{_number(row["rate_hz"])}  {_ticks(row)}' for row in topics)]
+
+
+def _number(value: float | None) -> str:
+    return f'{"-":>9}' if value is None else f'{value:>9.3f}'
+
+
+def _ticks(row: dict[str, Any]) -> str:
+    if row['missing'] is None:
+        return '-'
+    line = f'{row["first_tick"]} to {row["last_tick"]}'
+    if row['missing']:
+        ranges = ', '.join(f'{a}' if a == b else f'{a} to {b}' for a, b in row['missing_ranges'])
+        line += f', {row["missing"]} MISSING: {ranges}{", ..." if len(row["missing_ranges"]) == _SHOWN else ""}'
+    return line + (f', {row["doubled"]} DOUBLED' if row['doubled'] else '')
+
+
+def _contact_line(found: dict[str, Any]) -> str:
+    source = {'collision': 'as the monitor reported it', 'scene': 'recomputed from the scene'}.get(found['source'])
+    if source is None:
+        return '  first contact: unknown, there is neither a scene nor a report in it'
+    if found['t_s'] is None:
+        return f'  no contact ({source})'
+    where = '' if found['in_bag'] else ', which is not in this bag'
+    return (f'  first contact: benches {found["benches"][0]} and {found["benches"][1]} at {found["t_s"]:.9f} s{where} '
+            f'({source})')
+
+
+def _clearance_lines(found: dict[str, Any]) -> list[str]:
+    rows = list(zip(found['t_s'], found['gap_m'], strict=True))
+    looked = f'{found["looks"]} of {found["ticks"]} ticks'
+    if not rows:
+        return [f'  smallest clearance: none ({looked} looked at)']
+    t_s, gap = min(rows, key=lambda row: row[1])
+    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{looked} looked at'
+    size = max(1, -(-len(rows) // _STEPS))
+    parts = [min(rows[n:n + size], key=lambda row: row[1]) for n in range(0, len(rows), size)]
+    over_time = ', '.join(f'{gap * 1e3:.3f} at {t:g} s' for t, gap in parts)
+    return [f'  smallest clearance: {gap * 1e3:.6f} mm at {t_s:.9f} s ({where}); over time, in mm: {over_time}']
+
+
+def _integrity_lines(values: dict[str, Any]) -> list[str]:
+    lines = [f'  NOT READ: {values["unread"]}'] if 'unread' in values else []
+    lines += [f'  {line}' for line in values['notes']]
+    count = values['problem_count']
+    lines.append(f'  integrity: {count} problems' if count else '  integrity: every length, index and CRC holds')
+    return lines + [f'    {line}' for line in values['problems'][:_SHOWN]] + _more(
+        len(values['problems'][:_SHOWN]), count)
+
+
 _TEXT: dict[Callable[[Namespace], tuple[dict[str, Any], int]], Callable[[dict[str, Any]], str]] = {
-    _inspect: bag_text, _check: check_text, _repair: repair_text}
+    _inspect: _bag_text, _check: _check_text, _repair: _repair_text}

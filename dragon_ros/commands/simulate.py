@@ -10,7 +10,7 @@ from threading import Event
 from tqdm import tqdm
 
 from dragon_ros.bags.write.mcap import COMPRESSIONS
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.model import compile_scene
@@ -19,7 +19,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.track import track_message
+from dragon_ros.messages.markers import track_marker
 from dragon_ros.scenes import provenance
 
 _NAMESPACE = '/dragon'      # of the live nodes, unless told otherwise
@@ -47,7 +47,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     ticks, began = compile_scene(scene).last_tick + 1, time.perf_counter()
-    writer = LogWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
+    writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
         done = simulate(scene, bag, arguments.namespace, stop)
@@ -58,20 +58,20 @@ def _run(arguments: Namespace) -> int:
     return command_line.OK if done == ticks else command_line.FAILED
 
 
-def _introduce(scene: Scene, bag: LogWriter, namespace: str) -> None:
+def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
     """Say what made the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
     text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
     told = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(provenance.RECORD, provenance.run_metadata(text, told | provenance.versions()))
     bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
-    once = {'track': track_message(scene, _FRAME_ID), 'scene': string_message(text)}
+    once = {'track': track_marker(scene, _FRAME_ID), 'scene': string_message(text)}
     for name in (*once, *(row.name for row in live(scene.effects))):
         bag.add_channel(f'{namespace}/{name}', channels()[name])
     for name, data in once.items():
         bag.write(f'{namespace}/{name}', data, scene.run.start_ns, 1)
 
 
-def simulate(scene: Scene, bag: LogWriter, namespace: str, stop: Event) -> int:
+def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
     topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
     ticks = compile_scene(scene).last_tick + 1

@@ -2,17 +2,18 @@
 import json
 import sys
 from argparse import Namespace
+from collections.abc import Iterable, Iterator
 from functools import partial
 from pathlib import Path
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import namespace_of
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
-from dragon_ros.commands.bag_rows import at_times, values_of
 from dragon_ros.commands.contest import paper_tables
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import states, velocity_of
 from dragon_ros.scenes.load import load_scene
@@ -98,7 +99,7 @@ def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
 def _bag_rows(arguments: Namespace) -> list[Row]:
     """Return rows as ``table`` does, out of a bag; velocities that it has not are nan."""
     out: list[Row] = []
-    with LogReader(arguments.bag) as bag:
+    with BagReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
         for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):
             handles = handles_of(arguments.handles, len(frame.handles_m) - 1)
@@ -152,3 +153,21 @@ def _json(rows: list[Row]) -> str:
 
 
 _FORMATS = {'text': _text, 'csv': _csv, 'json': _json}
+
+
+def values_of(frame: BagFrame, handles: list[int]) -> Floats:
+    """Return (handles, 5): x and y in m, vx, vy and speed in m/s; nan where the bag has no velocities."""
+    out = np.full((len(handles), 5), np.nan)
+    out[:, :2] = frame.handles_m[handles]
+    if frame.velocity_m_s is not None:
+        out[:, 2:4] = frame.velocity_m_s[handles]
+        out[:, 4] = np.hypot(out[:, 2], out[:, 3])
+    return out
+
+
+def at_times(bag: BagReader, namespace: str, times_s: Iterable[float]) -> Iterator[BagFrame]:
+    """Yield, for each time, the first tick that is in the bag at or after it; nothing after the last."""
+    for t_s in times_s:
+        frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)
+        if frame is not None:
+            yield frame

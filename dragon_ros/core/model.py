@@ -194,7 +194,7 @@ class Simulation:
         """How far from the origin a handle can be in this run, in metres (a bound)."""
         return self.model.size_m(self.scene.head.extent_m(self.scene.run.stop_s or 0.0))
 
-    @property
+    @cached_property
     def tier(self) -> Tier:
         """The accuracy as a promise."""
         return self.model.tier
@@ -302,10 +302,19 @@ class Simulation:
 
     def chain(self, t_s: float) -> Chain:
         """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
-        self.check_time(t_s)
+        if not 0.0 <= t_s <= self._last_s:
+            self.check_time(t_s)
         if self.tier is PAPER:
             return paper.place(self.model.track, self.model.links_m, self.scene.steady_m_s, t_s)
-        return self.model.place(self.scene.head.travelled_m(t_s))
+        return self._placement.place(self._leader.place(self.scene.head.travelled_m(t_s)))
+
+    @cached_property
+    def _placement(self) -> Placement:
+        return self.model.placement
+
+    @cached_property
+    def _leader(self) -> Leader:
+        return self.model.leader
 
 
 class _Compiled:

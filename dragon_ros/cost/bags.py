@@ -9,7 +9,7 @@ from matplotlib.figure import Figure
 from mcap.writer import CompressionType, Writer
 from tqdm import tqdm
 
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -78,7 +78,7 @@ def _rows() -> list[_Row]:
 
 
 def _own(path: Path, compression: str, rows: list[_Row]) -> None:
-    with LogWriter(path, overwrite=True, options=BagOptions(compression)) as bag:
+    with BagWriter(path, overwrite=True, options=BagOptions(compression)) as bag:
         for name in {name for name, *_ in rows}:
             bag.add_channel(name, channels()[name])
         for row in rows:

@@ -12,7 +12,7 @@ from tempfile import TemporaryDirectory
 
 import psutil
 
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.errors import DragonError
 
@@ -79,7 +79,7 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
         start.running['monitor'].send_signal(signal.SIGINT)
         ended(start.running['monitor'])
         overruns, seen = (_number(*which) for which in ((_OVERRUNS, start.text()), (_SEEN, start.text('monitor'))))
-        with LogReader(bag) as reader:
+        with BagReader(bag) as reader:
             counts = {topic.name.removeprefix('/dragon/'): topic.messages for topic in reader.topics}
     missing = {'seen': ticks - seen, **{topic: ticks - counts.get(topic, 0) for topic in _COUNTED}}
     return Live(benches, rate_hz, ticks, wall_s, overruns, missing, usage)

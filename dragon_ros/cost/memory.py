@@ -13,7 +13,7 @@ from matplotlib.figure import Figure
 from mcap.reader import make_reader
 from tqdm import tqdm
 
-from dragon_ros.bags.write.mcap_parts import packed_bytes
+from dragon_ros.bags.write.mcap import packed_bytes
 from dragon_ros.cost.live import Start, alive, ended, processes
 from dragon_ros.cost.measure import circumstances
 

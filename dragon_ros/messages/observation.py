@@ -7,8 +7,7 @@ from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.tracker import Sight
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.messages.cdr import NS
-from dragon_ros.messages.decode import MessageError, Poses, read_pose_array
-from dragon_ros.messages.decode_markers import Markers, read_marker_array
+from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
 from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST
 
 _ADD = 0
@@ -16,7 +15,7 @@ _SKEW = 1e-6        # parts of its size that a bench of two triangles may be off
 
 
 @dataclass(frozen=True)
-class Shown:
+class BenchMarkers:
     """The benches of one message as they came: stamp, frame, the markers, and which of them show benches."""
 
     t_ns: int
@@ -36,7 +35,7 @@ class Shown:
         return _triangles(self.markers, int(self.order[0]), handles_m)
 
 
-def sight_of(poses: Poses, shown: Shown) -> Sight:
+def observation_of(poses: Poses, shown: BenchMarkers) -> Sight:
     """Return the sight of two messages of one tick. Raises MessageError, naming message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
@@ -46,17 +45,17 @@ def sight_of(poses: Poses, shown: Shown) -> Sight:
     return Sight(poses.t_ns, handles_m, rectangles, poses.frame_id)
 
 
-def read_benches(data: bytes) -> Shown:
+def read_benches(data: bytes) -> BenchMarkers:
     """Return the benches of a MarkerArray; what others put beside them does not disturb. Raises MessageError."""
     markers = read_marker_array(data)
     order = _bench_markers(markers)
     t_ns = int(markers.t_ns[order[0]])
     if not 0 <= t_ns < 2**31 * NS:
         raise MessageError(f'benches: stamp: {t_ns} ns; expected no negative time')
-    return Shown(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
+    return BenchMarkers(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
 
 
-def check_handles(data: bytes) -> Poses:
+def read_handles(data: bytes) -> Poses:
     """Return the poses of a PoseArray if they can belong to a dragon, else raise MessageError."""
     poses = read_pose_array(data)
     if len(poses.poses) < 2:

@@ -3,7 +3,7 @@ from collections import Counter, deque
 from typing import Any, NamedTuple
 
 from dragon_ros.messages.decode import Poses
-from dragon_ros.messages.observation import Shown
+from dragon_ros.messages.observation import BenchMarkers
 
 _LEAST = 128                # stamps that may wait for their partner, however large the messages
 _MOST_VALUES = 8 * 2**20    # beyond those, as many as fit: one topic may run ahead while the other is sent again
@@ -23,7 +23,7 @@ class Unmatched(NamedTuple):
     t_ns: int
 
 
-class Pairing:
+class Synchronizer:
     """Keeps what has no partner yet, in the order of arrival; what a later pair overtook, is too old or too much goes.
 
     A stamp may come again, where a run starts afresh while the other topic still lags: the oldest of each pair up.
@@ -35,11 +35,11 @@ class Pairing:
         self._stamps: dict[str, Counter[int]] = {_HANDLES: Counter(), _BENCHES: Counter()}
         self._unmatched: list[Unmatched] = []
 
-    def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, Shown] | None:
+    def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, BenchMarkers] | None:
         """Add handles that came at ``now_s``; return (handles, benches) if both are there."""
         return self._add(_HANDLES, _Waiting(poses.t_ns, poses, now_s), poses.poses.size)
 
-    def add_benches(self, shown: Shown, now_s: float) -> tuple[Poses, Shown] | None:
+    def add_benches(self, shown: BenchMarkers, now_s: float) -> tuple[Poses, BenchMarkers] | None:
         """Add benches that came at ``now_s``; return (handles, benches) if both are there."""
         return self._add(_BENCHES, _Waiting(shown.t_ns, shown, now_s), shown.size)
 
@@ -54,7 +54,7 @@ class Pairing:
         out, self._unmatched = self._unmatched, []
         return out
 
-    def _add(self, topic: str, new: _Waiting, values: int) -> tuple[Poses, Shown] | None:
+    def _add(self, topic: str, new: _Waiting, values: int) -> tuple[Poses, BenchMarkers] | None:
         """Add a message; return its pair, or give up the oldest one where too much waits."""
         waiting = self._waiting[topic]
         waiting.append(new)
@@ -64,7 +64,7 @@ class Pairing:
             self._give_up(topic)
         return pair
 
-    def _match(self, t_ns: int) -> tuple[Poses, Shown] | None:
+    def _match(self, t_ns: int) -> tuple[Poses, BenchMarkers] | None:
         """Return the oldest pair of a stamp, if there is one; all that came before its halves is given up."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None

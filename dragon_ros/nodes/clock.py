@@ -11,7 +11,7 @@ from dragon_ros.nodes.base import STEADY
 _BEAT_S = 1.0
 
 
-class SimulationTime:
+class ClockPublisher:
     """Publishes /clock at each tick; while time stands still, the same time again each second, for late joiners."""
 
     def __init__(self, node: Node, t_ns: int) -> None:
@@ -20,7 +20,7 @@ class SimulationTime:
         self._t_ns, self._told = t_ns, 0.0
         node.create_timer(_BEAT_S, self._beat, clock=STEADY)
 
-    def tell(self, t_ns: int) -> None:
+    def publish(self, t_ns: int) -> None:
         """Publish the time."""
         self._t_ns, self._told = t_ns, time.monotonic()
         message = Clock()
@@ -29,4 +29,4 @@ class SimulationTime:
 
     def _beat(self) -> None:
         if time.monotonic() - self._told >= _BEAT_S:
-            self.tell(self._t_ns)
+            self.publish(self._t_ns)

@@ -17,10 +17,10 @@ from dragon_ros.nodes.pacer import Pacer
 
 _POLL_NS = 20_000_000       # looks so often whether it may start
 _SLICE_S = 0.005            # plays so long before others in the executor have their turn
-_TELL_S = 1.0               # progress comes so often
+_PROGRESS_S = 1.0               # progress comes so often
 
 
-class Reel(Protocol):
+class PlaySource(Protocol):
     """What is played: frames in the order of simulation time, and a place among them."""
 
     def next_ns(self) -> int | None:
@@ -51,10 +51,10 @@ class Reel(Protocol):
 class Player:
     """Plays a reel on a node that has the parameters ``CONTROLS``; ``done`` once it has ended for good."""
 
-    def __init__(self, node: DragonNode, reel: Reel, time_scale: float, ready: Callable[[], bool]) -> None:
+    def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
         """Offer the services; play from the moment when ``ready()`` is true."""
         self.pacer, self.paused, self.done = Pacer(time_scale), False, False
-        self._node, self._reel, self._ready = node, reel, ready
+        self._node, self._source, self._ready = node, source, ready
         self._waiting, self._owed = True, 0
         self._note_place()
         self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
@@ -64,31 +64,31 @@ class Player:
     def pause(self) -> str:
         """Stand still after the last frame."""
         self.paused = True
-        return f'paused {self._reel.place()}'
+        return f'paused {self._source.place()}'
 
     def resume(self) -> str:
         """Go on; the next frame is due one tick from now. Raises DragonError at an end that holds."""
-        if self._reel.next_ns() is None and self._node.setting['at_end'] == 'hold':
-            raise DragonError(f'{self._reel.ending()}: nothing comes after it; reset or seek first')
+        if self._source.next_ns() is None and self._node.setting['at_end'] == 'hold':
+            raise DragonError(f'{self._source.ending()}: nothing comes after it; reset or seek first')
         self.paused = False
         self._wake()
-        return f'goes on {self._reel.place()}'
+        return f'goes on {self._source.place()}'
 
     def reset(self) -> str:
         """Go back to the first frame and show it: time goes back as well. Whether it is paused does not change."""
-        self._reel.rewind()
+        self._source.rewind()
         return self._show_now(1)
 
     def step(self) -> str:
         """Pause, then play the next ``step_ticks`` frames at once."""
         self.paused = True
-        if self._reel.next_ns() is None:
-            raise DragonError(f'{self._reel.ending()}: nothing comes after it; reset or seek first')
+        if self._source.next_ns() is None:
+            raise DragonError(f'{self._source.ending()}: nothing comes after it; reset or seek first')
         return self._show_now(self._node.setting['step_ticks'])
 
     def seek(self) -> str:
         """Go to the last frame at or before ``seek_s`` and show it. Whether it is paused does not change."""
-        self._reel.seek(round(self._node.setting['seek_s'] * NS))
+        self._source.seek(round(self._node.setting['seek_s'] * NS))
         return self._show_now(1)
 
     def set_speed(self, time_scale: float) -> None:
@@ -116,18 +116,18 @@ class Player:
         while self._owed and self._play_owed():
             pass
         self._wake()
-        return self._reel.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
+        return self._source.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
 
     def _play_owed(self) -> bool:
         """Show one frame that is owed; return whether that was possible."""
-        t_ns = self._reel.next_ns()
+        t_ns = self._source.next_ns()
         if t_ns is None:
             self._owed = 0
-        elif self._reel.flush():
+        elif self._source.flush():
             self._owed -= 1
             self.pacer.rest()
             self.pacer.start(t_ns)
-            self._reel.show()
+            self._source.show()
         else:
             return False
         return True
@@ -150,17 +150,17 @@ class Player:
             if not self._ready():
                 return _POLL_NS
             self._waiting = False
-            self._node.get_logger().info(f'starts {self._reel.place()}')
+            self._node.get_logger().info(f'starts {self._source.place()}')
         until = time.monotonic() + _SLICE_S
         delay_ns: int | None = 0
         while delay_ns == 0 and time.monotonic() < until:
             delay_ns = self._play_one()
-        self._tell()
+        self._log_progress()
         return delay_ns
 
     def _play_one(self) -> int | None:
         """Play one frame if it is due; return as ``_play`` does."""
-        if not self._reel.flush():
+        if not self._source.flush():
             return 0
         if self._owed:
             self._play_owed()
@@ -168,20 +168,20 @@ class Player:
         if self.paused or self.done:
             self.pacer.rest()
             return None
-        t_ns = self._reel.next_ns()
+        t_ns = self._source.next_ns()
         if t_ns is None:
             return self._end()
         if delay_ns := self.pacer.delay_ns(t_ns):
             return delay_ns
         self.pacer.start(t_ns)
-        self._reel.show()
+        self._source.show()
         return 0
 
     def _end(self) -> int | None:
         """Do at the end what ``at_end`` says; return as ``_play`` does."""
         at_end = self._node.setting['at_end']
         if at_end == 'loop':
-            self._reel.rewind()
+            self._source.rewind()
             self.pacer.rest()
             return 0
         self.paused, self.done = at_end == 'hold', at_end == 'stop'
@@ -191,18 +191,18 @@ class Player:
     def _log_end(self, then: str) -> None:
         pacer = self.pacer
         if pacer.overruns:
-            self._node.get_logger().warning(f'{self._reel.ending()}{then}; {pacer.overruns} overruns, the worst '
+            self._node.get_logger().warning(f'{self._source.ending()}{then}; {pacer.overruns} overruns, the worst '
                                             f'{pacer.worst_late_s:.3f} s late')
         else:
-            self._node.get_logger().info(f'{self._reel.ending()}{then}')
+            self._node.get_logger().info(f'{self._source.ending()}{then}')
 
-    def _tell(self) -> None:
+    def _log_progress(self) -> None:
         """Log the progress each second, where somebody follows it."""
-        if time.monotonic() - self._told_s >= _TELL_S and logs.progress_wanted() and not self.stands():
+        if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
             self._node.get_logger().info(
-                f'{self._reel.place()}{left}, {pacer.overruns} overruns',
+                f'{self._source.place()}{left}, {pacer.overruns} overruns',
                 data={'t_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
                       'time_scale': pacer.scale})
             self._note_place()
@@ -210,10 +210,10 @@ class Player:
     def _left_s(self) -> float | None:
         """Return the wall time until the end at the speed since it was last noted; None where it did not move on."""
         t_ns = self.pacer.last_ns
-        if t_ns is None or self._told_ns is None or t_ns <= self._told_ns:
+        if t_ns is None or self._logged_ns is None or t_ns <= self._logged_ns:
             return None
-        wall_s = time.monotonic() - self._told_s
-        return round(wall_s * (self._reel.last_ns() - t_ns) / (t_ns - self._told_ns), 3)
+        wall_s = time.monotonic() - self._logged_s
+        return round(wall_s * (self._source.last_ns() - t_ns) / (t_ns - self._logged_ns), 3)
 
     def _note_place(self) -> None:
-        self._told_s, self._told_ns = time.monotonic(), self.pacer.last_ns
+        self._logged_s, self._logged_ns = time.monotonic(), self.pacer.last_ns

@@ -32,7 +32,7 @@ def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
     return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
 
 
-class Queue:
+class PublisherQueue:
     """Messages on their way out, in order; a reader that is slower than a lossless publisher holds them back."""
 
     def __init__(self) -> None:
@@ -60,7 +60,7 @@ class Queue:
         return True
 
 
-class Feed:
+class EncodedTopic:
     """One topic of ``sim``: encodes, but only what somebody hears."""
 
     def __init__(self, publisher: Publisher, encode: Encode) -> None:
@@ -69,7 +69,7 @@ class Feed:
         self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self.published = 0
 
-    def put(self, frame: Frame, queue: Queue) -> None:
+    def put(self, frame: Frame, queue: PublisherQueue) -> None:
         """Queue a frame's message; without a subscriber nothing is encoded.
 
         Who subscribes later hears from the next frame on, as ever: a volatile topic keeps nothing for late joiners.

@@ -5,26 +5,26 @@ from collections.abc import Callable, Iterator, Mapping
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 
-from dragon_ros.bags.read.reader import LogReader, Message
+from dragon_ros.bags.read.reader import BagReader, Message
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.scene import NS
 from dragon_ros.nodes import publisher_queue
 
 
-class BagReel:
+class ReplaySource:
     """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
 
     What is latched comes first: where it starts, and after a seek, each latched topic has the message that it had then.
     """
 
-    def __init__(self, bag: LogReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int) -> None:
+    def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int) -> None:
         """Stand before the first message; ``also`` is called with each time before its messages are published."""
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
         self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
-        self._queue, self._last_ns = publisher_queue.Queue(), start_ns
+        self._queue, self._last_ns = publisher_queue.PublisherQueue(), start_ns
         self._messages: Iterator[Message]
         self._next: Message | None
         self._starts: bool
@@ -42,8 +42,8 @@ class BagReel:
         """Publish the messages of the next log time, and move on."""
         assert self._next is not None
         self._last_ns = self._next.t_ns
-        for tell in self.also:
-            tell(self._last_ns)
+        for observe in self.also:
+            observe(self._last_ns)
         frame = self._take()
         if self._starts:
             frame = [*self._before(), *sorted(frame, key=lambda message: message.topic not in self._latched)]

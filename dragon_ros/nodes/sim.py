@@ -16,14 +16,14 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.track import track_message
+from dragon_ros.messages.markers import track_marker
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.clock import SimulationTime
+from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.params import SIM
-from dragon_ros.nodes.tf_publisher import Ends
+from dragon_ros.nodes.tf_publisher import TfPublisher
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.scenes.provenance import scene_file
 
@@ -31,19 +31,19 @@ from dragon_ros.scenes.provenance import scene_file
 class Broadcast(Frames):
     """The frames of a run, each published as it is shown."""
 
-    def __init__(self, scene: Scene, contact: Contact | None, feeds: Iterable[publisher_queue.Feed]) -> None:
+    def __init__(self, scene: Scene, contact: Contact | None, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Stand before the first frame; ``also`` is called with each frame before it is published."""
         super().__init__(scene, contact)
-        self._feeds, self._queue = tuple(feeds), publisher_queue.Queue()
+        self._topics, self._queue = tuple(topics), publisher_queue.PublisherQueue()
         self.also: list[Callable[[Frame], None]] = []
 
     def show(self) -> None:
         """Publish the next frame, and move on."""
         frame = self.take()
-        for tell in self.also:
-            tell(frame)
-        for feed in self._feeds:
-            feed.put(frame, self._queue)
+        for observe in self.also:
+            observe(frame)
+        for topic in self._topics:
+            topic.put(frame, self._queue)
         self.flush()
 
     def flush(self) -> bool:
@@ -67,16 +67,16 @@ class Sim(DragonNode):
             self.set_parameters([RosParameter('at_end', value='hold')])
         self._lossless = value['time_scale'] == 0
         encode = encoders(self.scene, value['frame_id'])
-        self.feeds = {name: publisher_queue.Feed(self._publisher(name), encode[name]) for name in encode}
-        self.outlets = {name: feed.publisher for name, feed in self.feeds.items()}
-        self._frames = Broadcast(self.scene, contact, self.feeds.values())
+        self.topics = {name: publisher_queue.EncodedTopic(self._publisher(name), encode[name]) for name in encode}
+        self.topic_publishers = {name: topic.publisher for name, topic in self.topics.items()}
+        self._frames = Broadcast(self.scene, contact, self.topics.values())
         self._frames.also = list(self._also())
-        self.outlets['track'] = self._publisher('track')
-        self.outlets['track'].publish(track_message(self.scene, value['frame_id']))
-        self.outlets['scene'] = self._publisher('scene')
-        self.outlets['scene'].publish(string_message(scene_file(self.scene, {
+        self.topic_publishers['track'] = self._publisher('track')
+        self.topic_publishers['track'].publish(track_marker(self.scene, value['frame_id']))
+        self.topic_publishers['scene'] = self._publisher('scene')
+        self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
-        wanted = publisher_queue.wanted_readers(value['wait_subscribers'], self.outlets)
+        wanted = publisher_queue.wanted_readers(value['wait_subscribers'], self.topic_publishers)
         self.player = Player(self, self._frames, value['time_scale'], lambda: publisher_queue.readers_are_there(wanted))
 
     def refuse(self, name: str, value: Any) -> None:
@@ -102,10 +102,10 @@ class Sim(DragonNode):
     def _also(self) -> Iterator[Callable[[Frame], None]]:
         """Yield what else is told of each frame."""
         if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
-            clock = SimulationTime(self, self.scene.run.start_ns)
-            yield lambda frame: clock.tell(frame.t_ns)
+            clock = ClockPublisher(self, self.scene.run.start_ns)
+            yield lambda frame: clock.publish(frame.t_ns)
         if self.setting['publish_tf']:
-            yield Ends(self, self.setting['frame_id']).tell
+            yield TfPublisher(self, self.setting['frame_id']).publish
 
 
 def _contact(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | None:
@@ -132,9 +132,9 @@ def run(given: dict[str, Any], stop: threading.Event) -> int:
         return command_line.OK
     try:
         code = shell.spin(node, stop, lambda: node.player.done)
-        node.get_logger().info('published: ' + ', '.join(f'{name} {feed.published}'
-                                                         for name, feed in node.feeds.items()))
-        publisher_queue.drain(node.outlets.values())
+        node.get_logger().info('published: ' + ', '.join(f'{name} {topic.published}'
+                                                         for name, topic in node.topics.items()))
+        publisher_queue.drain(node.topic_publishers.values())
         return code
     finally:
         node.destroy_node()

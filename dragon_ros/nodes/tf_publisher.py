@@ -8,7 +8,7 @@ from dragon_ros.messages.cdr import half_turns, stamp_of
 from dragon_ros.nodes import shell
 
 
-class Ends:
+class TfPublisher:
     """Publishes FRAME/head and FRAME/tail, children of the frame of all messages, on /tf."""
 
     def __init__(self, node: Node, frame_id: str) -> None:
@@ -16,7 +16,7 @@ class Ends:
         self._message, self._frame_id = shell.message_type('tf2_msgs/msg/TFMessage'), frame_id
         self._publisher = node.create_publisher(self._message, '/tf', QoSProfile(depth=100))
 
-    def tell(self, frame: Frame) -> None:
+    def publish(self, frame: Frame) -> None:
         """Publish both ends of a frame."""
         self._publisher.publish(self._message(transforms=transforms_of(frame, self._frame_id)))
 

@@ -1,7 +1,7 @@
 """Bags of half a second of the model, shared by the tests of what writes and reads them."""
 import pytest
 
-from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
@@ -12,7 +12,7 @@ SCENE = Scene(run=Run(412, 412.5))
 
 def _write_bag(path, ticks=range(SCENE.last_tick + 1)):
     encode = encoders(SCENE)
-    with LogWriter(path) as bag:
+    with BagWriter(path) as bag:
         for name, row in channels().items():
             bag.add_channel(f'/dragon/{name}', row)
         for k in ticks:

@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from dragon_ros.bags.check.examine import examine
 from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.frames import frames
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import DragonError, InputError
 
 FOLDER = Path(__file__).parents[1] / 'data' / 'corpus'
@@ -26,11 +26,11 @@ from pathlib import Path
 from dragon_ros.core.errors import InputError
 from dragon_ros.bags.check.examine import examine
 from dragon_ros.bags.check.repair import repair
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 used = int(Path('/proc/self/statm').read_text().split()[0]) * resource.getpagesize()
 resource.setrlimit(resource.RLIMIT_AS, (used + 400 * 2**20,) * 2)
 for name in sys.argv[2:]:
-    for read in (lambda: [None for _ in LogReader(Path(name)).messages()], lambda: examine(Path(name)),
+    for read in (lambda: [None for _ in BagReader(Path(name)).messages()], lambda: examine(Path(name)),
                  lambda: repair(Path(name), Path(sys.argv[1]) / Path(name).name)):
         try:
             read()
@@ -40,7 +40,7 @@ for name in sys.argv[2:]:
 
 
 def read(path):
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         return [(message.topic, message.t_ns, message.data) for message in bag.messages()]
 
 
@@ -78,7 +78,7 @@ def test_a_bag_of_the_corpus_is_examined_and_repaired_or_refused(tmp_path, name)
 @pytest.mark.parametrize('name', GOOD)
 def test_all_ways_to_write_the_same_messages_are_read_as_the_same(name):
     assert read(CORPUS[name]) == read(CORPUS['good_none'])
-    with LogReader(CORPUS[name]) as bag:
+    with BagReader(CORPUS[name]) as bag:
         seen = list(frames(bag))
         assert [topic.messages for topic in bag.topics] == [6, 6, 6]
     assert [len(frame.handles_m) for frame in seen] == [4] * 6
@@ -100,7 +100,7 @@ def use(path, out):
         with suppress(DragonError):
             way(path)
         out.unlink(missing_ok=True)
-    with suppress(DragonError), LogReader(path) as bag:
+    with suppress(DragonError), BagReader(path) as bag:
         for frame in frames(bag):
             assert frame.clearance_m is None or frame.clearance_m == frame.clearance_m
 

@@ -9,12 +9,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
-from dragon_ros.bags.check.examine import examine
-from dragon_ros.bags.check.gaps import gaps_of
-from dragon_ros.bags.read import order
+from dragon_ros.bags.check.examine import examine, gaps_of
+from dragon_ros.bags.read import reader
 from dragon_ros.bags.read.frames import frames, namespace_of, scene_of_bag
-from dragon_ros.bags.read.reader import LogReader, qos_of
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.read.reader import BagReader, qos_of
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -29,7 +28,7 @@ SCENE = Scene(run=Run(412, 412.5))
 def write(path, times, options=None, chunk=3):
     """Write handles at times in s in this order, ``chunk`` of them in each chunk; return what was written."""
     encode, out = encoders(SCENE)['handles'], []
-    with LogWriter(path, options=options) as bag:
+    with BagWriter(path, options=options) as bag:
         bag.add_channel('/dragon/handles', channels()['handles'])
         for n, k in enumerate(times):
             frame = tick(SCENE, k)
@@ -41,7 +40,7 @@ def write(path, times, options=None, chunk=3):
 
 
 def read(path, **window):
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         return [(m.t_ns, m.sequence) for m in bag.messages(**window)]
 
 
@@ -56,7 +55,7 @@ def test_messages_come_by_time_and_then_by_place_however_chunks_overlap(tmp_path
 
 
 def test_order_holds_where_chunks_are_closed_and_opened_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(order, '_KEEP', 1)
+    monkeypatch.setattr(reader, '_KEEP', 1)
     written = write(tmp_path / 'a.mcap', [*range(0, 26, 2), *range(1, 26, 2)], chunk=13)
     assert read(tmp_path / 'a.mcap') == sorted(written)
 
@@ -65,7 +64,7 @@ def test_a_split_folder_reads_as_one_bag_with_and_without_its_metadata(tmp_path)
     written = write(tmp_path / 'run', range(26), BagOptions(compression='none', split_duration_s=0.1))
     assert len(list((tmp_path / 'run').glob('*.mcap'))) > 3
     assert read(tmp_path / 'run') == read(tmp_path / 'run' / 'metadata.yaml') == written
-    with LogReader(tmp_path / 'run') as bag:
+    with BagReader(tmp_path / 'run') as bag:
         assert [topic.messages for topic in bag.topics] == [26]
         assert (bag.start_ns, bag.end_ns) == (412 * 10**9, 412_500_000_000)
     (tmp_path / 'run' / 'metadata.yaml').unlink()
@@ -82,27 +81,27 @@ def test_a_split_folder_reads_as_one_bag_with_and_without_its_metadata(tmp_path)
 def test_a_folder_with_bad_metadata_is_refused(tmp_path, text, says):
     (tmp_path / 'metadata.yaml').write_text(text)
     with pytest.raises(InputError, match=says):
-        LogReader(tmp_path)
+        BagReader(tmp_path)
 
 
 def test_what_is_no_file_is_refused_and_not_waited_for(tmp_path):
     import os
     os.mkfifo(tmp_path / 'pipe.mcap')
     with pytest.raises(MissingError, match='is not a file'):
-        LogReader(tmp_path / 'pipe.mcap')
+        BagReader(tmp_path / 'pipe.mcap')
 
 
 def test_a_bag_of_one_message_at_time_zero_is_a_bag(tmp_path):
-    with LogWriter(tmp_path / 'a.mcap') as bag:
+    with BagWriter(tmp_path / 'a.mcap') as bag:
         bag.add_channel('/x', channels()['clearance'])
         bag.write('/x', bytes(12), 0, 1)
     assert read(tmp_path / 'a.mcap') == [(0, 1)]
-    with LogReader(tmp_path / 'a.mcap') as bag:
+    with BagReader(tmp_path / 'a.mcap') as bag:
         assert (bag.start_ns, bag.end_ns) == (0, 0)
 
 
 def test_frames_are_the_model_and_know_their_clearance(tmp_path, write_bag):
-    with LogReader(write_bag(tmp_path / 'a.mcap')) as bag:
+    with BagReader(write_bag(tmp_path / 'a.mcap')) as bag:
         seen = list(frames(bag))
         later = list(frames(bag, start_ns=412_400_000_000))
     for k, frame in enumerate(seen):
@@ -117,7 +116,7 @@ def test_frames_are_the_model_and_know_their_clearance(tmp_path, write_bag):
 
 def test_frames_without_benches_or_velocities_say_so(tmp_path):
     write(tmp_path / 'a.mcap', range(3))
-    with LogReader(tmp_path / 'a.mcap') as bag:
+    with BagReader(tmp_path / 'a.mcap') as bag:
         assert [(f.benches, f.velocity_m_s, f.clearance_m) for f in frames(bag)] == [(None, None, None)] * 3
 
 
@@ -142,7 +141,7 @@ def another_recorder(delays):
 def test_another_recorders_bag_is_paired_by_stamps(tmp_path, delays):
     path = tmp_path / 'other.mcap'
     path.write_bytes(another_recorder(delays))
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         assert {namespace_of(bag, asked) for asked in (None, 'robot', '/robot', '/robot/')} == {'/robot'}
         assert scene_of_bag(bag) is None
         seen = list(frames(bag))
@@ -151,15 +150,15 @@ def test_another_recorders_bag_is_paired_by_stamps(tmp_path, delays):
 
 
 def test_handles_whose_benches_are_missing_are_frames_without_benches(tmp_path, write_bag):
-    with LogReader(write_bag(tmp_path / 'a.mcap')) as bag:
+    with BagReader(write_bag(tmp_path / 'a.mcap')) as bag:
         rows = list(bag.messages())
-    with LogWriter(tmp_path / 'b.mcap') as out:
+    with BagWriter(tmp_path / 'b.mcap') as out:
         for name, row in channels().items():
             out.add_channel(f'/dragon/{name}', row)
         for m in rows:
             if not (m.topic == '/dragon/benches' and m.sequence in (4, 5)):
                 out.write(m.topic, m.data, m.t_ns, m.sequence)
-    with LogReader(tmp_path / 'b.mcap') as bag:
+    with BagReader(tmp_path / 'b.mcap') as bag:
         seen = list(frames(bag))
     assert [k for k, frame in enumerate(seen) if frame.benches is None] == [4, 5]
     assert len(seen) == 26
@@ -207,20 +206,20 @@ def test_yaml_with_a_few_aliases_is_read():
     ('dragon: {benches: 1.0e+300}', 'dragon.benches'), ('- 1', 'no mapping')])
 def test_a_bad_scene_in_a_bag_is_refused_in_words_that_name_bag_and_key(tmp_path, scene, says):
     path = tmp_path / 'a.mcap'
-    with LogWriter(path) as bag:
+    with BagWriter(path) as bag:
         bag.describe('dragon_ros', {'scene': scene})
         bag.add_channel('/x', channels()['clearance'])
         bag.write('/x', bytes(12), 1, 1)
-    with LogReader(path) as bag, pytest.raises(InputError, match=says) as caught:
+    with BagReader(path) as bag, pytest.raises(InputError, match=says) as caught:
         scene_of_bag(bag)
     assert 'a.mcap' in str(caught.value)
 
 
 def test_the_scene_of_a_bag_is_read_from_its_attachment_where_there_is_no_metadata(tmp_path):
-    with LogWriter(tmp_path / 'a.mcap') as bag:
+    with BagWriter(tmp_path / 'a.mcap') as bag:
         bag.attach('scene.yaml', 'application/yaml', yaml.safe_dump(scene_values(SCENE)).encode())
         bag.add_channel('/x', channels()['clearance'])
         bag.write('/x', bytes(12), 1, 1)
-    with LogReader(tmp_path / 'a.mcap') as bag:
+    with BagReader(tmp_path / 'a.mcap') as bag:
         assert scene_of_bag(bag) == SCENE
         assert yaml.safe_load(bag.attachment('scene.yaml'))['run']['start_s'] == 412

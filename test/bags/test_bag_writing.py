@@ -9,9 +9,9 @@ from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
-from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.bags.write.mcap_chunk import CHUNK_BYTES
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.mcap import CHUNK_BYTES
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -89,7 +89,7 @@ def test_bundled_schemas_and_hashes_are_those_of_the_installed_ros(name):
 
 @pytest.mark.parametrize('compression', ['zstd', 'lz4', 'none'])
 def test_what_is_written_is_read_by_the_library_with_times_and_sequence(tmp_path, compression):
-    with LogWriter(tmp_path / 'a.mcap', options=BagOptions(compression=compression)) as bag:
+    with BagWriter(tmp_path / 'a.mcap', options=BagOptions(compression=compression)) as bag:
         written = fill(bag)
     assert read(tmp_path / 'a.mcap') == written
     assert bag.kept == len(written)
@@ -109,7 +109,7 @@ def test_the_same_messages_make_the_same_file(tmp_path, write_bag):
 
 @pytest.mark.parametrize(('options', 'files'), [({}, 1), ({'split_size_mb': 0.5}, 4), ({'split_duration_s': 0.2}, 3)])
 def test_a_directory_is_a_rosbag2_bag_split_as_asked(tmp_path, options, files):
-    with LogWriter(tmp_path / 'run', options=BagOptions(compression='none', **options)) as bag:
+    with BagWriter(tmp_path / 'run', options=BagOptions(compression='none', **options)) as bag:
         bag.describe('dragon_ros', {'scene': 'x'})
         bag.attach('scene.yaml', 'application/yaml', b'x')
         written = fill(bag)
@@ -130,7 +130,7 @@ def test_a_directory_is_a_rosbag2_bag_split_as_asked(tmp_path, options, files):
 
 def test_one_file_cannot_be_split(tmp_path):
     with pytest.raises(InputError, match='name a directory'):
-        LogWriter(tmp_path / 'a.mcap', options=BagOptions(split_size_mb=1))
+        BagWriter(tmp_path / 'a.mcap', options=BagOptions(split_size_mb=1))
     assert not list(tmp_path.iterdir())
 
 
@@ -145,20 +145,20 @@ def test_a_bag_is_never_overwritten_unasked(tmp_path, write_bag):
     path = write_bag(tmp_path / 'a.mcap')
     before = path.read_bytes()
     with pytest.raises(MissingError, match='--force'):
-        LogWriter(path)
+        BagWriter(path)
     assert path.read_bytes() == before
     with pytest.raises(MissingError, match='cannot be written'):
-        LogWriter(tmp_path / 'no' / 'folder.mcap')
+        BagWriter(tmp_path / 'no' / 'folder.mcap')
 
 
 def test_a_directory_is_replaced_only_when_told_and_only_what_is_of_the_bag(tmp_path):
     options = BagOptions(compression='none', split_size_mb=0.5)
-    with LogWriter(tmp_path / 'run', options=options) as bag:
+    with BagWriter(tmp_path / 'run', options=options) as bag:
         fill(bag)
     (tmp_path / 'run' / 'notes.txt').write_text('mine')
     with pytest.raises(MissingError, match='--force'):
-        LogWriter(tmp_path / 'run')
-    with LogWriter(tmp_path / 'run', overwrite=True) as bag:
+        BagWriter(tmp_path / 'run')
+    with BagWriter(tmp_path / 'run', overwrite=True) as bag:
         fill(bag, range(2))
     assert sorted(path.name for path in (tmp_path / 'run').iterdir()) == ['metadata.yaml', 'notes.txt', 'run_0.mcap']
 
@@ -168,26 +168,26 @@ def test_a_read_only_file_is_not_replaced(tmp_path):
     path.write_bytes(b'precious')
     path.chmod(0o444)
     with pytest.raises(MissingError, match='read-only|cannot be written'):
-        LogWriter(path, overwrite=True)
+        BagWriter(path, overwrite=True)
     assert path.read_bytes() == b'precious'
 
 
 def test_a_bag_that_replaces_a_larger_one_is_whole(tmp_path):
     path = tmp_path / 'a.mcap'
     path.write_bytes(bytes(5_000_000))
-    with LogWriter(path, overwrite=True) as bag:
+    with BagWriter(path, overwrite=True) as bag:
         written = fill(bag, [0])
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         assert sorted(message.data for message in bag.messages()) == sorted(data for *_, data in written)
 
 
 def test_two_recorders_never_write_one_file(tmp_path):
-    with LogWriter(tmp_path / 'a.mcap'), pytest.raises(MissingError, match='another recorder'):
-        LogWriter(tmp_path / 'a.mcap', overwrite=True)
+    with BagWriter(tmp_path / 'a.mcap'), pytest.raises(MissingError, match='another recorder'):
+        BagWriter(tmp_path / 'a.mcap', overwrite=True)
 
 
 def test_what_was_flushed_can_be_read_by_the_librarys_stream_reader_before_the_end(tmp_path):
-    with LogWriter(tmp_path / 'a.mcap') as bag:
+    with BagWriter(tmp_path / 'a.mcap') as bag:
         written = fill(bag, range(9))
         bag.flush()
         fill(bag, range(9, 12))
@@ -199,7 +199,7 @@ def test_what_was_flushed_can_be_read_by_the_librarys_stream_reader_before_the_e
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
 def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compression):
     with small_disk(size):
-        bag = LogWriter(tmp_path / 'a.mcap', options=BagOptions(compression=compression))
+        bag = BagWriter(tmp_path / 'a.mcap', options=BagOptions(compression=compression))
         written, errors = [], []
         try:
             for k in range(26):
@@ -221,11 +221,11 @@ def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compre
 
 
 @pytest.mark.parametrize('then', [
-    lambda bag: bag.write('/x', bytes(CHUNK_BYTES), 3, 3), lambda bag: bag.write('/y', b'y', 3, 3), LogWriter.flush,
-    lambda bag: bag.describe('a', {}), lambda bag: bag.attach('a', 'text/plain', b''), LogWriter.close],
+    lambda bag: bag.write('/x', bytes(CHUNK_BYTES), 3, 3), lambda bag: bag.write('/y', b'y', 3, 3), BagWriter.flush,
+    lambda bag: bag.describe('a', {}), lambda bag: bag.attach('a', 'text/plain', b''), BagWriter.close],
     ids=['full chunk', 'new topic', 'flush', 'metadata', 'attachment', 'close'])
 def test_nothing_follows_a_chunk_that_was_lost(tmp_path, then):
-    bag = LogWriter(tmp_path / 'a.mcap', options=BagOptions('none'))
+    bag = BagWriter(tmp_path / 'a.mcap', options=BagOptions('none'))
     for topic in ('/x', '/y'):
         bag.add_channel(topic, channels()['clearance'])
     bag.write('/x', b'kept', 0, 0)
@@ -242,7 +242,7 @@ def test_nothing_follows_a_chunk_that_was_lost(tmp_path, then):
 @pytest.mark.parametrize('where', ['a.mcap', 'a'])
 @pytest.mark.parametrize('limit', [0.3, 1.0])
 def test_a_bag_never_becomes_larger_than_its_limit(tmp_path, where, limit):
-    bag = LogWriter(tmp_path / where, options=BagOptions(compression='none', max_size_mb=limit))
+    bag = BagWriter(tmp_path / where, options=BagOptions(compression='none', max_size_mb=limit))
     with pytest.raises(DiskError, match=f'limit of {limit:g} MB'):
         fill(bag)
     bag.close()
@@ -253,7 +253,7 @@ def test_a_bag_never_becomes_larger_than_its_limit(tmp_path, where, limit):
 
 @pytest.mark.parametrize('remove', [True, False])
 def test_a_bag_that_vanishes_is_noticed(tmp_path, remove):
-    bag = LogWriter(tmp_path / 'a.mcap')
+    bag = BagWriter(tmp_path / 'a.mcap')
     fill(bag, [0])
     bag.flush()
     if remove:

@@ -4,7 +4,7 @@ import pytest
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.examine import examine
 from dragon_ros.bags.read.frames import frames, namespace_of
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import InputError
 
 TIMES = [3, 1, 2]
@@ -45,7 +45,7 @@ def robot_of_rosbags(path, compression=None, storage='MCAP'):
                          ids=['mcap-ros2-support', 'rosbags', 'rosbags compressed'])
 def test_another_robots_bag_is_read_and_told_to_hold_no_dragon(tmp_path, capsys, make):
     path = make(tmp_path / 'robot.mcap')
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         chatter = [(m.t_ns, m.data[8:12]) for m in bag.messages(['/chatter'])]
         with pytest.raises(InputError, match='no dragon'):
             namespace_of(bag)
@@ -63,4 +63,4 @@ def test_another_robots_bag_is_read_and_told_to_hold_no_dragon(tmp_path, capsys,
 def test_rosbag2_folders_without_plain_mcap_are_refused_in_words(tmp_path, options, says):
     path = robot_of_rosbags(tmp_path / 'robot', **options)
     with pytest.raises(InputError, match=says):
-        LogReader(path)
+        BagReader(path)

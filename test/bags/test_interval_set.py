@@ -1,14 +1,14 @@
-"""Spans hold exactly what came, in any order."""
+"""IntervalSet hold exactly what came, in any order."""
 from hypothesis import given
 from hypothesis import strategies as st
 
 from dragon_ros.bags.record import interval_set
-from dragon_ros.bags.record.interval_set import Spans
+from dragon_ros.bags.record.interval_set import IntervalSet
 
 
 @given(st.lists(st.integers(0, 40)))
 def test_the_gaps_are_what_did_not_come(numbers):
-    seen = Spans()
+    seen = IntervalSet()
     for k in numbers:
         seen.add(k)
     missing = sorted(set(range(min(numbers, default=0), max(numbers, default=-1) + 1)) - set(numbers))
@@ -19,7 +19,7 @@ def test_the_gaps_are_what_did_not_come(numbers):
 
 
 def test_what_is_missing_at_the_end_counts_where_the_end_is_known():
-    seen = Spans()
+    seen = IntervalSet()
     for k in (3, 4, 6):
         seen.add(k)
     assert seen.gaps() == [(5, 5)]
@@ -28,7 +28,7 @@ def test_what_is_missing_at_the_end_counts_where_the_end_is_known():
 
 
 def test_spans_are_bounded_and_say_what_they_gave_up():
-    seen = Spans()
+    seen = IntervalSet()
     for k in range(0, 60_000, 2):
         seen.add(k)
     assert len(seen.gaps()) < 10_000

@@ -11,11 +11,11 @@ from mcap.reader import make_reader
 from mcap.records import MetadataIndex
 from mcap.stream_reader import StreamReader
 
-from dragon_ros.bags.record.loss_accounting import Ledger
+from dragon_ros.bags.record.loss_accounting import LossAccount
 from dragon_ros.bags.record.simulation_clock import SimulationClock
-from dragon_ros.bags.record.writer_thread import BackgroundWriter
-from dragon_ros.bags.write.mcap_parts import Parts, Stored
-from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.bags.record.writer_thread import WriterThread
+from dragon_ros.bags.write.mcap import Parts, Stored
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels
 
@@ -64,15 +64,15 @@ class Recording:
     """All that a recorder keeps of messages, without ROS; a chunk a tick."""
 
     def __init__(self, path):
-        self.bag, self.ledger, self.tick = LogWriter(path), Ledger(), 0
+        self.bag, self.losses, self.tick = BagWriter(path), LossAccount(), 0
         for topic in TOPICS:
             self.bag.add_channel(topic, channels()['handles'])
-        self.ledger.scene(Scene(run=RUN), '/d')
-        self.writer = BackgroundWriter(self.bag, flush_s=3600)
+        self.losses.scene(Scene(run=RUN), '/d')
+        self.writer = WriterThread(self.bag, flush_s=3600)
         self.clock = SimulationClock(self.log)
 
     def log(self, topic, data, t_ns, sequence, source_ns):
-        self.ledger.note(topic, t_ns, sequence)
+        self.losses.note(topic, t_ns, sequence)
         self.writer.write(topic, data, t_ns, sequence, source_ns)
 
     def go_on(self, ticks):
@@ -80,7 +80,7 @@ class Recording:
         for _ in range(ticks):
             self.tick += 1
             t_ns, source_ns = RUN.time_ns(self.tick), 10**18 + self.tick * 10**7
-            self.ledger.stamp(t_ns)
+            self.losses.stamp(t_ns)
             self.clock.mark(source_ns, t_ns)
             for topic in TOPICS[:2]:
                 self.log(topic, bytes(100), t_ns, self.tick, source_ns)
@@ -103,5 +103,5 @@ def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_p
         tracemalloc.stop()
         recording.writer.stop()
         recording.bag.close()
-    assert recording.ledger.complete(ended=False)
+    assert recording.losses.complete(ended=False)
     assert 0 < grown < 2000 * 100

@@ -5,7 +5,7 @@ import subprocess
 import numpy as np
 import pytest
 
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
@@ -22,7 +22,7 @@ FORMS = [('run.mcap', {}), ('run', {}), ('run', {'split_duration_s': 0.1}), ('ru
 def bag(request, tmp_path):
     where, options = request.param
     encode, text = encoders(SCENE), scene_file(SCENE)
-    with LogWriter(tmp_path / where, options=BagOptions(**options)) as bag:
+    with BagWriter(tmp_path / where, options=BagOptions(**options)) as bag:
         for name in (*encode, 'scene'):
             bag.add_channel(f'/dragon/{name}', channels()[name])
         bag.describe(RECORD, run_metadata(text, {}))

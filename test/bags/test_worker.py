@@ -3,7 +3,7 @@ import threading
 
 import pytest
 
-from dragon_ros.bags.write.worker import OneBehind
+from dragon_ros.bags.write.mcap import Worker
 from dragon_ros.core.errors import DiskError
 
 
@@ -12,7 +12,7 @@ def fail():
 
 
 def test_jobs_are_done_in_order_and_never_more_than_one_waits():
-    thread, done, go = OneBehind('x'), [], threading.Event()
+    thread, done, go = Worker('x'), [], threading.Event()
     thread.start(lambda: done.append(go.wait(60)))
     assert not done
     go.set()
@@ -25,7 +25,7 @@ def test_jobs_are_done_in_order_and_never_more_than_one_waits():
 
 
 def test_an_error_is_told_once_and_what_comes_with_it_is_not_started():
-    thread, done = OneBehind('x'), []
+    thread, done = Worker('x'), []
     thread.start(fail)
     with pytest.raises(DiskError, match='no room'):
         thread.start(lambda: done.append(1))
@@ -35,7 +35,7 @@ def test_an_error_is_told_once_and_what_comes_with_it_is_not_started():
 
 
 def test_a_job_has_been_taken_up_when_start_returns():
-    thread = OneBehind('x')
+    thread = Worker('x')
     for _ in range(100):
         thread.start(lambda: None)
         assert thread._pool._work_queue.empty()

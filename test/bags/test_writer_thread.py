@@ -4,15 +4,15 @@ import threading
 import pytest
 from mcap.reader import make_reader
 
-from dragon_ros.bags.record.writer_thread import BackgroundWriter
-from dragon_ros.bags.write.writer import BagOptions, LogWriter
+from dragon_ros.bags.record.writer_thread import WriterThread
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import DiskError
 from dragon_ros.messages.channels import channels
 
 
 @pytest.fixture
 def bag(tmp_path):
-    with LogWriter(tmp_path / 'a.mcap', options=BagOptions(compression='none', max_size_mb=3)) as bag:
+    with BagWriter(tmp_path / 'a.mcap', options=BagOptions(compression='none', max_size_mb=3)) as bag:
         bag.add_channel('/x', channels()['clearance'])
         yield bag
 
@@ -24,7 +24,7 @@ def messages(bag):
 
 
 def test_everything_is_written_in_order_before_it_stops(bag):
-    writer = BackgroundWriter(bag)
+    writer = WriterThread(bag)
     for k in range(1000):
         writer.write('/x', b'%d' % k, k, k, k)
     writer.stop()
@@ -34,7 +34,7 @@ def test_everything_is_written_in_order_before_it_stops(bag):
 
 
 def test_what_was_taken_reaches_the_file_without_more_coming(bag):
-    writer = BackgroundWriter(bag, flush_s=0.05)
+    writer = WriterThread(bag, flush_s=0.05)
     writer.write('/x', b'here I am', 0, 0, 0)
     seen = threading.Event()
 
@@ -48,7 +48,7 @@ def test_what_was_taken_reaches_the_file_without_more_coming(bag):
 
 
 def test_a_full_queue_holds_the_writer_back_and_drops_nothing(bag):
-    writer = BackgroundWriter(bag, queue_mb=0.1)
+    writer = WriterThread(bag, queue_mb=0.1)
     go, bag_write = threading.Event(), bag.write
 
     def slow(*row):
@@ -69,7 +69,7 @@ def test_a_full_queue_holds_the_writer_back_and_drops_nothing(bag):
 
 
 def test_after_an_error_nothing_more_is_written_and_the_bag_is_whole(bag):
-    writer = BackgroundWriter(bag)
+    writer = WriterThread(bag)
     for k in range(50):
         writer.write('/x', bytes(100_000), k, k, k)
     writer.stop()

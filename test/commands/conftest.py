@@ -1,7 +1,7 @@
 """A short scene with its first contact, and bags of it."""
 import pytest
 
-from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
@@ -27,7 +27,7 @@ def write_bag(scene):
     """A function that writes what a recorder would, without the topics in ``skip``."""
     def write(path, skip=(), namespace='/dragon'):
         encode = encoders(scene, 'dragon')
-        with LogWriter(path) as bag:
+        with BagWriter(path) as bag:
             for name in encode:
                 bag.add_channel(f'{namespace}/{name}', channels()[name])
             for k in range(compile_scene(scene).last_tick + 1):

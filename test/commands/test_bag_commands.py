@@ -12,8 +12,8 @@ import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
-from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
 from dragon_ros.messages.cdr import PoseArrayTemplate
@@ -35,7 +35,7 @@ def run(capsys, *arguments):
 
 
 def messages(path):
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         return [(m.topic, m.t_ns, m.sequence, m.data) for m in bag.messages()]
 
 
@@ -79,7 +79,7 @@ def test_simulate_that_is_interrupted_leaves_a_whole_bag(tmp_path):
     assert child.returncode == 1
     assert 'ticks' in err
     assert 'Traceback' not in err
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         counts = {topic.name: topic.messages for topic in bag.topics}
     assert counts['/dragon/handles'] == counts['/dragon/benches'] > 10
 
@@ -128,7 +128,7 @@ def test_inspect_looks_at_no_more_ticks_than_it_is_told_to(capsys, bag):
 
 def changed(bag, path, change):
     """Write a bag again, each message as ``change`` returns it; metadata as it was."""
-    with LogReader(bag) as old, LogWriter(path) as new:
+    with BagReader(bag) as old, BagWriter(path) as new:
         new.describe('dragon_ros', old.metadata('dragon_ros'))
         from dragon_ros.messages.channels import channels
         for topic in old.topics:

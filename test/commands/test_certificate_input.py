@@ -52,7 +52,7 @@ def test_a_strange_value_anywhere_is_refused_or_harmless(tmp_path_factory, proof
         check(tmp_path_factory.mktemp('strange'), json.dumps(changed).encode())
 
 
-@pytest.mark.parametrize('key', ['t_s', 'start_rad', 'stop_rad', 'bound_m', 'lead'])
+@pytest.mark.parametrize('key', ['t_s', 'start_m', 'stop_m', 'bound_m', 'lead'])
 @pytest.mark.parametrize('strange', STRANGE, ids=str)
 def test_a_strange_number_of_the_proof_is_refused(tmp_path, proof, key, strange):
     changed = copy.deepcopy(proof)

@@ -165,7 +165,7 @@ def test_design_tells_the_turns_length_and_the_largest_speed(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'track.kind'),
+    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'run.stop_s'),
     (['max-speed', '--limit', '-1'], '--limit'), (['fast'], 'invalid choice'), ([], 'required')])
 def test_a_design_question_that_has_no_answer_is_told(capsys, arguments, says):
     code, out, err = run(capsys, 'design', *arguments)

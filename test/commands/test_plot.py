@@ -5,12 +5,11 @@ import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.figures import style
-from dragon_ros.commands.bag_source import dragon_in
 from dragon_ros.commands.plot.animation import animate
 from dragon_ros.commands.plot.command import options
-from dragon_ros.commands.sources import SceneSource, clearances, moment
+from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.model import compile_scene
 
@@ -49,7 +48,7 @@ def test_the_same_picture_has_the_same_bytes(capsys, tmp_path, short, suffix):
 
 def test_a_bag_tells_what_its_scene_tells(scene, bag):
     model = SceneSource('winding', scene)
-    with LogReader(bag) as opened:
+    with BagReader(bag) as opened:
         recorded = dragon_in(opened)
         every = (*model.span_s, 1000)
         assert recorded.span_s == model.span_s == (412.0, 413.0)

@@ -16,9 +16,8 @@ import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
-from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.commands.bag_source import dragon_in
-from dragon_ros.commands.sources import SceneSource, moment
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.commands.sources import SceneSource, dragon_in, moment
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB, write_page
 from dragon_ros.commands.view.server import ViewServer
@@ -84,13 +83,13 @@ def test_clearance_vanishes_at_the_contact(server):
 
 def test_a_bag_is_served_like_its_scene(server, bag, tmp_path, write_bag):
     run = json.loads(get(server, 'run.json'))
-    with LogReader(bag) as opened, serving(dragon_in(opened)) as other:
+    with BagReader(bag) as opened, serving(dragon_in(opened)) as other:
         seen = json.loads(get(other, 'run.json'))
         assert seen['times_s'] == pytest.approx(run['times_s'])
         assert (seen['track'], seen['speeds']) == (None, True)
         assert rows(other, seen, 0) == pytest.approx(rows(server, run, 0), abs=1e-6)
     still = write_bag(tmp_path / 'still.mcap', skip=('velocities',))
-    with LogReader(still) as opened, serving(dragon_in(opened)) as other:
+    with BagReader(still) as opened, serving(dragon_in(opened)) as other:
         assert json.loads(get(other, 'run.json'))['speeds'] is False
 
 

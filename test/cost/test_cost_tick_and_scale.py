@@ -8,8 +8,8 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost import live, scale, ticks
-from dragon_ros.cost.builds import build
 from dragon_ros.cost.measure import Timing
+from dragon_ros.cost.scale import build
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
 

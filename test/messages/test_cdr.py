@@ -10,15 +10,14 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import PoseArrayTemplate, half_turns, turns_of
-from dragon_ros.messages.decode import MessageError, Reader, read_multi_array, read_pose_array
-from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.decode import MessageError, Reader, read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.markers import CubesTemplate
-from dragon_ros.messages.observation import check_handles, read_benches, sight_of
+from dragon_ros.messages.observation import observation_of, read_benches, read_handles
 
 
 def seen(handles, benches):
-    return sight_of(check_handles(handles), read_benches(benches))
+    return observation_of(read_handles(handles), read_benches(benches))
 
 
 def frame_and_bytes(benches=223, k=100):

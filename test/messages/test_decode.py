@@ -12,10 +12,16 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages import decode as decoder
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import MessageError, decode, read_diagnostics, read_multi_array, read_pose_array
-from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.decode import (
+    MessageError,
+    decode,
+    read_diagnostics,
+    read_marker_array,
+    read_multi_array,
+    read_pose_array,
+)
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.observation import check_handles, read_benches, sight_of
+from dragon_ros.messages.observation import observation_of, read_benches, read_handles
 from dragon_ros.messages.schemas import PRIMITIVES, TEXT, fields_of
 
 TYPES = sorted({row.type for row in channels().values()})
@@ -121,7 +127,7 @@ def test_the_monitor_sees_the_same_in_either_byte_order(style, frame_id):
     scene = Scene(dragon=Dragon(9), run=Run(400, 413), markers=style)
     data = {name: encode(tick(scene, 7)) for name, encode in encoders(scene, frame_id).items()}
     other = {name: other_order(channels()[name].type, one) for name, one in data.items()}
-    mine, theirs = (sight_of(check_handles(one['handles']), read_benches(one['benches'])) for one in (data, other))
+    mine, theirs = (observation_of(read_handles(one['handles']), read_benches(one['benches'])) for one in (data, other))
     assert (mine.t_ns, mine.frame_id, mine.p.tolist()) == (theirs.t_ns, theirs.frame_id, theirs.p.tolist())
     for name in ('centre', 'axis', 'half_length', 'half_width'):
         np.testing.assert_array_equal(getattr(mine.benches, name), getattr(theirs.benches, name))

@@ -4,8 +4,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.flags import NEEDS, Effect, known
 from dragon_ros.core.scene import Scene
@@ -74,9 +74,9 @@ def test_diagnostics_tell_ok_or_the_worst_link():
 
 
 def test_a_bag_has_channels_of_what_was_published_alone(tmp_path):
-    with LogWriter(tmp_path / 'a.mcap') as bag:
+    with BagWriter(tmp_path / 'a.mcap') as bag:
         for name, row in channels().items():
             bag.add_channel(f'/dragon/{name}', row)
         bag.write('/dragon/handles', BYTES['handles'], 0, 0)
-    with LogReader(tmp_path / 'a.mcap') as bag:
+    with BagReader(tmp_path / 'a.mcap') as bag:
         assert [topic.name for topic in bag.topics] == ['/dragon/handles']

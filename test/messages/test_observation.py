@@ -8,7 +8,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.observation import check_handles, read_benches, sight_of
+from dragon_ros.messages.observation import observation_of, read_benches, read_handles
 from dragon_ros.scenes.load import load_scene
 
 rng = np.random.default_rng(5)
@@ -24,7 +24,7 @@ def messages(scene, k=24):
 
 
 def seen(data):
-    return sight_of(check_handles(data['handles']), read_benches(data['benches']))
+    return observation_of(read_handles(data['handles']), read_benches(data['benches']))
 
 
 def edited(change, benches=5):

@@ -3,7 +3,7 @@ import numpy as np
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.markers import CubesTemplate
 from dragon_ros.messages.observation import read_benches
-from dragon_ros.messages.synchronizer import Pairing
+from dragon_ros.messages.synchronizer import Synchronizer
 
 
 def poses(t_ns, values=7):
@@ -16,7 +16,7 @@ def shown(t_ns):
 
 
 def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
-    pairs = Pairing()
+    pairs = Synchronizer()
     assert pairs.add_handles(poses(1), 0.0) is None
     assert pairs.add_handles(second := poses(2), 0.1) is None
     assert pairs.add_benches(benches := shown(2), 0.2) == (second, benches)
@@ -27,7 +27,7 @@ def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
 
 
 def test_a_run_that_starts_afresh_while_one_topic_lags_costs_no_pair():
-    pairs = Pairing()
+    pairs = Synchronizer()
     for first in (poses(1), poses(2), again := poses(1)):
         pairs.add_handles(first, 0.0)
     found = [pairs.add_benches(shown(t_ns), 0.0) for t_ns in (1, 2, 1)]
@@ -37,7 +37,7 @@ def test_a_run_that_starts_afresh_while_one_topic_lags_costs_no_pair():
 
 
 def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
-    pairs = Pairing()
+    pairs = Synchronizer()
     pairs.add_handles(poses(1), 10.0)
     pairs.add_benches(shown(2), 11.0)
     pairs.expire(10.5)
@@ -47,7 +47,7 @@ def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
 
 
 def test_waiting_for_partners_is_bounded():
-    pairs = Pairing()
+    pairs = Synchronizer()
     for t_ns in range(300):
         pairs.add_handles(poses(t_ns, 2**20), 0.0)
     assert len(pairs.take_unmatched()) == 300 - 128

@@ -4,7 +4,7 @@ import signal
 import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.model import compile_scene
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics, read_pose_array
@@ -19,7 +19,7 @@ def overrides(*pairs):
 
 
 def events_of(path):
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         return [row for message in bag.messages(['/dragon/collision']) for row in read_diagnostics(message.data)]
 
 
@@ -34,7 +34,7 @@ def heard_events(node):
 
 
 def by_topic(path):
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         out = {}
         for message in bag.messages():
             out.setdefault(message.topic, []).append((message.t_ns, message.data))
@@ -53,7 +53,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
     node.until(lambda: events)
     assert record.stop() == 0, record.text
     assert monitor.stop() == 0, monitor.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         result = compare_with_model(run, load_scene('first_contact', changes))
     assert result.faults == []
     assert result.equal == 3 * 201
@@ -75,7 +75,7 @@ def test_the_recorder_ends_with_the_run(start, tmp_path):
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
     assert 'has left' in record.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         assert compare_with_model(run, load_scene('first_contact', SHORT)).faults == []
 
 
@@ -88,7 +88,7 @@ def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
                 'wait_subscribers:=[handles=1,benches=1,velocities=1]', '-p', 'time_scale:=0.0')
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         seen = compare_with_model(run, load_scene(scene, short))
     assert seen.faults == []
 
@@ -96,15 +96,15 @@ def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
-    from dragon_ros.bags.write.writer import LogWriter
+    from dragon_ros.bags.write.writer import BagWriter
     from dragon_ros.core.contact.tracker import Watch
     from dragon_ros.core.step import tick
     from dragon_ros.messages.encode import encoders
-    from dragon_ros.messages.observation import check_handles, read_benches, sight_of
+    from dragon_ros.messages.observation import observation_of, read_benches, read_handles
     from dragon_ros.nodes.contact_messages import status_of
     scene, path = load_scene('first_contact', SHORT), tmp_path_factory.mktemp('bag') / 'short.mcap'
     encode, watch, events = encoders(scene), Watch(), []
-    with LogWriter(path) as bag:
+    with BagWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
         for k in range(compile_scene(scene).last_tick + 1):
@@ -112,7 +112,7 @@ def recorded(tmp_path_factory):
             data = {name: encode[name](frame) for name in encode}
             for name, message in data.items():
                 bag.write(f'/dragon/{name}', message, frame.t_ns, k + 1)
-            seen = sight_of(check_handles(data['handles']), read_benches(data['benches']))
+            seen = observation_of(read_handles(data['handles']), read_benches(data['benches']))
             events += [status_of(event) for report in watch.look(seen) for event in report.begins]
     return path, {value.key: value.value for value in events[0].values}
 

@@ -4,7 +4,7 @@ from importlib.util import find_spec
 import numpy as np
 import pytest
 
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.messages.channels import channels
@@ -181,7 +181,7 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
     assert monitor.stop() == 0, monitor.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         counts = {topic.name: topic.messages for topic in run.topics}
         assert run.start_ns >= 412 * 10**9
         assert run.end_ns <= 413 * 10**9

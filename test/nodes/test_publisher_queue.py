@@ -20,10 +20,10 @@ class Source:
         self.scene, self.encoded = Scene(run=Run(400, 413)), []
         encode = encoders(self.scene)['handles']
         publisher = node.create_publisher(message_type(READER[0]), READER[1], qos.profile('reliable', durability, 100))
-        self.feed = publisher_queue.Feed(publisher, lambda frame: self.encoded.append(frame.k) or encode(frame))
+        self.feed = publisher_queue.EncodedTopic(publisher, lambda frame: self.encoded.append(frame.k) or encode(frame))
 
     def show(self, *ticks):
-        queue = publisher_queue.Queue()
+        queue = publisher_queue.PublisherQueue()
         for k in ticks:
             self.feed.put(tick(self.scene, k), queue)
         assert queue.flush()

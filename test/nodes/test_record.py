@@ -13,7 +13,7 @@ from mcap.stream_reader import StreamReader
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import compare_with_model
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.scene import Run
 from dragon_ros.messages.cdr import Writer, stamp_of
 from dragon_ros.scenes.load import load_scene
@@ -92,7 +92,7 @@ def check_repaired(bag, whole, scene, capsys):
         return
     assert main(['inspect', str(bag), '--repair', str(whole)]) == 0
     assert main(['inspect', str(whole)]) == 0
-    with LogReader(whole) as run:
+    with BagReader(whole) as run:
         found = compare_with_model(run, scene)
     assert found.equal == sum(topic.messages for topic in run.topics if topic.name not in LATCHED)
     assert all('is missing' in fault for fault in found.faults)
@@ -113,7 +113,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with bag.open('rb') as file:
         (attachment,) = make_reader(file).iter_attachments()
     assert (attachment.name, scene_in(attachment.data.decode())) == ('scene.yaml', scene)
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
     assert info['message_count'] == 3 * 26 + 2      # and track and scene

@@ -3,8 +3,8 @@ from collections import Counter
 
 import pytest
 
-from dragon_ros.bags.read.reader import LogReader
-from dragon_ros.bags.write.writer import LogWriter
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
@@ -20,7 +20,7 @@ NS = 10**9
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
     path, encode = tmp_path_factory.mktemp('bag') / 'short.mcap', encoders(SCENE)
-    with LogWriter(path) as bag:
+    with BagWriter(path) as bag:
         for name in (*encode, 'scene'):
             bag.add_channel(f'/dragon/{name}', channels()[name])
         for k in range(21):
@@ -71,7 +71,7 @@ def put(node):
 
 def by_topic(path):
     out = {}
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         for message in bag.messages():
             out.setdefault(message.topic, []).append((message.t_ns, message.sequence, message.data))
     return out

@@ -2,7 +2,7 @@
 import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.flags import Effect, known
 from dragon_ros.messages.channels import live
 from dragon_ros.scenes.load import load_scene, scene_names
@@ -22,7 +22,7 @@ def recorded(start, bag, scene, changes):
                 '-p', f'wait_subscribers:=[{readers}]')
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         result = compare_with_model(run, loaded)
         assert result.faults == []
         assert result.equal == len(topics) * (loaded.last_tick + 1)

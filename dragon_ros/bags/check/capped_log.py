@@ -5,7 +5,7 @@ _MOST = 100
 
 
 @dataclass
-class Tally:
+class CappedLog:
     """The first lines, and how many there were."""
 
     lines: list[str] = field(default_factory=list)

@@ -6,7 +6,7 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros.bags.read.reader import LogReader
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
@@ -14,8 +14,7 @@ from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
-from dragon_ros.messages.decode import MessageError, read_multi_array, read_pose_array
-from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.decode import MessageError, read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
 
 _HUGE = 1e100
@@ -63,7 +62,7 @@ class Comparison:
             self.faults.append(f'{name} at {t_ns} ns belongs to no tick')
 
 
-def compare_with_model(bag: LogReader, scene: Scene, namespace: str = '/dragon',
+def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
                        progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon') -> Comparison:
     """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
     encode, result = encoders(scene, frame_id), Comparison()
@@ -86,7 +85,7 @@ def compare_with_model(bag: LogReader, scene: Scene, namespace: str = '/dragon',
     return result
 
 
-def _instants(bag: LogReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
+def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
     """Yield the messages of each log time by the names of their topics in a namespace."""
     topics = [f'{namespace}/{name}' for name in names]
     for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):

@@ -10,11 +10,21 @@ from mcap.records import Attachment, Channel, Metadata
 from mcap.writer import CompressionType, Writer
 
 from dragon_ros import __version__
-from dragon_ros.bags.check.capped_log import Tally
-from dragon_ros.bags.read.chunk import Row, chunk_head, first_bytes, records_in
+from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.index import Index, Piece, summary_index, walked_index
-from dragon_ros.bags.read.records import BagError, BagFile, Place
+from dragon_ros.bags.read.mcap import (
+    BagError,
+    Index,
+    McapFile,
+    Piece,
+    Place,
+    Row,
+    chunk_head,
+    first_bytes,
+    records_in,
+    scanned_index,
+    summary_index,
+)
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import MissingError
 
@@ -24,7 +34,7 @@ class Repaired:
     """How many messages were saved, and a line for each part that could not be."""
 
     messages: int = 0
-    lost: Tally = field(default_factory=Tally)
+    lost: CappedLog = field(default_factory=CappedLog)
 
 
 class _Sink:
@@ -55,7 +65,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
     with _created(output) as out:
         sink = _Sink(out)
         for each in parts:
-            with closing(BagFile(each)) as file:
+            with closing(McapFile(each)) as file:
                 _save(done, sink, file, progress)
         sink.writer.finish()    # type: ignore[no-untyped-call]
     return done
@@ -73,8 +83,8 @@ def _created(output: Path) -> Iterator[IO[bytes]]:
         raise MissingError(f'{output}: cannot be written: {error.strerror}; give another --repair') from None
 
 
-def _save(done: Repaired, sink: _Sink, file: BagFile, progress: Callable[[int], object]) -> None:
-    walked = walked_index(file)
+def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int], object]) -> None:
+    walked = scanned_index(file)
     if walked.damage:
         done.lost.note(walked.damage)
     for place in (*walked.metadata, *walked.attachments):
@@ -100,7 +110,7 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: Row, data: bytes) -> No
     done.messages += 1
 
 
-def _beyond(file: BagFile, walked: Index) -> list[Piece]:
+def _beyond(file: McapFile, walked: Index) -> list[Piece]:
     """Return chunks that the walk did not come to, because of damage before them, and that the summary knows."""
     if not walked.damage:
         return []
@@ -136,7 +146,7 @@ def _first(index: Index) -> Iterator[tuple[Row, bytes]]:
         return      # the last one is not whole
 
 
-def _copy(done: Repaired, sink: _Sink, file: BagFile, place: Place) -> None:
+def _copy(done: Repaired, sink: _Sink, file: McapFile, place: Place) -> None:
     """Copy a metadata record or an attachment."""
     try:
         if place.opcode == Opcode.METADATA:

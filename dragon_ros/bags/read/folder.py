@@ -2,7 +2,7 @@
 import re
 from pathlib import Path
 
-from dragon_ros.bags.read.records import BagError
+from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.core.errors import MissingError
 from dragon_ros.scenes.yaml import read_document
 

@@ -7,7 +7,7 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros.bags.read.reader import END_OF_TIME_NS, LogReader, Message
+from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
 from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
@@ -16,7 +16,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
-from dragon_ros.messages.observation import Shown, check_handles, read_benches, sight_of
+from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
 from dragon_ros.scenes.yaml import parse_document
@@ -49,11 +49,11 @@ class BagFrame:
 class _Parts:
     log_ns: int
     poses: Poses
-    shown: Shown | None = None
+    shown: BenchMarkers | None = None
     velocity_m_s: Floats | None = None
 
 
-def namespace_of(bag: LogReader, asked: str | None = None) -> str:
+def namespace_of(bag: BagReader, asked: str | None = None) -> str:
     """Return the namespace of the dragon that is asked for, or of the only one that has messages (or a topic at all).
 
     Raises InputError where it is not there, or not clear which.
@@ -71,7 +71,7 @@ def namespace_of(bag: LogReader, asked: str | None = None) -> str:
                      'geometry_msgs/msg/PoseArray')
 
 
-def scene_of_bag(bag: LogReader) -> Scene | None:
+def scene_of_bag(bag: BagReader) -> Scene | None:
     """Return the scene that a bag says it holds; None where it says nothing. Raises InputError."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
@@ -85,7 +85,7 @@ def scene_of_bag(bag: LogReader) -> Scene | None:
     return scene_of(parse_document(f'{bag.path}: scene', text))
 
 
-def frames(bag: LogReader, namespace: str | None = None, start_ns: int | None = None,
+def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,
            end_ns: int | None = None) -> Iterator[BagFrame]:
     """Yield the ticks of a bag whose messages were logged in start_ns <= t < end_ns, in order.
 
@@ -111,13 +111,13 @@ class _Ticks:
         """``alone``: there are no benches to wait for."""
         self._alone = alone
         self._waiting: OrderedDict[int, _Parts] = OrderedDict()
-        self._early: OrderedDict[int, Shown] = OrderedDict()
+        self._early: OrderedDict[int, BenchMarkers] = OrderedDict()
         self._speeds: tuple[int, Floats] | None = None
 
     def add(self, name: str, message: Message) -> None:
         """Take one message. Raises MessageError."""
         if name == 'handles':
-            poses = check_handles(message.data)
+            poses = read_handles(message.data)
             speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
             self._waiting[poses.t_ns] = _Parts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
         elif name == 'benches':
@@ -125,7 +125,7 @@ class _Ticks:
         else:
             self._add_speeds(message.t_ns, _velocities(message.data))
 
-    def _add_benches(self, shown: Shown) -> None:
+    def _add_benches(self, shown: BenchMarkers) -> None:
         if shown.t_ns in self._waiting:
             self._waiting[shown.t_ns].shown = shown
             return
@@ -167,5 +167,5 @@ def _frame(parts: _Parts) -> BagFrame:
     if parts.shown is None:
         handles = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
         return BagFrame(poses.t_ns, handles, None, velocity, poses.frame_id)
-    sight = sight_of(poses, parts.shown)
+    sight = observation_of(poses, parts.shown)
     return BagFrame(sight.t_ns, sight.p, sight.benches, velocity, sight.frame_id)

@@ -1,23 +1,26 @@
 """Bags, read: single MCAP files and rosbag2 folders, whatever their compression."""
-from collections.abc import Iterator
+from array import array
+from bisect import bisect_left
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import suppress
 from dataclasses import dataclass
+from heapq import heappop, heappush
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
+import numpy as np
 import yaml
 from mcap.records import Attachment, Channel, Metadata
 
-from dragon_ros.bags.read.chunk import Row
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.index import Index, Piece, summary_index, walked_index
-from dragon_ros.bags.read.order import InOrder
-from dragon_ros.bags.read.records import BagError, BagFile
+from dragon_ros.bags.read.mcap import BagError, Index, McapFile, Piece, Row, row_of, scanned_index, summary_index
 from dragon_ros.scenes.yaml import values_of
 
-__all__ = ['BagError', 'LogReader', 'Message', 'Topic']
+__all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
 _LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
+_KEEP = 64 * 2**20      # bytes of open chunks; one that is needed again is opened again
 
 
 @dataclass(frozen=True)
@@ -42,7 +45,7 @@ class Topic:
     messages: int
 
 
-class LogReader:
+class BagReader:
     """Reads a bag that was closed properly, in bounded memory; of a ``damaged`` one what still holds."""
 
     def __init__(self, path: Path, damaged: bool = False) -> None:
@@ -51,7 +54,7 @@ class LogReader:
         self._indexes: list[Index] = []
         try:
             for each in files_of(path):
-                self._indexes.append((_readable if damaged else _index_of)(BagFile(each)))
+                self._indexes.append((_readable if damaged else _index_of)(McapFile(each)))
             self._take()
         except BaseException:
             self.close()
@@ -122,7 +125,7 @@ class LogReader:
         for index in self._indexes:
             index.file.close()
 
-    def __enter__(self) -> 'LogReader':
+    def __enter__(self) -> 'BagReader':
         """Use it in a ``with`` block."""
         return self
 
@@ -131,21 +134,21 @@ class LogReader:
         self.close()
 
 
-def _index_of(file: BagFile) -> Index:
+def _index_of(file: McapFile) -> Index:
     """Return the index of a whole file; one without a complete summary is walked through."""
     try:
         index = summary_index(file)
         return _walked(file) if index is None else index
     except BagError as error:
-        readable = walked_index(file).pieces
+        readable = scanned_index(file).pieces
         reach = readable[-1].place.end if readable else 0
         file.close()
         raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
                        'makes a whole bag of them', **error.fields) from None
 
 
-def _walked(file: BagFile) -> Index:
-    index = walked_index(file)
+def _walked(file: McapFile) -> Index:
+    index = scanned_index(file)
     if index.damage:
         raise index.damage
     for piece in index.pieces:
@@ -154,9 +157,9 @@ def _walked(file: BagFile) -> Index:
     return index
 
 
-def _readable(file: BagFile) -> Index:
+def _readable(file: McapFile) -> Index:
     """Return what can be read of a damaged file: the chunks before the damage, but for those that do not hold."""
-    index = walked_index(file)
+    index = scanned_index(file)
     pieces, index.pieces = index.pieces, []
     for piece in pieces:
         with suppress(BagError):
@@ -194,3 +197,78 @@ def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
         return dict(profiles[0]) if profiles else {}
     except (yaml.YAMLError, TypeError, ValueError, KeyError, RecursionError):
         return {}
+
+
+class Chosen(NamedTuple):
+    """A message and the records that it stands in."""
+
+    piece: Piece
+    row: Row
+    data: bytes
+
+
+class _Open(NamedTuple):
+    """Records of a piece, and the times and places of its chosen messages, by time."""
+
+    data: bytes
+    times: 'array[int]'
+    starts: 'array[int]'
+    ends: 'array[int]'
+
+    @property
+    def size(self) -> int:
+        return len(self.data) + 24 * len(self.times)
+
+
+class InOrder:
+    """Yields the messages that ``choose`` wants, by time and then by their place in the bag."""
+
+    def __init__(self, pieces: Sequence[Piece], choose: Callable[[Piece, Row], bool]) -> None:
+        """Take the pieces in the order of the bag."""
+        self._pieces, self._choose = pieces, choose
+        self._open: OrderedDict[int, _Open] = OrderedDict()
+
+    def between(self, start_ns: int, end_ns: int) -> Iterator[Chosen]:
+        """Yield messages with start_ns <= t < end_ns. Raises BagError where a chunk is damaged."""
+        waiting = deque(sorted((piece.start_ns, number) for number, piece in enumerate(self._pieces)
+                               if piece.end_ns >= start_ns and piece.start_ns < end_ns))
+        heap: list[tuple[int, int, int]] = []
+        while waiting or heap:
+            while waiting and (not heap or waiting[0][0] <= heap[0][0]):
+                number = waiting.popleft()[1]
+                self._push(heap, number, bisect_left(self._opened(number).times, start_ns), end_ns)
+            if heap:
+                _, number, position = heappop(heap)
+                opened = self._opened(number)
+                yield Chosen(self._pieces[number],
+                             row_of(opened.data, opened.starts[position], opened.ends[position]), opened.data)
+                self._push(heap, number, position + 1, end_ns)
+
+    def _push(self, heap: list[tuple[int, int, int]], number: int, position: int, end_ns: int) -> None:
+        times = self._opened(number).times
+        if position < len(times) and times[position] < end_ns:
+            heappush(heap, (times[position], number, position))
+
+    def _opened(self, number: int) -> _Open:
+        """Return an open piece; where they get too much, those that were not used for longest are closed."""
+        if number in self._open:
+            self._open.move_to_end(number)
+            return self._open[number]
+        opened = self._open[number] = self._read(self._pieces[number])
+        while len(self._open) > 1 and sum(one.size for one in self._open.values()) > _KEEP:
+            self._open.popitem(last=False)
+        return opened
+
+    def _read(self, piece: Piece) -> _Open:
+        data, times, starts, ends = piece.records(), array('Q'), array('Q'), array('Q')
+        for row in piece.inside(data):
+            if isinstance(row, Row) and self._choose(piece, row):
+                times.append(row.t_ns)
+                starts.append(row.start)
+                ends.append(row.end)
+        if times and not piece.start_ns <= min(times) <= max(times) <= piece.end_ns:
+            raise piece.file.fault(piece.place.offset, f'a chunk claims messages from {piece.start_ns} to '
+                                   f'{piece.end_ns} ns and has some from {min(times)} to {max(times)} ns')
+        order = np.argsort(np.frombuffer(times, np.uint64), kind='stable')
+        return _Open(data, *(array('Q', np.frombuffer(column, np.uint64)[order].tobytes())
+                             for column in (times, starts, ends)))

@@ -1,13 +1,13 @@
-"""Sets of whole numbers that come almost in order, kept as spans."""
+"""Sets of whole numbers that come almost in order, kept as intervals."""
 from bisect import bisect_right
 from collections.abc import Iterable
 
-Span = tuple[int, int]
-_MOST_SPANS = 10_000
-_MOST_TOLD = 20
+Interval = tuple[int, int]
+_MOST_INTERVALS = 10_000
+_MOST_SHOWN = 20
 
 
-class Spans:
+class IntervalSet:
     """Which numbers came; the memory grows with the gaps, and no further than 10,000 of them."""
 
     def __init__(self) -> None:
@@ -28,7 +28,7 @@ class Spans:
         self._highs.insert(at, k)
         self._join(at)
         self._join(at - 1)
-        if len(self._lows) > _MOST_SPANS:
+        if len(self._lows) > _MOST_INTERVALS:
             self.forgotten += self._lows[1] - self._highs[0] - 1
             del self._lows[1], self._highs[0]
 
@@ -47,7 +47,7 @@ class Spans:
         """The largest number that came."""
         return self._highs[-1] if self._highs else None
 
-    def gaps(self, last: int | None = None) -> list[Span]:
+    def gaps(self, last: int | None = None) -> list[Interval]:
         """Return the gaps between the first and the last that came (or a later ``last``), both ends included."""
         found = [(high + 1, low - 1) for high, low in zip(self._highs, self._lows[1:], strict=False)]
         if last is not None and self.last is not None and last > self.last:
@@ -55,12 +55,12 @@ class Spans:
         return found
 
 
-def count(spans: Iterable[Span]) -> int:
-    """Return how many numbers are in the spans."""
-    return sum(high - low + 1 for low, high in spans)
+def count(intervals: Iterable[Interval]) -> int:
+    """Return how many numbers are in the intervals."""
+    return sum(high - low + 1 for low, high in intervals)
 
 
-def text(spans: list[Span]) -> str:
-    """Return spans for people: 7, 12-15; a long list ends in how many more."""
-    told = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in spans[:_MOST_TOLD])
-    return told + (f' and {len(spans) - _MOST_TOLD} more gaps' if len(spans) > _MOST_TOLD else '')
+def text(intervals: list[Interval]) -> str:
+    """Return intervals for people: 7, 12-15; a long list ends in how many more."""
+    told = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in intervals[:_MOST_SHOWN])
+    return told + (f' and {len(intervals) - _MOST_SHOWN} more gaps' if len(intervals) > _MOST_SHOWN else '')

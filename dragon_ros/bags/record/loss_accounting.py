@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass, field
 
 from dragon_ros.bags.record import interval_set
-from dragon_ros.bags.record.interval_set import Span, Spans
+from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import live
 
@@ -22,8 +22,8 @@ class TopicCount:
 
     received: int = 0
     lost: int = 0               # of publishers that have been followed by another
-    sequence: Spans = field(default_factory=Spans)
-    ticks: Spans = field(default_factory=Spans)
+    sequence: IntervalSet = field(default_factory=IntervalSet)
+    ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
     shared: bool = False        # several publishers at a time: their numbers cannot be told apart
 
@@ -31,7 +31,7 @@ class TopicCount:
         """Note a publisher's number; it starts again at 1 with the next publisher. 0 is unknown."""
         if sequence == 1 and self.sequence.last is not None:
             self.lost += interval_set.count(self.sequence.gaps())
-            self.sequence = Spans()
+            self.sequence = IntervalSet()
         if sequence:
             self.sequence.add(sequence)
 
@@ -46,7 +46,7 @@ class TopicCount:
         return 0 if self.shared else (self.sequence.first or 1) - 1
 
 
-class Ledger:
+class LossAccount:
     """Counts by topic; ``report`` says what is missing."""
 
     def __init__(self) -> None:
@@ -62,7 +62,7 @@ class Ledger:
         run = None if scene is None else scene.run
         if run != self._run:
             for row in self.topics.values():
-                row.ticks, row.off_ticks = Spans(), 0
+                row.ticks, row.off_ticks = IntervalSet(), 0
         self._run = run
         rows = [] if scene is None else live(scene.effects)
         self._each_tick = {f'{namespace}/{row.name}' for row in rows}
@@ -90,7 +90,7 @@ class Ledger:
             self._steps[t_ns - self._last_ns] += 1
         self._last_ns = t_ns
 
-    def missing(self, ended: bool) -> dict[str, list[Span]]:
+    def missing(self, ended: bool) -> dict[str, list[Interval]]:
         """Return the missing ticks by topic, between its first and its last.
 
         Where the run has ``ended``, that is the last tick of any topic: what one lacks at the end is missing too.

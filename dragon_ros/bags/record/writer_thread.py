@@ -5,20 +5,20 @@ from collections import deque
 from collections.abc import Callable
 from functools import partial
 
-from dragon_ros.bags.write.writer import MB, LogWriter
+from dragon_ros.bags.write.writer import MB, BagWriter
 from dragon_ros.core.errors import DragonError
 
 _Job = tuple[int, Callable[[], object]]      # bytes, and what writes them
 
 
-class BackgroundWriter:
+class WriterThread:
     """Takes messages at once and writes them in order; each second (``flush_s``) what was taken is in the file.
 
     A full queue makes ``write`` wait, and that is counted: nothing is dropped here. After an error of the disk nothing
     more is written; ``error`` tells it.
     """
 
-    def __init__(self, bag: LogWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
+    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
         """Start the thread."""
         self._bag, self._flush_s, self._room = bag, flush_s, int(queue_mb * MB)
         self._jobs: deque[_Job] = deque()

@@ -5,28 +5,257 @@ put together so that a chunk ends when it should; only the Message record, that 
 A full chunk is compressed and written on a thread, while the next one is filled; two buffers take turns.
 """
 import os
+import struct
 import zlib
-from collections.abc import Callable
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
 from functools import partial
 from io import FileIO
 from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
 
+import numpy as np
 from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
 
 from dragon_ros import __version__
-from dragon_ros.bags.write.mcap_chunk import CHUNK_BYTES, OpenChunk
-from dragon_ros.bags.write.mcap_index import MAGIC, around, closing, record_bytes
-from dragon_ros.bags.write.mcap_parts import Parts, Stored
-from dragon_ros.bags.write.worker import OneBehind
 from dragon_ros.core.errors import DiskError, MissingError
 
+_CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, channels
+_COUNT = struct.Struct('<HQ')           # channel, messages; of each channel, before the chunk's own row
+_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without its compression's name), MessageIndex
+CHUNK_BYTES = 2**20
+_BUFFER_BYTES = 2 * CHUNK_BYTES
+_MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
+MAGIC = b'\x89MCAP0\r\n'
 COMPRESSIONS = ('zstd', 'lz4', 'none')
 _Bytes = bytes | memoryview
 
 
-class McapFile:
+class Worker:
+    """Is at most one job behind its caller, so that what waits is bounded."""
+
+    def __init__(self, name: str) -> None:
+        """``name`` is that of the thread, which starts with the first job."""
+        self._pool = ThreadPoolExecutor(1, name)
+        self._job: Future[None] | None = None
+
+    def start(self, job: Callable[[], None]) -> None:
+        """Start a job behind the one before. Raises what that one raised; the new one is not started then.
+
+        Returns when the job first gives the interpreter away. A thread that only asks for it waits until its holder
+        has nothing to do, when that one gives it away and takes it back all the time, as numpy does: the job would
+        run while the caller waits for its end, and not before.
+        """
+        self.settle()
+        begun = Lock()
+        begun.acquire()
+        self._job = self._pool.submit(_after, begun, job)
+        begun.acquire()
+
+    def settle(self) -> None:
+        """Wait until all is done. Raises what the job raised, once."""
+        if self._job is None:
+            return
+        error = self._job.exception()
+        self._job = None
+        if error is not None:
+            raise error
+
+    def close(self) -> None:
+        """Wait for the job and end the thread."""
+        self._pool.shutdown()
+
+
+def _after(begun: Lock, job: Callable[[], None]) -> None:
+    """Do a job; whoever waits for its begin goes on as soon as this thread gives the interpreter away."""
+    begun.release()
+    job()
+
+
+def packed_bytes(topics: int) -> int:
+    """Return what is kept of a chunk with messages of so many topics."""
+    return _CHUNK.size + topics * _COUNT.size
+
+
+class Stored(NamedTuple):
+    """A chunk in a file: where it starts, bytes of its data and before compression, log times, (channel, messages)."""
+
+    start: int
+    size: int
+    raw_size: int
+    first_ns: int
+    last_ns: int
+    counts: tuple[tuple[int, int], ...]
+
+    def found_by(self, compression: str) -> records.ChunkIndex:
+        """Return its index record: after the chunk, each channel has a MessageIndex, in order."""
+        length = _CHUNK_HEAD + len(compression) + self.size
+        offsets, end = {}, self.start + length
+        for channel, messages in self.counts:
+            offsets[channel] = end
+            end += _INDEX_HEAD + _INDEX_ENTRY * messages
+        return records.ChunkIndex(
+            message_start_time=self.first_ns, message_end_time=self.last_ns, chunk_start_offset=self.start,
+            chunk_length=length, message_index_offsets=offsets, message_index_length=end - self.start - length,
+            compression=compression, compressed_size=self.size, uncompressed_size=self.raw_size)
+
+
+class Parts:
+    """The parts of a file by place: many chunks and the few others."""
+
+    def __init__(self) -> None:
+        """Start with none."""
+        self._rows = bytearray()
+        self._chunks = 0
+        self.others: list[tuple[int, records.MetadataIndex | records.AttachmentIndex]] = []
+
+    def __len__(self) -> int:
+        """Return how many there are."""
+        return self._chunks + len(self.others)
+
+    def add(self, chunk: Stored) -> None:
+        """Note a chunk behind all others."""
+        for count in chunk.counts:
+            self._rows += _COUNT.pack(*count)
+        self._rows += _CHUNK.pack(*chunk[:-1], len(chunk.counts))
+        self._chunks += 1
+
+    def chunks(self) -> Iterator[Stored]:
+        """Yield the chunks, the last one first."""
+        end = len(self._rows)
+        while end:
+            middle = end - _CHUNK.size
+            start, size, raw_size, first_ns, last_ns, channels = _CHUNK.unpack_from(self._rows, middle)
+            end = middle + _CHUNK.size - packed_bytes(channels)
+            counts = tuple((channel, messages) for channel, messages in _COUNT.iter_unpack(self._rows[end:middle]))
+            yield Stored(start, size, raw_size, first_ns, last_ns, counts)
+
+    def pop(self) -> int:
+        """Forget the last part and return where it starts."""
+        chunk = next(self.chunks(), None)
+        if chunk is None or (self.others and self.others[-1][0] > chunk.start):
+            return self.others.pop()[0]
+        del self._rows[-packed_bytes(len(chunk.counts)):]
+        self._chunks -= 1
+        return chunk.start
+
+
+class OpenChunk:
+    """Messages as records, and where they are: ``index`` has (log time, offset) by channel."""
+
+    def __init__(self) -> None:
+        """Start with no message."""
+        self._buffer = _memory(_BUFFER_BYTES)
+        self.clear()
+
+    def clear(self) -> None:
+        """Forget the messages; memory that an unusually large one took is given back."""
+        if len(self._buffer) > _BUFFER_BYTES:
+            self._buffer = _memory(_BUFFER_BYTES)
+        self.size = 0
+        self.index: dict[int, list[tuple[int, int]]] = defaultdict(list)
+
+    @property
+    def data(self) -> memoryview:
+        """The records, valid until ``clear``."""
+        return self._buffer[:self.size]
+
+    def add(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
+        """Append one message."""
+        start, first = self.size, self.size + _MESSAGE.size
+        self.size = first + len(data)
+        if self.size > len(self._buffer):
+            larger = _memory(2 * self.size)
+            larger[:start] = self._buffer[:start]
+            self._buffer = larger
+        self.index[channel].append((t_ns, start))
+        _MESSAGE.pack_into(self._buffer, start, Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns)
+        self._buffer[first:self.size] = data
+
+    def times_ns(self) -> tuple[int, int]:
+        """Return the first and the last log time."""
+        times = [t_ns for entries in self.index.values() for t_ns, _ in entries]
+        return min(times), max(times)
+
+    def counts(self) -> tuple[tuple[int, int], ...]:
+        """Return (channel, messages) of each channel that has any."""
+        return tuple((channel, len(entries)) for channel, entries in self.index.items())
+
+
+def _memory(size: int) -> memoryview:
+    """Return so many bytes; those that are never written take no memory."""
+    return np.empty(size, np.uint8).data
+
+
+def record_bytes(*rows: records.McapRecord) -> bytes:
+    """Return records as they stand in a file."""
+    builder = RecordBuilder()
+    for row in rows:
+        row.write(builder)
+    return _taken(builder)
+
+
+def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
+    """Return what stands before and after the data of a chunk.
+
+    ``chunk`` has no data itself, to copy none: ``size`` bytes follow. ``messages`` has (log time, offset in the
+    chunk) by channel.
+    """
+    assert not chunk.data
+    head = record_bytes(chunk)
+    head = head[:1] + struct.pack('<Q', len(head) - 9 + size) + head[9:-8] + struct.pack('<Q', size)
+    return head, record_bytes(*(records.MessageIndex(channel_id=channel, records=entries)
+                                for channel, entries in messages.items()))
+
+
+def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: Parts, compression: str,
+            end: int) -> bytes:
+    """Return all that follows the last part of a file, which is at ``end``: data end, index, footer."""
+    data_end = record_bytes(records.DataEnd(data_section_crc=0))
+    start = end + len(data_end)
+    chunks = [record_bytes(chunk.found_by(compression)) for chunk in parts.chunks()]
+    groups = [record_bytes(*schemas), record_bytes(*channels),
+              record_bytes(statistics(len(schemas), len(channels), parts)), b''.join(reversed(chunks))]
+    groups += [record_bytes(*(row for _, row in parts.others if isinstance(row, kind)))
+               for kind in (records.AttachmentIndex, records.MetadataIndex)]
+    summary, offsets = b'', []
+    for group in groups:
+        if group:
+            offsets.append(records.SummaryOffset(group_opcode=Opcode(group[0]), group_start=start + len(summary),
+                                                 group_length=len(group)))
+            summary += group
+    offset_start = start + len(summary)
+    summary += record_bytes(*offsets)
+    crc = zlib.crc32(struct.pack('<BQQQ', Opcode.FOOTER, 20, start, offset_start), zlib.crc32(summary))
+    footer = records.Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)
+    return data_end + summary + record_bytes(footer) + MAGIC
+
+
+def statistics(schemas: int, channels: int, parts: Parts) -> records.Statistics:
+    """Return the counts of a file."""
+    counts: Counter[int] = Counter()
+    for chunk in parts.chunks():
+        counts.update(dict(chunk.counts))
+    others = Counter(type(row) for _, row in parts.others)
+    return records.Statistics(
+        message_count=counts.total(), channel_message_counts=dict(sorted(counts.items())),
+        schema_count=schemas, channel_count=channels, chunk_count=len(parts) - len(parts.others),
+        metadata_count=others[records.MetadataIndex], attachment_count=others[records.AttachmentIndex],
+        message_start_time=min((chunk.first_ns for chunk in parts.chunks()), default=0),
+        message_end_time=max((chunk.last_ns for chunk in parts.chunks()), default=0))
+
+
+def _taken(builder: RecordBuilder) -> bytes:
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+class McapWriter:
     """Writes one file. What fails to reach the disk raises DiskError and leaves the file as it was before.
 
     The error of a chunk comes with the next call that writes; what was put into the file since is lost with it.
@@ -43,7 +272,7 @@ class McapFile:
         self._channels: list[records.Channel] = []
         self.parts = Parts()        # of what has reached the file
         self._open, self._other = OpenChunk(), OpenChunk()
-        self._thread = OneBehind('chunk')
+        self._thread = Worker('chunk')
         self._end = 0
         self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
 

@@ -2,22 +2,24 @@
 
 A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one file or more.
 """
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 import yaml
 
-from dragon_ros.bags.write import rosbag2
-from dragon_ros.bags.write.mcap import COMPRESSIONS, McapFile
-from dragon_ros.bags.write.mcap_index import statistics
+from dragon_ros.bags.write.mcap import COMPRESSIONS, McapWriter, statistics
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
+_VERSION = 9            # of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
 
@@ -50,6 +52,21 @@ class BagOptions:
         return self.split_size_mb is not None or self.split_duration_s is not None
 
 
+class BagPart(NamedTuple):
+    """One file of a bag: name, first and last log time, messages by topic, bytes."""
+
+    name: str
+    start_ns: int
+    end_ns: int
+    counts: dict[str, int]
+    size: int
+
+    @property
+    def messages(self) -> int:
+        """How many messages are in it."""
+        return sum(self.counts.values())
+
+
 @dataclass
 class _Extras:
     """What stands in every file of a bag, so that each one alone tells its run."""
@@ -58,7 +75,7 @@ class _Extras:
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
 
 
-class LogWriter:
+class BagWriter:
     """Writes messages as they are. Close it (or use ``with``): a bag without its end has no index."""
 
     def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None) -> None:
@@ -73,7 +90,7 @@ class LogWriter:
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
         self._extras = _Extras()
-        self._files: list[rosbag2.File] = []
+        self._files: list[BagPart] = []
         self._start_ns: int | None = None
         self._limited = self.options.splits or self.options.max_size_mb is not None
         self.counts: dict[str, int] = {}
@@ -120,7 +137,7 @@ class LogWriter:
             if not self._single:
                 self._write_metadata()
 
-    def __enter__(self) -> 'LogWriter':
+    def __enter__(self) -> 'BagWriter':
         """Use it in a ``with`` block."""
         return self
 
@@ -128,11 +145,11 @@ class LogWriter:
         """Close at the end of the block."""
         self.close()
 
-    def _new_file(self) -> McapFile:
+    def _new_file(self) -> McapWriter:
         path = self.path
         if not self._single:
             path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
-        file = McapFile(path, self._overwrite, self.options.compression, self.options.fsync)
+        file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync)
         for name, values in self._extras.metadata:
             file.add_metadata(name, values)
         for attachment in self._extras.attachments:
@@ -176,11 +193,11 @@ class LogWriter:
         """How many messages are in the files, once it is closed: all, unless the disk was full."""
         return sum(file.messages for file in self._files)
 
-    def _summary(self) -> rosbag2.File:
+    def _summary(self) -> BagPart:
         found = statistics(0, 0, self._file.parts)
         by_id = {number: topic for topic, number in self._ids.items()}
         counts = {by_id[number]: count for number, count in found.channel_message_counts.items()}
-        return rosbag2.File(self._file.path.name, found.message_start_time, found.message_end_time, counts,
+        return BagPart(self._file.path.name, found.message_start_time, found.message_end_time, counts,
                             self._file.size)
 
     def _write_metadata(self) -> None:
@@ -188,7 +205,7 @@ class LogWriter:
         profiles = {topic: (channel.type, qos_text(channel), type_hash(channel.type))
                     for topic, channel in self._channels.items()}
         custom = {key: value for _, values in self._extras.metadata for key, value in values.items()}
-        rosbag2.write_metadata(self.path, rosbag2.metadata_text(self._files, profiles, custom))
+        _write_metadata_file(self.path, _metadata_text(self._files, profiles, custom))
 
 
 @lru_cache
@@ -213,3 +230,44 @@ def _make_folder(path: Path, replace: bool) -> None:
         raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
+
+
+def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
+                   custom: Mapping[str, str]) -> str:
+    """Return the file's text; ``topics`` has type, offered QoS (as text) and type hash by name."""
+    filled = [file for file in files if file.messages]
+    start = min((file.start_ns for file in filled), default=0)
+    end = max((file.end_ns for file in filled), default=0)
+    counts: Counter[str] = Counter()
+    for file in files:
+        counts.update(file.counts)
+    return yaml.safe_dump({'rosbag2_bagfile_information': {
+        'version': _VERSION, 'storage_identifier': 'mcap', **_times(start, end), 'message_count': counts.total(),
+        'topics_with_message_count': [_topic(name, *topics[name], counts[name]) for name in topics if counts[name]],
+        'compression_format': '', 'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [{'path': file.name, **_times(file.start_ns, file.end_ns), 'message_count': file.messages}
+                  for file in files],
+        'custom_data': dict(custom) or None, 'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy')}}, sort_keys=False)
+
+
+def _write_metadata_file(folder: Path, text: str) -> None:
+    """Replace metadata.yaml in one step: a reader finds the old one or the new one. Raises DiskError."""
+    new = folder / 'metadata.yaml.new'
+    try:
+        new.write_text(text, encoding='utf-8')
+        new.replace(folder / 'metadata.yaml')
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        raise DiskError(f'{folder / "metadata.yaml"}: cannot be written: {error.strerror}; the .mcap files beside it '
+                        'are whole') from None
+
+
+def _times(start_ns: int, end_ns: int) -> dict[str, Any]:
+    return {'duration': {'nanoseconds': end_ns - start_ns}, 'starting_time': {'nanoseconds_since_epoch': start_ns}}
+
+
+def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[str, Any]:
+    return {'topic_metadata': {
+        'name': name, 'type': kind, 'serialization_format': 'cdr', 'offered_qos_profiles': yaml.safe_load(qos),
+        'type_description_hash': type_hash}, 'message_count': count}

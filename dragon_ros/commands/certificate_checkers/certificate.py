@@ -7,13 +7,13 @@ from typing import Any
 from dragon_ros.commands.certificate_checkers.certificate_file import Claims, read_claims
 from dragon_ros.commands.certificate_checkers.checker import Checker, name_of
 from dragon_ros.commands.certificate_checkers.walk_checker import WalkChecker
-from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.certificate import ALL, Contact, NoContact
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import scene_values
 
+NAMES = {ALL: 'all'}
 _BEFORE_S = 1e-6        # that need not be covered before the contact
 
 
@@ -23,11 +23,9 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
-    intervals = [{'lead': name_of(s.lead), 'start_rad': s.start_rad, 'stop_rad': s.stop_rad, 'bound_m': s.bound_m,
-                  'behind': s.behind} for s in (*proof.head, *proof.body)]
-    intervals += [asdict(step) for step in proof.steps]
+    intervals = [{**asdict(each), 'lead': NAMES.get(each.lead) or name_of(each.lead)} for each in proof.intervals]
     contact = {'t_s': found.t_s, 'benches': list(found.benches)} if isinstance(found, Contact) else {'t_s': None}
-    return {'scene': scene_values(scene), 'contact': contact, 'start_gap_m': proof.start_gap_m, 'intervals': intervals}
+    return {'scene': scene_values(scene), 'contact': contact, 'intervals': intervals}
 
 
 def check(path: Path, progress: Callable[[Any], Any] = lambda rows: rows) -> int:
@@ -43,10 +41,10 @@ def check(path: Path, progress: Callable[[Any], Any] = lambda rows: rows) -> int
 
 def _check(checker: Any, claims: Claims, progress: Callable[[Any], Any]) -> None:
     scene, rows, t_s, pair = claims
-    start, end = scene.run.start_s, compile_scene(scene).end.t_s if t_s is None else t_s
+    start, end = scene.run.start_s, scene.end.t_s if t_s is None else t_s
     if t_s is not None:
         gap = checker.gap(t_s, *pair)
-        if gap > checker.touch_m or not start <= t_s <= compile_scene(scene).end.t_s:
+        if gap > checker.touch_m or not start <= t_s <= scene.end.t_s:
             raise InputError(f'contact: benches {pair[0]} and {pair[1]} do not touch at {t_s!r} s: they are {gap:.3g} '
                              'm apart')
     if end - start > _BEFORE_S:

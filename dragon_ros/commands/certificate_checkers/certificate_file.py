@@ -8,16 +8,12 @@ from dragon_ros.commands.certificate_checkers.checker import Row
 from dragon_ros.commands.certificate_checkers.walk_checker import Part
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import FieldError, InputError, MissingError, ModelEnd
-from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import LATEST_S, Scene
-from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
 
 _LARGEST = 256 * 2**20      # bytes
-_FURTHEST_RAD = 1e10
-_LIMITS = {'start_rad': (0.0, _FURTHEST_RAD), 'stop_rad': (0.0, _FURTHEST_RAD), 'start_m': (-1e10, 1e10),
-           'stop_m': (-1e10, 1e10), 'bound_m': (-1e12, 1e12)}
+_LIMITS = {'start_m': (-1e10, 1e10), 'stop_m': (-1e10, 1e10), 'bound_m': (-1e12, 1e12)}
 
 
 class Claims(NamedTuple):
@@ -38,18 +34,17 @@ def read_claims(path: Path) -> Claims:
         values = json.loads(path.read_text(encoding='utf-8'))
         scene = scene_of(Document(str(path), values['scene']))
         benches = scene.dragon.benches
-        single = isinstance(scene.track, Spiral)
-        rows = [_row(row, benches) if single else _part(row) for row in values['intervals']]
+        rows = [_part(row) if row['lead'] == 'all' else _row(row, benches, scene) for row in values['intervals']]
         t_s = values['contact']['t_s']
         if t_s is not None:
             t_s = number('contact.t_s', t_s, low=scene.run.start_s, high=LATEST_S)
-            compile_scene(scene).check_time(t_s)
+            scene.check_time(t_s)
         first, second = (whole('contact.benches', bench, low=0, high=max(benches - 1, 2))
                          for bench in values['contact'].get('benches', (0, 2)))
     except OSError as error:
         raise MissingError(f'--verify {path}: cannot be read: {error.strerror}') from None
     except ModelEnd as error:
-        raise InputError(f'--verify {path}: contact.{error}', **error.fields) from None
+        raise InputError(f'--verify {path}: {error}', **error.fields) from None
     except FieldError as error:
         raise InputError(f'--verify {path}: {error}', **error.fields) from None
     except (ValueError, KeyError, TypeError, AttributeError, ArithmeticError, RecursionError) as error:
@@ -57,9 +52,14 @@ def read_claims(path: Path) -> Claims:
     return Claims(scene, rows, t_s, (first, second))
 
 
-def _row(row: dict[str, Any], benches: int) -> Row:
+def _row(row: dict[str, Any], benches: int, scene: Scene) -> Row:
     """Return an interval whose numbers can be what they claim. Raises FieldError, KeyError or TypeError."""
-    return Row(_lead(row['lead'], benches), *_numbers(row, 'start_rad', 'stop_rad', 'bound_m'),
+    start_m, stop_m, bound_m = _numbers(row, 'start_m', 'stop_m', 'bound_m')
+    track = scene.chained.walk
+    if track.afar is None:
+        raise FieldError('lead', row['lead'], 'the track begins with no spiral that winds in', 'it is all')
+    angles = [track.pieces[0].after(metres - track.origins_m[0]).hi for metres in (start_m, stop_m)]
+    return Row(_lead(row['lead'], benches), angles[0], angles[1], bound_m,
                whole('behind', row['behind'], low=0, high=benches))
 
 

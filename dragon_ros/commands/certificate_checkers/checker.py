@@ -66,6 +66,11 @@ class Checker(Geometry):
         ends = np.array([[self.chain(0, angle, count) for angle in both]
                          for both in (*own, *zip(before, last, strict=True))])
         self._check_turns(ends.reshape(-1, ends.shape[-1]))
+        self.check_ways(rows, ways, ends)
+
+    def check_ways(self, rows: list[Row], ways: Floats, ends: Floats) -> None:
+        """Refuse rows that leave out a part of some bench's way, of angles (M, N+1), or whose ends are no others'."""
+        count = len(self.links)
         parts: dict[int, list[Row]] = {}
         for row in rows:
             parts.setdefault(row.lead, []).append(row)

@@ -14,10 +14,10 @@ from dragon_ros.core.scene import Scene
 class Geometry:
     """A scene's chain and benches, from its plain numbers."""
 
-    def __init__(self, scene: Scene) -> None:
-        """Take plain numbers from the scene."""
+    def __init__(self, scene: Scene, pitch_m: float | None = None) -> None:
+        """Take plain numbers from the scene; ``pitch_m`` is that of a composite track's first spiral."""
         d, self.scene = scene.dragon, scene
-        self.b = scene.spiral.pitch_m / (2 * pi)
+        self.b = (scene.spiral.pitch_m if pitch_m is None else pitch_m) / (2 * pi)
         self.lengths: list[float] = d.bench_lengths_m.tolist()
         self.links = [length - 2 * d.hole_inset_m for length in self.lengths]
         self.uneven = any(length != self.lengths[-1] for length in self.lengths[1:])

@@ -10,6 +10,7 @@ from math import asin, inf
 import numpy as np
 import shapely
 
+from dragon_ros.commands.certificate_checkers.checker import Checker, Row
 from dragon_ros.commands.certificate_checkers.curve import Curve
 from dragon_ros.commands.certificate_checkers.going import Going
 from dragon_ros.core.errors import InputError
@@ -51,6 +52,9 @@ class WalkChecker:
         self._links, self._lengths = np.array(dragon.link_lengths_m), np.array(dragon.bench_lengths_m)
         self._half_width = 0.5 * dragon.width_m
         self._places: Floats = np.empty(0)
+        track = scene.chained.walk
+        self._first, self._joint_m = track.pieces[0], track.joints_m[0] if track.afar and track.joints_m else -inf
+        self._spiral = Checker(scene, track.afar.pitch_m) if track.afar else None
         self._blocks: dict[int, list[_Seen]] = {}
         if self._curve.bend * float(np.max(self._links)) >= 2:
             raise InputError('the track bends so tightly that links could lock on it')
@@ -62,10 +66,22 @@ class WalkChecker:
         shapes = self._see(np.array([self._head_at(self._going.gone_m(t_s))]))[0].shapes
         return float(shapely.distance(shapes[i], shapes[j]))
 
-    def check_cover(self, rows: list[Part], start_s: float, end_s: float, slack_s: float) -> None:
+    def check_cover(self, every: list[Part | Row], start_s: float, end_s: float, slack_s: float) -> None:
         """Refuse intervals that leave out a part of the head's way, but the last ``slack_s``, or that overhang."""
         low, high = self._reached(start_s, end_s - slack_s)
         least, most = self._reached(start_s, end_s)
+        rows = [row for row in every if isinstance(row, Part)]
+        if self._spiral:
+            on_spiral = [row for row in every if isinstance(row, Row)]
+            start = self._head_at(self._going.gone_m(start_s))
+            ends_m = np.array([[start, start], [low, low], [high, high], [low, least], [high, most]])
+            angles = self._angles(self._chains(ends_m.ravel(), self._links, -1)).reshape(5, 2, -1)
+            self._spiral.check_ways(on_spiral, angles[1:3, 0], angles)
+            low, least = max(low, self._joint_m), max(least, self._joint_m)
+            if high <= self._joint_m:
+                if rows:
+                    raise InputError('intervals: the head stays on the first spiral')
+                return
         ends = sorted(tuple(sorted((row.start_m, row.stop_m))) for row in rows)
         for (_, right), (left, _) in pairwise(ends):
             if left != right:
@@ -81,8 +97,17 @@ class WalkChecker:
                              f'{high!r} m')
         self._places = np.unique([place for pair in ends for place in pair])
 
-    def check_bound(self, row: Part) -> None:
+    def _angles(self, along: Floats) -> Floats:
+        """Return polar angles of handles on the first spiral, its end's for those beyond."""
+        return np.array([[self._first.after(one).hi if one < self._joint_m else self._first.last for one in row]
+                         for row in along.tolist()])
+
+    def check_bound(self, row: Part | Row) -> None:
         """Refuse an interval of which some gap may be less than its bound, or whose bound is not positive."""
+        if isinstance(row, Row):
+            assert self._spiral
+            self._spiral.check_bound(row)
+            return
         one, two = (self._at(place) for place in (row.start_m, row.stop_m))
         bound = self._bound(one, two, row.bound_m)
         if not 0 < row.bound_m <= bound + _AGREE_M:
@@ -96,6 +121,8 @@ class WalkChecker:
         gone = np.maximum(way[1:], way[:-1]) + beside * self._curve.bend * 0.5 * (way[1:] + way[:-1])
         far = claimed + float(np.max(gone))
         i, j = self._near(one, two, far)
+        beyond = np.maximum(one.along, two.along)[i] > self._joint_m
+        i, j = i[beyond], j[beyond]
         sums = shapely.distance(one.shapes[i], one.shapes[j]) + shapely.distance(two.shapes[i], two.shapes[j])
         return 0.5 * float(np.min(sums - gone[i] - gone[j], initial=2 * claimed))
 

@@ -34,7 +34,7 @@ def _run(arguments: Namespace) -> int:
         raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'leave it out to take any free one')
     from tqdm import tqdm
 
-    from dragon_ros.commands.source_factory import opened
+    from dragon_ros.commands.sources import opened
     from dragon_ros.commands.view.data import ViewData
     from dragon_ros.commands.view.server import ViewServer
     stop = threading.Event()

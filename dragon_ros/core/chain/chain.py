@@ -35,11 +35,15 @@ class Part(Protocol):
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
-        """Fill in the velocities of these handles, the first at a speed in the head's way; return that of the last."""
+        """Fill in the velocities of these handles, the first at a speed in the head's way; return that of the last.
+
+        ``out`` is (S, N+1, 2), and for one instant its 2 N + 2 numbers in a row. A part may leave its last handle to
+        the next one.
+        """
         ...
 
     def headings(self, chain: 'Chain', out: Floats) -> None:
-        """Fill in unit tangents in the head's way."""
+        """Fill in unit tangents in the head's way; ``out`` as above."""
         ...
 
     def places(self) -> Places:
@@ -94,7 +98,7 @@ class Chain:
         """Unit tangents of the track at the handles, in the head's way, shape (..., N+1, 2)."""
         out = np.empty_like(self.p)
         for part in self.parts:
-            part.headings(self, out)
+            part.headings(self, out.reshape(-1) if out.ndim == 2 else out)
         return read_only(out)
 
     @property
@@ -138,12 +142,14 @@ class Chain:
 
         The leader's speed (one, or one an instant) is positive in its own way: outwards where a tail leads.
         """
-        out = np.empty_like(self.p)
         speed = -self.direction * leader_speed_m_s
-        if self.p.ndim > 2:
-            speed = np.broadcast_to(np.asarray(speed, dtype=np.float64), self.p.shape[:1])
+        if self.p.ndim == 2:
+            out = np.empty(self.p.size)
+        else:
+            out, speed = np.empty(self.p.shape), np.broadcast_to(np.asarray(speed, np.float64), self.p.shape[:1])
         for part in self.parts:
             speed = part.velocities(self, speed, out)
+        out = out.reshape(self.p.shape)
         out.setflags(write=False)
         return out
 
@@ -178,7 +184,8 @@ class MarchedLinks:
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents in the head's way."""
-        out[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
+        rows = out.reshape(chain.p.shape)
+        rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities; a link of no length carries the speed over unchanged."""
@@ -191,8 +198,8 @@ class MarchedLinks:
         ratio = np.where(joined, 1.0, near) / np.where(joined, 1.0, far)
         speeds = np.concatenate((np.ones((*ratio.shape[:-1], 1)), np.cumprod(ratio, axis=-1)), axis=-1)
         speeds *= np.asarray(speed)[..., None]
-        out[..., some, :] = (speeds[..., None] * heading)[..., order, :]
-        return speeds[..., -1]
+        out.reshape(chain.p.shape)[..., some, :] = (speeds[..., None] * heading)[..., order, :]
+        return speeds[..., -1] if chain.p.ndim > 2 else float(speeds[-1])
 
 
 class MarchedLink(NamedTuple):
@@ -213,31 +220,32 @@ class MarchedLink(NamedTuple):
         segment, u = zip(self.near, self.far, strict=True)
         return np.array(segment), np.array([one.hi for one in u]), np.array([one.lo for one in u])
 
-    def rows(self, chain: Chain) -> tuple[int, int]:
-        """Return the indices of both handles."""
-        if chain.direction == BEHIND:
-            return self.start, self.start + 1
-        last = chain.links_m.size - self.start
-        return last, last - 1
+    def _numbers(self, chain: Chain) -> tuple[int, int]:
+        """Return where both handles begin in the numbers of a chain."""
+        if chain.direction < 0:
+            return 2 * self.start, 2 * self.start + 2
+        last = 2 * (chain.links_m.size - self.start)
+        return last, last - 2
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents in the head's way."""
-        for row, (k, u) in zip(self.rows(chain), (self.near, self.far), strict=True):
+        for at, (k, u) in zip(self._numbers(chain), (self.near, self.far), strict=True):
             heading = chain.track.segments[k].heading(*u)
-            out[row] = heading.real, heading.imag
+            out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities; a link of no length carries the speed over unchanged."""
-        here, following = self.rows(chain)
+        at, following = self._numbers(chain)
         segments, p = chain.track.segments, chain.p
         (k, u), (k_2, u_2) = self.near, self.far
         one, two = segments[k].heading(*u), segments[k_2].heading(*u_2)
-        x, y, after = p.item(here, 0) - p.item(following, 0), p.item(here, 1) - p.item(following, 1), speed
+        out[at], out[at + 1] = speed * one.real, speed * one.imag
+        x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
         if x or y:
-            after = speed * (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
-        out[here, 0], out[here, 1] = speed * one.real, speed * one.imag
-        out[following, 0], out[following, 1] = after * two.real, after * two.imag
-        return after
+            speed *= (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
+        if self.start + 1 == chain.links_m.size:
+            out[following], out[following + 1] = speed * two.real, speed * two.imag
+        return speed
 
 
 def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort: Effort) -> Chain:

@@ -160,9 +160,17 @@ def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
 
     Pairs with |i - j| = 2 and 3 are always among them. Raises CrowdError where they would fill the memory.
     """
-    corners, count = benches.corners, benches.half_length.size
+    return swept_pairs(benches.corners[None], reach_m)
+
+
+def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
+    """Return every pair whose boxes about all corners (M, N, 4, 2) of each come within ``reach_m``, as ``box_pairs``.
+
+    The gaps of all other pairs exceed it at each of the M states.
+    """
+    count = corners.shape[1]
     hair = 0.5 * reach_m + _HAIR * float(np.max(np.abs(corners)))
-    low, high = corners.min(axis=-2) - hair, corners.max(axis=-2) + hair
+    low, high = corners.min(axis=(0, 2)) - hair, corners.max(axis=(0, 2)) + hair
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)
     found = [own * count + own + step for step in (2, 3) for own in [np.arange(max(0, count - step))]]

@@ -1,201 +1,220 @@
-"""The first contact on a joined track: followed along the leader's way, in steps that are proved clear.
+"""How near any two benches can come while the leader goes on: a Lipschitz bound over a step of the whole chain.
 
-Handles only move on as the leader does (``walk``), so between two looks handle i goes the way D_i between its places at
-both, and no more. A point of a bench that is t of the way between its handles goes (1 - t) D_i + t D_(i+1) at most; one
-that is e beside or beyond them goes e times the bench's turning more, which is at most (D_i + D_(i+1)) / 2 times the
-track's largest curvature (``rising``). If two benches met in between, the same two points of theirs would have been
-apart by their gaps at both looks: they would have gone at least the sum of both gaps. docs/contact.md has the proof.
+It holds where no link can lock. Handles then only move on as the leader does, so between two states handle i goes the
+way D_i between its places at both, and no more. A point of a bench that is t of the way between its handles goes
+(1 - t) D_i + t D_(i+1) at most; one that is e beside or beyond them goes e times the bench's turning more, which is at
+most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between, the same two points of
+theirs would have been apart by their gaps at both states: they would have gone at least the sum of both gaps.
+docs/contact.md has the proof.
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.chain.first_passage import Course
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.contact.broad_phase import box_pairs
-from dragon_ros.core.contact.certificate import Certificate, Contact, Step
-from dragon_ros.core.contact.signed_distance import gaps, witness
+from dragon_ros.core.contact.broad_phase import swept_pairs
+from dragon_ros.core.contact.certificate import ALL, Interval
+from dragon_ros.core.contact.interval_clearing import Judgement, clear
+from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
+from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.led import Led
-from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.segments import BEHIND
 
-_SPACING = 0.3          # of the longest bench, between first looks
-_FINEST = 1e-8          # of a metre, or of the longest bench if it is shorter
-_SLACK_M = 1e-7         # of the leader's way before a contact: what may be left out at most
-_SHORTEST = 1e-11       # step before a contact
-_MOST = 2_000_000
-_SHARE, _SHRINK, _GROW = 0.9, 0.1, 2.0      # of the room for a step, and of the last one
-_FAR = 4.0              # times a step: pairs further apart than that are not looked at one by one
-_AHEAD = 24
-_STILL_M = 1e-200       # two looks may round to one place
+_TOLERANCE = 4          # times the position error: two benches may be off, at two states
+_SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
+_MOST = 2_000_000       # of them: some hours
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_SHARE = 0.9            # of the room for a step: gaps shrink on the way
+_MOST_PARTS = 10        # that an interval is cut into at once: the room is known at its ends alone
+_REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
+_SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
+_AT_ONCE = 2**16        # benches that are sampled together, for the memory
+_FEW = 8                # roots of the first block; later ones are twice as long each
+_STILL_M = 1e-200       # two states may round to one place
 
 
 @dataclass(frozen=True)
-class _Look:
-    """A chain when the leader has gone so far: distances (N+1,) along the track, benches, and pairs as i N + j.
+class ChainSamples:
+    """States of a chain with N benches at M places: handles' distances (M, N+1) along the track, and rectangles.
 
-    The gaps of all other pairs exceed ``reach_m``.
+    ``beyond`` (M,) are the benches whose front handles lie beyond the first segment of the track.
     """
 
-    gone_m: float
+    places: Floats
     along_m: Floats
-    benches: Benches
-    pairs: Ints
-    reach_m: float
+    centre: Floats
+    axis: Floats
+    beyond: Ints
+
+    def rows(self, index: Ints) -> 'ChainSamples':
+        """Return some of the states."""
+        return ChainSamples(*(getattr(self, name)[index] for name in _FIELDS))
 
 
-class Follower:
-    """Follows a scene on a joined track while the leader goes one way; ``states`` counts the looks."""
+_FIELDS = ('places', 'along_m', 'centre', 'axis', 'beyond')
 
-    def __init__(self, scene: Scene, course: Course, sense: int, progress: Callable[[int], object]) -> None:
-        """Take the way. Raises FieldError where it is too long to search."""
-        assert scene.led
-        self.scene, self.states, self._course, self._sense, self._tell = scene, 0, course, sense, progress
-        self._led: Led = scene.led
-        dragon, longest = scene.dragon, float(np.max(scene.dragon.bench_lengths_m))
-        self._start, self._stop = (course.gone_m(t_s) for t_s in (course.start_s, course.farthest_s(sense)))
-        self._spacing, self._finest, self._reach_m = _SPACING * longest, _FINEST * min(1.0, longest), 0.5 * longest
-        self._slack_m, self._stuck = self._finest, False
-        length_m = abs(self._stop - self._start)
-        if length_m > _MOST * self._spacing:
-            raise FieldError('run.stop_s', scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more than '
-                             f'{_MOST * self._spacing:.3g} m can be searched', 'stop earlier')
-        self._effort = EXACT.effort(scene.size_m, scene.length_m)
-        self._tolerance_m = 4 * EXACT.promise_for_m(scene.size_m)       # two benches may be off, at two looks
+
+class _Space:
+    """Places of the leader, for ``clear``; pairs are looked for once for each root."""
+
+    def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
+        dragon = domain.dragon
+        self._domain, self._only_beyond, self._heads_m = domain, only_beyond, heads_m
+        self.tolerance_m = _TOLERANCE * domain.error_m
+        self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
         overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
-        self._turning = 0.5 * self._led.walk.bend * overhang
-        self._steps: list[Step] = []
-        self._hits: list[tuple[float, int]] = []
-        self._first = self._look(self._start)
+        self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
+        self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self._first: Ints = np.empty(0, dtype=np.int64)     # of each root's pairs
+        self._count: Ints = np.empty(0, dtype=np.int64)
+        self._others_m: Floats = np.empty(0)                # a bound of the gaps of each root's other pairs
 
-    def first(self) -> Contact | None:
-        """Return the first contact on the way, which is cleared up to it."""
-        stuck = self._clear()
-        if self._hits:
-            return self._contact(self._hits, None)
-        return self._grazing(*stuck) if stuck else None
+    def sample(self, places: Floats) -> ChainSamples:
+        """Return samples."""
+        at_once = max(1, _AT_ONCE // self._domain.dragon.benches)
+        return self.joined([self._sample(places[n:n + at_once]) for n in range(0, places.size, at_once)])
 
-    def cleared(self) -> Certificate:
-        """Return the certificate of the way, which has no contact."""
-        self._clear()
-        return self.certificate()
+    def _sample(self, places: Floats) -> ChainSamples:
+        domain = self._domain
+        domain.count(places.size)
+        chain = domain.chains(places)
+        benches = benches_of(chain, domain.dragon, axes_of(chain))
+        along_m = domain.track.distances(chain.segment, chain.u)
+        self._heads_m.update(zip(places.tolist(), along_m[:, 0].tolist(), strict=True))
+        return ChainSamples(places, along_m, benches.centre, benches.axis,
+                            np.sum(chain.segment[:, :-1] > 0, axis=1))
 
-    def certificate(self) -> Certificate:
-        """Return what is cleared."""
-        near = self._gaps(self._first, self._first.pairs)
-        return Certificate((), (), float(np.min(near, initial=self._reach_m)), not self._stuck, tuple(self._steps))
+    def joined(self, parts: list[ChainSamples]) -> ChainSamples:
+        """Return several samples as one."""
+        return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
 
-    def _clear(self) -> tuple[_Look, _Look] | None:
-        """Clear the way, up to the first contact; return looks between which nothing is known where it gets stuck.
+    def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
+        """Take the roots: look which pairs come near on each."""
+        moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
+        reach_m = _REACH * 2 * moved_m + self._far_m
+        found = [self._near(samples, rows, reach) for rows, reach in zip(pairs.T, reach_m.tolist(), strict=True)]
+        self._count = np.array([i.size for i, _ in found])
+        self._first = np.cumsum(self._count) - self._count
+        self._pairs = np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+        self._others_m = reach_m - 2 * moved_m
 
-        A step is as long as the last one says that the next can be.
-        """
-        here, step_m = self._first, self._spacing
-        self._meet(here, here)
-        while (rest_m := self._rest_m(here)) > 0:
-            way_m = min(step_m, rest_m)
-            there = self._look(here.gone_m + self._sense * way_m, _FAR * step_m)
-            bound_m, room = self._bound(here, there)
-            least_m = 0.0 if self._hits else self._finest
-            step_m = max(way_m * min(max(_SHARE * room, _SHRINK), _GROW), least_m)
-            if bound_m > self._tolerance_m:
-                self._steps.append(Step(float(here.along_m[0]), float(there.along_m[0]), bound_m))
-                here = there
-            elif not self._meet(here, there) and way_m <= max(least_m, _SHORTEST):
-                if self._hits or not any(self._meet(here, ahead) for ahead in self._ahead(here)):
-                    self._stuck = bool(self._hits)
-                    return here, there
-        return None
+    def _near(self, samples: ChainSamples, rows: Ints, reach_m: float) -> tuple[Ints, Ints]:
+        """Return the pairs that are to be looked at on a root: all within reach, but those that others speak for."""
+        half_length, half_width = self._half
+        benches = Benches(samples.centre[rows], samples.axis[rows], half_length, half_width)
+        i, j = swept_pairs(benches.corners, reach_m)
+        keep = i < np.max(samples.beyond[rows]) if self._only_beyond else slice(None)
+        return i[keep], j[keep]
 
-    def _rest_m(self, here: _Look) -> float:
-        """Return how far the leader has to go yet: to its end, or to just before the contact."""
-        ends = [self._sense * self._stop, *(self._sense * gone_m - self._slack_m for gone_m, _ in self._hits)]
-        return min(ends) - self._sense * here.gone_m
-
-    def _ahead(self, here: _Look) -> Iterator[_Look]:
-        """Yield looks further and further ahead."""
-        for power in range(_AHEAD):
-            gone_m = here.gone_m + self._sense * self._finest * 2**power
-            if self._sense * gone_m < self._sense * self._stop:
-                yield self._look(gone_m)
-
-    def _meet(self, before: _Look, after: _Look) -> bool:
-        """Note when the pairs that touch at a look begin to, if there are any; before it none does."""
-        touching = after.pairs[self._gaps(after, after.pairs) <= 0].tolist()
-        if touching:
-            self._hits = sorted((self._touch(pair, before, after), pair) for pair in touching)
-            self._hits.sort(key=lambda hit: self._sense * hit[0])
-            # Closer than this a gap cannot be told from zero.
-            slope = max(self._slope(self._hits[0][1], self._hits[0][0]), 4 * self._tolerance_m / _SLACK_M)
-            self._slack_m = max(self._finest, 4 * self._tolerance_m / slope)
-        return bool(touching)
-
-    def _look(self, gone_m: float, reach_m: float = np.inf) -> _Look:
-        self.states += 1
-        self._tell(1)
-        chain, reach_m = self._led.chain((gone_m, 0.0), self._effort), min(reach_m, self._reach_m)
-        benches = benches_of(chain, self.scene.dragon, axes_of(chain))
-        i, j = box_pairs(benches, reach_m)
-        along_m = chain.walk.distances(chain.piece, chain.u)
-        return _Look(gone_m, along_m, benches, i * benches.half_length.size + j, reach_m)
-
-    def _gaps(self, look: _Look, pairs: Ints) -> Floats:
-        return gaps(look.benches, *np.divmod(pairs, look.benches.half_length.size))
-
-    def _bound(self, a: _Look, b: _Look) -> tuple[float, float]:
-        """Return a lower bound of all gaps between two looks (not positive: not clear), and the room for longer steps.
-
-        Room is how many times as far benches could have gone: gaps over ways.
-        """
+    def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
+        """Return how far points of benches (M, N) go at most between samples."""
         way_m = np.abs(b.along_m - a.along_m)
-        moved_m = np.maximum(way_m[:-1], way_m[1:]) + self._turning * (way_m[:-1] + way_m[1:])
-        pairs = np.union1d(a.pairs, b.pairs)
-        i, j = np.divmod(pairs, moved_m.size)
-        apart_m, moving_m = self._gaps(a, pairs) + self._gaps(b, pairs), moved_m[i] + moved_m[j]
-        far_m, most_m = a.reach_m + b.reach_m, 2 * float(np.max(moved_m))     # of all other pairs
-        return (0.5 * float(np.min(apart_m - moving_m, initial=far_m - most_m)),
-                float(np.min(apart_m / np.maximum(moving_m, _STILL_M), initial=far_m / max(most_m, _STILL_M))))
+        out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
+        return out
 
-    def _contact(self, hits: list[tuple[float, int]], grazing_m: tuple[float, float] | None) -> Contact:
-        """Return the contact of the first of some hits, or the grazing with bounds of the smallest gap."""
-        times = [self._course.arrival_s(gone_m, self._sense) for gone_m, _ in hits]
-        (gone_m, code), *later = hits
-        speed = self._slope(code, gone_m) * abs(self.scene.head.speed_at_m_s(times[0]))
-        unsure = EXACT.promise_for_m(self.scene.size_m) / speed if speed > 0 else float('inf')
-        others = tuple(self._pair(other) for t_s, (_, other) in zip(times[1:], later, strict=True)
-                       if t_s - times[0] <= unsure)
-        pair = self._pair(code)
-        return Contact(times[0], pair, witness(self._look(gone_m).benches, *pair), grazing_m, others, speed, unsure,
-                       self.states, self.certificate())
+    def judge(self, a: ChainSamples, b: ChainSamples, root: Ints) -> Judgement:
+        """Judge intervals by what gaps leave of the ways of benches; they are cut as the room asks for."""
+        moved_m, size = self._moved(a, b), self._count[root]
+        row = np.repeat(np.arange(root.size), size)
+        at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[root], size)
+        i, j = self._pairs[0][at], self._pairs[1][at]
+        gap_a, gap_b, moving_m = self._gaps(a, row, i, j), self._gaps(b, row, i, j), moved_m[row, i] + moved_m[row, j]
+        bound_m, room = self._others_m[root], np.full(root.size, 1.0)
+        np.minimum.at(bound_m, row, 0.5 * (gap_a + gap_b - moving_m))
+        np.minimum.at(room, row, (gap_a + gap_b) / np.maximum(moving_m, _STILL_M))
+        touching = np.zeros((2, root.size), dtype=bool)
+        for end, gap in enumerate((gap_a, gap_b)):
+            touching[end, row[gap <= 0]] = True
+        parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
+        return Judgement(bound_m, touching, np.clip(parts, 2, _MOST_PARTS).astype(np.int64))
 
-    def _pair(self, code: int) -> tuple[int, int]:
-        i, j = divmod(code, self.scene.dragon.benches)
-        return i, j
+    def _gaps(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> Floats:
+        states, count = samples.places.size, self._domain.dragon.benches
+        half_length, half_width = (np.tile(half, states) for half in self._half)
+        benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
+        return gaps(benches, row * count + i, row * count + j)
 
-    def _grazing(self, before: _Look, after: _Look) -> Contact:
-        """Return where nobody can say if the closest pair touches, between two looks at which it does not."""
-        pairs = np.union1d(before.pairs, after.pairs)
-        least = np.minimum(self._gaps(before, pairs), self._gaps(after, pairs))
-        closest, error = int(np.argmin(least)), self._tolerance_m
-        bounds = self._bound(before, after)[0] - error, float(least[closest]) + error
-        return self._contact([(before.gone_m, int(pairs[closest]))], bounds)
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return the leader's ways."""
+        return np.abs(stop - start)
 
-    def _gap(self, pair: int, gone_m: float) -> float:
-        return float(self._gaps(self._look(gone_m), np.array([pair]))[0])
 
-    def _touch(self, pair: int, before: _Look, after: _Look) -> float:
-        """Return how far the leader has gone when the gap of a pair vanishes."""
-        low, high = (float(self._gaps(look, np.array([pair]))[0]) for look in (before, after))
-        if before is after or low <= 0:
-            return before.gone_m
-        return illinois(lambda gone_m: self._gap(pair, gone_m), before.gone_m, after.gone_m, low, high)
+class WholeChain:
+    """All pairs of a domain, or those that ``LeadingBenches`` leave: what is cleared of them, and where that ends."""
 
-    def _slope(self, pair: int, gone_m: float) -> float:
-        """Return how much a gap closes for each metre of the leader's way."""
-        low, high = sorted((self._start, self._stop))
-        early, late = max(low, gone_m - 1e-6), min(high, gone_m + 1e-6)
-        return self._sense * (self._gap(pair, early) - self._gap(pair, late)) / (late - early) if late > early else 0.0
+    def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
+        """Take a domain; with ``only_beyond`` pairs count whose inner bench is beyond the track's first segment.
+
+        Raises FieldError where the domain is too long to search.
+        """
+        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
+        longest_m = float(np.max(domain.dragon.bench_lengths_m))
+        self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
+        self._rows: list[tuple[float, float, float]] = []
+        self._heads_m: dict[float, float] = {}      # the head's distance along the track at the places
+        self._hit: Bracket | None = None
+        length_m = abs(domain.stop_m - domain.start_m)
+        if length_m > _MOST * self._spacing_m:
+            raise FieldError('run.stop_s', domain.scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more '
+                             f'than {_MOST * self._spacing_m:.3g} m can be searched', 'stop earlier')
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear all pairs up to a place of the leader; return the first bracket of places that is not."""
+        self._rows, self._hit = [], None
+        self._go_on(self._domain.start_m, stop_m)
+        return self._hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        sense = self._domain.sense
+        kept = [row for row in self._rows if sense * row[0] < sense * stop_m]
+        self._rows = [(start, sense * min(sense * stop, sense * stop_m), bound) for start, stop, bound in kept]
+        if self._hit:
+            self._hit = None
+            self._go_on(self._rows[-1][1] if self._rows else self._domain.start_m, stop_m,
+                        (_SHORTEST * self.tolerance_m,))
+        return self._hit
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        for start, stop, bound_m in self._rows:
+            yield Interval(ALL, self._head_m(start), self._head_m(stop), self._domain.dragon.benches - 1, bound_m)
+
+    def _head_m(self, place: float) -> float:
+        """Return the head's distance along the track."""
+        if place not in self._heads_m:
+            self._heads_m[place] = float(self._domain.along_m(place)[0])
+        return self._heads_m[place]
+
+    def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
+        """Clear from one place to another, block by block, or to the first place that is not."""
+        start_m, stop_m = (self._within(place) for place in (start_m, stop_m))
+        most = max(1, _AT_ONCE // self._domain.dragon.benches)
+        count = max(1, int(abs(stop_m - start_m) / self._spacing_m + 0.5)) if start_m != stop_m else 0
+        done, size = 0, min(_FEW, most)
+        while done < count and not self._hit:
+            block = np.arange(done, min(done + size, count) + 1) / count
+            places = np.where(block == 1, stop_m, start_m + block * (stop_m - start_m))
+            space = _Space(self._domain, self._only_beyond, self._heads_m)
+            cleared = clear(space, [places], finest_m or self._finest_m)[0]
+            self._rows += cleared.rows
+            self._hit = Bracket(*cleared.hit) if cleared.hit else None
+            done, size = done + size, min(2 * size, most)
+
+    def _within(self, place_m: float) -> float:
+        """Return the place, or the nearest one at which a bench is beyond the first segment if only those count."""
+        domain = self._domain
+        if not self._only_beyond:
+            return place_m
+        ends = domain.start_m, domain.stop_m
+        joint_m = domain.track.joints_m[0] if domain.track.joints_m else np.inf
+        inside = [float(domain.along_m(end)[0]) <= joint_m for end in ends]
+        if all(inside):
+            return domain.start_m
+        if not any(inside):
+            return place_m
+        crossing = domain.gone_at(0, joint_m, ends)
+        return (max if domain.leader.direction == BEHIND else min)(place_m, crossing)

@@ -1,193 +1,230 @@
-"""Clear whole stretches of track of contact, with the bound that clears each.
+"""Clear intervals of a search domain of contact, with the bound that clears each: the driver of every bound.
 
-On a stretch of length h (in the polar angle of the leading handle) the corners of a bench, seen in the frame of
-another, leave the straight lines between their places at its ends by at most B h^2 / 8, B a bound on their second
-derivative there (``bending``). Along straight lines the separation from a fixed edge is concave, so it is nowhere less
-than the smaller of its values at the two ends. Hence a pair is apart on the whole stretch if, for one edge and one side
-of it, that smaller value exceeds B h^2 / 8.
-
-Close to a lock, where no such B exists, what counts is how far the handles of both benches go at all. Benches further
-out are cleared by the circle about the centre that parts them. All this takes handles that move one way on a stretch:
-it must not contain the place where one turns back. docs/contact.md has the proofs.
+A domain is sampled at places. Between two of them a bound (``second_order_bounds`` for a bench on a spiral segment,
+``conservative_advancement`` for the whole chain) says how near benches can come. An interval whose bound does not
+exceed what positions may err is cut into parts, at once into as many as the bound asks for, until each is cleared or is
+as short as is asked for. The parts of one interval are at most half as long as it is, so an interval of length L takes
+no more than log2(L / finest) rounds, and the whole search ends.
 """
-from collections.abc import Callable
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
+from numpy.typing import NDArray
 
-from dragon_ros.core.contact.narrow_phase import Sizes, View, beyond, further, joined
-from dragon_ros.core.contact.second_order_bounds import bend
-from dragon_ros.core.numerics.ball_arithmetic import between
-from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints
 
-Look = Callable[[Floats], View]
-_STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves
+_AT_ONCE = 4096     # intervals that are bounded together; later ones wait, so that a long search keeps to its memory
+Bools = NDArray[np.bool_]
+
+
+class Samples(Protocol):
+    """States at M places of a domain."""
+
+    @property
+    def places(self) -> Floats:
+        """Places (M,)."""
+        ...
+
+    def rows(self, index: Ints) -> Any:
+        """Return some of them."""
+        ...
 
 
 @dataclass(frozen=True)
-class Stretch:
-    """A cleared stretch: polar angles of the leading handle, and a lower bound in metres of its gaps.
+class Judgement:
+    """Of M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and parts to cut into."""
 
-    They are the gaps of bench ``lead`` to the next ``behind`` benches, but the one just behind; and those of every
-    bench behind which the dragon goes on as it does behind ``lead``.
+    bound_m: Floats
+    touching: Bools
+    parts: Ints
+
+
+class Space(Protocol):
+    """What is searched: it samples places, and bounds the gaps between two of them.
+
+    The first intervals are the ``roots``; every later one lies in one of them, and is judged with its number.
     """
 
-    start_rad: float
-    stop_rad: float
-    bound_m: float
-    behind: int
-    lead: int = 0
+    @property
+    def tolerance_m(self) -> float:
+        """What a bound must exceed for the positions that it was computed from."""
+        ...
 
+    def sample(self, places: Floats) -> Any:
+        """Return the samples of places."""
+        ...
 
-@dataclass(frozen=True)
-class Window:
-    """Places (monotone) that bench ``lead``, with so many benches ``behind`` it, goes through."""
+    def joined(self, parts: list[Any]) -> Any:
+        """Return several samples as one."""
+        ...
 
-    places: Floats
-    behind: int
-    lead: int
+    def begin(self, samples: Any, pairs: Ints, window: Ints) -> None:
+        """Take the roots: ``pairs`` (2, R) of rows of the samples, and the numbers (R,) of their windows."""
+        ...
+
+    def judge(self, a: Any, b: Any, root: Ints) -> Judgement:
+        """Judge the intervals between samples a and b, each a part of a root."""
+        ...
+
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return the lengths of intervals in metres, or bounds on them."""
+        ...
 
 
 @dataclass(frozen=True)
 class Cleared:
-    """What was cleared from the start on; ``hit`` brackets the first place that is not (clear end, other end)."""
+    """What of a window is cleared, from its start on, as rows (start, stop, bound).
 
-    stretches: list[Stretch]
-    hit: tuple[float, float] | None
+    ``hit`` brackets the first place that is not, as (cleared end, other end, bound), None where all is; ``touching``
+    says that benches touch at its other end.
+    """
+
+    rows: list[tuple[float, float, float]]
+    hit: tuple[float, float, float] | None
     touching: bool
 
 
-def bounds(a: View, b: View, sizes: Sizes, behind: Ints) -> Floats:
-    """Return lower bounds (M,) of the gaps on stretches between the places of two views; not positive: not cleared.
+def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> list[Cleared]:
+    """Clear windows, given as places (monotone), each up to the first place that cannot be cleared.
 
-    Only the next ``behind`` (M,) benches count.
+    Intervals are cut down to the first of ``finest_m``; where one is still neither cleared nor touching, the rest of
+    its window is cleared again from there on, down to the next.
     """
-    sides = [np.minimum(side * a.offset - a.extent, side * b.offset - b.extent) for side in (1, -1)]
-    separation, sag = np.maximum(*sides), _sag(a, b, sizes)
-    low = np.maximum(np.max(separation[..., :2], axis=-1) - sag[..., 0],
-                     np.max(separation[..., 2:], axis=-1) - sag[..., 1])
-    way = _way(a, b, sizes)
-    low = np.maximum(low, np.maximum(a.apart, b.apart) - way[:, :1] - way[:, 2:])
-    circle = beyond(a, b, sizes)
-    out: Floats = np.min(np.where(_there(circle, behind), np.maximum(low, circle), np.inf), axis=1)
-    unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)
-    return np.where(unseen | _turns_back(a, b), -np.inf, out)
-
-
-def _there(gap: Floats, behind: Ints) -> Array:
-    """Return which of the benches (M, K-2) are there at all."""
-    out: Array = np.arange(2, gap.shape[1] + 2) <= behind[:, None]
+    out = list(_cleared(space, windows, finest_m[0]))
+    again = [n for n, cleared in enumerate(out) if cleared.hit and not cleared.touching]
+    if again and len(finest_m) > 1:
+        rest = clear(space, [_after(windows[n], out[n].hit) for n in again], finest_m[1:])
+        for n, more in zip(again, rest, strict=True):
+            out[n] = Cleared([*out[n].rows, *more.rows], more.hit, more.touching)
     return out
 
 
-def _sag(a: View, b: View, sizes: Sizes) -> Floats:
-    """Return how far corners leave straight lines, (M, K-2, 2) in metres: in the leading bench's frame, and others'."""
-    arm = np.hypot(sizes.half_length_m, sizes.half_width_m)[None] / sizes.b_m
-    chord = sizes.links_m[None] / sizes.b_m
-    length = (a.lead - b.lead)[:, None, None]
-    most = bend(between(a.theta, b.theta), between(a.delta, b.delta), between(chord, chord), arm)
-    out: Floats = most * (sizes.b_m * length * length / 8)
-    return out
+def _after(window: Floats, hit: tuple[float, float, float] | None) -> Floats:
+    """Return what is left of a window."""
+    assert hit
+    sign = 1.0 if window[-1] > window[0] else -1.0
+    return np.concatenate(([hit[0]], window[sign * window > sign * hit[0]]))
 
 
-def _way(a: View, b: View, sizes: Sizes) -> Floats:
-    """Return how far corners go at most (M, K) in metres: as far as a handle, times the bench's lever."""
-    outer = np.maximum(a.theta, b.theta)
-    handle = sizes.b_m * np.abs(a.theta - b.theta) * np.sqrt(1 + outer * outer)
-    overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
-    lever = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
-    out: Floats = lever * np.maximum(handle[:, :-1], handle[:, 1:])
-    return out
+def _cleared(space: Space, windows: list[Floats], finest_m: float) -> Iterator[Cleared]:
+    search = _Search(space, windows)
+    while search.waiting:
+        search.judge(finest_m)
+    return (search.result(number) for number in range(len(windows)))
 
 
-def _turns_back(a: View, b: View) -> Array:
-    """Return where the second or third handle comes in at one end of a stretch and goes out at the other."""
-    one, two = (comes_in(view.theta[:, :3], view.delta[:, :2]) for view in (a, b))
-    out: Array = np.any((np.minimum(one, two) < -_STILL) & (np.maximum(one, two) > _STILL), axis=1)
-    return out
+@dataclass(frozen=True)
+class _Batch:
+    """Intervals: ``pairs`` (2, M) of rows of samples, their windows and roots (M,)."""
 
+    samples: Any
+    pairs: Ints
+    window: Ints
+    root: Ints
 
-def comes_in(theta: Floats, delta: Floats) -> Floats:
-    """Return numbers that are positive where a link's rear handle follows its front handle inwards."""
-    inner, outer = theta[..., :-1], theta[..., 1:]
-    out: Floats = delta * np.cos(delta) + inner * (outer * np.sin(delta) - 2 * np.sin(0.5 * delta) ** 2)
-    return out
-
-
-def clear(look: Look, sizes: Sizes, windows: list[Window], finest_m: float, tolerance_m: float) -> list[Cleared]:
-    """Clear the stretches between consecutive places of windows, halving those that need it down to ``finest_m``.
-
-    A stretch is clear if its bound exceeds ``tolerance_m``, what the positions may err. Each window is cleared up to
-    the first touching place found, or the first stretch that cannot be cleared.
-    """
-    search = _Search(look, sizes, windows, tolerance_m)
-    while search.pairs.size:
-        search.halve(finest_m)
-    return [search.result(number) for number in range(len(windows))]
+    def some(self, keep: Bools | Ints) -> '_Batch':
+        """Return some intervals with the samples that they need."""
+        used, rows = np.unique(self.pairs[:, keep], return_inverse=True)
+        return _Batch(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.root[keep])
 
 
 class _Search:
-    """Stretches of windows that are still to be cleared: ``pairs`` (2, M) are rows of the view."""
+    """Intervals of windows that are still to be cleared, and what has been found of them."""
 
-    def __init__(self, look: Look, sizes: Sizes, windows: list[Window], tolerance_m: float) -> None:
-        self._look, self._sizes, self._tolerance_m = look, sizes, tolerance_m
-        counts = np.array([window.places.size for window in windows])
-        self._window = np.repeat(np.arange(counts.size), counts)
-        self._behind = np.array([window.behind for window in windows])
-        self._lead = [window.lead for window in windows]
-        self._sign = np.array([1.0 if w.places[-1] >= w.places[0] else -1.0 for w in windows])
-        self._hit: Floats = np.full(counts.size, np.inf)
+    def __init__(self, space: Space, windows: list[Floats]) -> None:
+        self._space = space
+        of = np.repeat(np.arange(len(windows)), [window.size for window in windows])
+        self._sign = np.array([1.0 if window[-1] >= window[0] else -1.0 for window in windows])
+        self._touch: Floats = np.full(len(windows), np.inf)      # progress to the first touching place
+        self._limit: Floats = np.full(len(windows), np.inf)      # and to the first place that cannot be cleared
         self._done: list[tuple[Floats, Ints]] = []
         self._stuck: list[tuple[Floats, Ints]] = []
-        self._view = look(np.concatenate([window.places for window in windows]))
-        first = np.flatnonzero(np.diff(self._window) == 0)
-        self.pairs = np.stack((first, first + 1))
-        self._note_touching()
+        samples, first = space.sample(np.concatenate(windows)), np.flatnonzero(np.diff(of) == 0)
+        pairs = np.stack((first, first + 1))
+        space.begin(samples, pairs, of[first])
+        self.waiting = [_Batch(samples, pairs, of[first], np.arange(first.size))] if first.size else []
 
-    def _note_touching(self) -> None:
-        """Note the first touching place of each window, and drop what lies beyond."""
-        apart = self._view.apart
-        touching = np.any((apart <= 0) & _there(apart, self._behind[self._window]), axis=1)
-        progress = self._sign[self._window] * self._view.lead
-        np.minimum.at(self._hit, self._window[touching], progress[touching])
-        self.pairs = self.pairs[:, progress[self.pairs[0]] < self._hit[self._window[self.pairs[0]]]]
+    def judge(self, finest_m: float) -> None:
+        """Judge the intervals that are next, keep those that are clear, and cut the others."""
+        batch = self._next()
+        if not batch.window.size:
+            return
+        places = batch.samples.places[batch.pairs]
+        space, progress = self._space, self._sign[batch.window] * places
+        first, second = (batch.samples.rows(rows) for rows in batch.pairs)
+        judged = space.judge(first, second, batch.root)
+        for end in (0, 1):
+            touching = judged.touching[end]
+            np.minimum.at(self._touch, batch.window[touching], progress[end, touching])
+        good = judged.bound_m > space.tolerance_m
+        short = (space.lengths_m(*places) <= finest_m) | ~_between(*places)
+        fine = ~good & short
+        np.minimum.at(self._limit, batch.window[fine], progress[0, fine])
+        np.minimum(self._limit, self._touch, out=self._limit)
+        self._done.append((np.stack((*places[:, good], judged.bound_m[good]), axis=1), batch.window[good]))
+        self._stuck.append((np.stack((*places[:, fine], judged.bound_m[fine]), axis=1), batch.window[fine]))
+        rest = ~good & ~short & (progress[0] < self._limit[batch.window])
+        if np.any(rest):
+            self._cut(batch.some(rest), judged.parts[rest])
 
-    def halve(self, finest_m: float) -> None:
-        """Look which stretches are clear, and halve the others."""
-        view, pairs, window = self._view, self.pairs, self._window[self.pairs[0]]
-        low = bounds(view.rows(pairs[0]), view.rows(pairs[1]), self._sizes, self._behind[window])
-        ends = view.lead[pairs]
-        good = low > self._tolerance_m
-        fine = ~good & (self._sizes.b_m * np.abs(ends[0] - ends[1]) * (1 + np.max(ends, axis=0)) <= finest_m)
-        self._done.append((np.stack((*ends[:, good], low[good]), axis=1), window[good]))
-        self._stuck.append((ends[:, fine].T, window[fine]))
-        self._add_middles(pairs[:, ~good & ~fine])
+    def _next(self) -> _Batch:
+        """Take the intervals that come first; too many for one time are taken in the order of progress."""
+        batch = self.waiting.pop()
+        ahead = self._sign[batch.window] * batch.samples.places[batch.pairs[0]] < self._limit[batch.window]
+        batch = batch if np.all(ahead) else batch.some(ahead)
+        if batch.window.size <= _AT_ONCE:
+            return batch
+        order = np.argsort(self._sign[batch.window] * batch.samples.places[batch.pairs[0]], kind='stable')
+        self.waiting.append(batch.some(np.sort(order[_AT_ONCE:])))
+        return batch.some(np.sort(order[:_AT_ONCE]))
 
-    def _add_middles(self, pairs: Ints) -> None:
-        """Keep what the stretches need of the view, with their middles."""
-        used, where = np.unique(pairs, return_inverse=True)
-        pairs, view = where.reshape(2, -1), self._view.rows(used)
-        new = used.size + np.arange(pairs.shape[1])
-        self.pairs = np.concatenate((np.stack((pairs[0], new)), np.stack((new, pairs[1]))), axis=1)
-        if new.size:
-            middles = self._look(0.5 * (view.lead[pairs[0]] + view.lead[pairs[1]]))
-            self._window = np.concatenate((self._window[used], self._window[used][pairs[0]]))
-            self._view = joined([view, middles])
-            self._note_touching()
+    def _cut(self, batch: _Batch, parts: Ints) -> None:
+        """Cut intervals, each into so many equal parts."""
+        count, (start, stop) = batch.window.size, batch.samples.places[batch.pairs]
+        of, nth = np.repeat(np.arange(count), parts - 1), _counted(parts - 1) + 1
+        share = nth / parts[of]
+        places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
+        new = batch.samples.places.size + np.arange(of.size)
+        samples = self._space.joined([batch.samples, self._space.sample(places)])
+        # Each interval's rows in order: its start, the new ones, its stop.
+        fronts, owner = np.empty(of.size + count, dtype=np.int64), np.repeat(np.arange(count), parts)
+        heads = np.cumsum(parts) - parts
+        inner = np.ones(fronts.size, dtype=bool)
+        inner[heads] = False
+        fronts[heads], fronts[inner] = batch.pairs[0], new
+        backs = np.empty_like(fronts)
+        backs[:-1], backs[-1] = fronts[1:], batch.pairs[1, -1]
+        backs[np.cumsum(parts) - 1] = batch.pairs[1]
+        self.waiting.append(_Batch(samples, np.stack((fronts, backs)), batch.window[owner], batch.root[owner]))
 
     def result(self, number: int) -> Cleared:
-        """Return what of a window is cleared up to the first stretch that is not."""
-        sign, hit = self._sign[number], self._hit[number]
-        stuck = [row for row in self._rows(self._stuck, number) if sign * row[0] < hit]
-        end = sign * stuck[0][0] if stuck else hit
-        kept = [Stretch(start, stop, bound, int(self._behind[number]), self._lead[number])
-                for start, stop, bound in self._rows(self._done, number) if sign * start < end]
+        """Return what of a window is cleared up to the first interval that is not."""
+        sign, touch = self._sign[number], self._touch[number]
+        stuck = [row for row in self._rows(self._stuck, number) if sign * row[0] < touch]
+        end = sign * stuck[0][0] if stuck else touch
+        kept = [(start, stop, bound) for start, stop, bound in self._rows(self._done, number) if sign * start < end]
         if end == np.inf:
             return Cleared(kept, None, False)
-        bracket = (stuck[0][0], stuck[0][1]) if stuck else (float(sign * hit), float(sign * hit))
-        return Cleared(kept, bracket, bool(sign * bracket[1] >= hit))
+        start, stop, bound = stuck[0] if stuck else (float(sign * touch), float(sign * touch), -np.inf)
+        hit = start, stop, bound
+        return Cleared(kept, hit, bool(sign * hit[1] >= touch))
 
     def _rows(self, parts: list[tuple[Floats, Ints]], number: int) -> list[list[float]]:
         """Return a window's rows in order."""
         rows = [row for values, window in parts for row in values[window == number].tolist()]
         return sorted(rows, key=lambda row: float(self._sign[number] * row[0]))
+
+
+def _between(start: Floats, stop: Floats) -> Bools:
+    """Return whether floats lie between two."""
+    middle = 0.5 * (start + stop)
+    out: Bools = (middle != start) & (middle != stop)
+    return out
+
+
+def _counted(sizes: Ints) -> Ints:
+    """Return 0, 1, ... up to each size in turn."""
+    out: Ints = np.arange(int(np.sum(sizes))) - np.repeat(np.cumsum(sizes) - sizes, sizes)
+    return out

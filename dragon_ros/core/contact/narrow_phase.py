@@ -1,7 +1,7 @@
-"""A bench and those behind it, seen at many places at once: how far apart.
+"""A bench and those behind it, sampled at many places at once: how far apart.
 
-Benches walk one track at equal spacing, so what follows a bench at polar angle theta is the same whenever it is there.
-Places are polar angles of the leading bench's front handle.
+What follows a bench with its front handle at polar angle theta of a spiral that winds in from afar is the same whenever
+it is there. Places are those angles.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,20 +10,21 @@ from math import ceil
 
 import numpy as np
 
+from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import AnyDragon, is_even
 from dragon_ros.core.chain.rectangles import Benches, axes_of
-from dragon_ros.core.march_many import place_many
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.tracks.segments import Effort
-from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.numerics.vectors import dot, left
+from dragon_ros.core.tracks.composite import Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 
-_CHUNK = 512
-_FEW = 64       # followers, more than two layers of the classic dragon near the centre
+_AT_ONCE = 512  # places, so that what is between fits the cache
+_FEW = 64       # followers tried first: more than two layers of the classic dragon near the centre
 
 
 @dataclass(frozen=True)
-class View:
-    """What is seen from M places of the leading bench, of the K - 2 benches from the second behind it on.
+class BenchSamples:
+    """Samples at M places of the leading bench, of the K - 2 benches from the second behind it on.
 
     ``theta`` (M, K+1) are polar angles of all handles from the leading one on, ``delta`` (M, K) what the links span.
     ``offset`` and ``extent`` (M, K-2, 4): distance of the centres and half sum of the widths along the two axes of the
@@ -42,28 +43,28 @@ class View:
         return out
 
     @property
-    def lead(self) -> Floats:
+    def places(self) -> Floats:
         """Polar angles (M,) of the leading handle."""
         return self.theta[:, 0]
 
-    def rows(self, index: Ints) -> 'View':
-        """Return some of the places."""
-        return View(*(getattr(self, name)[index] for name in _FIELDS))
+    def rows(self, index: Ints) -> 'BenchSamples':
+        """Return some of the samples."""
+        return BenchSamples(*(getattr(self, name)[index] for name in _FIELDS))
 
 
 _FIELDS = ('theta', 'delta', 'offset', 'extent')
 
 
-def joined(views: list[View]) -> View:
-    """Return the places of several views as one."""
-    return View(*(np.concatenate([getattr(view, name) for view in views]) for name in _FIELDS))
+def joined(samples: list[BenchSamples]) -> BenchSamples:
+    """Return several samples as one."""
+    return BenchSamples(*(np.concatenate([getattr(each, name) for each in samples]) for name in _FIELDS))
 
 
 @dataclass(frozen=True)
 class Sizes:
-    """The benches in sight: links, half lengths (K,) and half width in metres.
+    """The sampled benches: links, half lengths (K,) and half width in metres.
 
-    ``longest_m`` is the longest link in sight or behind; None where all behind the first are equal.
+    ``longest_m`` is the longest link of these or behind; None where all behind the first are equal.
     """
 
     b_m: float
@@ -74,52 +75,60 @@ class Sizes:
 
 
 @dataclass(frozen=True)
-class Lookout:
-    """Looks from bench ``first`` (0 is the head) at the ``follow`` benches from it on."""
+class BenchSampler:
+    """Samples bench ``first`` (0 is the head) and the ``follow`` benches from it on, on a track's first spiral."""
 
-    spiral: Spiral
+    track: Track
     dragon: AnyDragon
     first: int
     follow: int
     effort: Effort
     progress: Callable[[int], object]
 
-    def look(self, theta: Floats) -> View:
-        """Return the view from places (M,)."""
-        return joined([self._look(part) for part in np.array_split(theta, max(1, ceil(theta.size / _CHUNK)))])
+    def sample(self, theta: Floats) -> BenchSamples:
+        """Return the samples at places (M,)."""
+        return joined([self._sample(part) for part in np.array_split(theta, max(1, ceil(theta.size / _AT_ONCE)))])
 
-    def _look(self, theta: Floats) -> View:
+    def _sample(self, theta: Floats) -> BenchSamples:
         self.progress(theta.size)
-        chain = place_many(self.spiral, self.sizes.links_m, theta, np.zeros_like(theta), self.effort)
-        size = self.sizes
+        size, leaders = self.sizes, (np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta))
+        chain = marched_many(self.track, size.links_m, leaders, BEHIND, self.effort)
+        # Far out an angle has too few digits for what a link spans: with its low part it has.
+        delta = np.diff(chain.u) + np.diff(chain.u_lo)
         centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
         benches = Benches(centre, axes_of(chain), size.half_length_m, np.full(size.links_m.size, size.half_width_m))
-        return View(chain.theta, chain.delta, *_seen(benches))
+        return BenchSamples(chain.u, delta, *_seen(benches))
+
+    @property
+    def b_m(self) -> float:
+        """Radius that the spiral gains for each radian."""
+        assert self.track.from_afar
+        return self.track.from_afar.curve.b_m
 
     @cached_property
     def sizes(self) -> Sizes:
-        """The benches in sight."""
-        d, seen = self.dragon, slice(self.first, self.first + self.follow)
-        links, lengths = d.link_lengths_m[seen], d.bench_lengths_m[seen]
+        """Of the sampled benches."""
+        d, sampled = self.dragon, slice(self.first, self.first + self.follow)
+        links, lengths = d.link_lengths_m[sampled], d.bench_lengths_m[sampled]
         rest = d.link_lengths_m[self.first:]
-        return Sizes(self.spiral.b_m, links, 0.5 * lengths, 0.5 * d.width_m,
+        return Sizes(self.b_m, links, 0.5 * lengths, 0.5 * d.width_m,
                      None if is_even(rest) else float(np.max(rest)))
 
-    def reaching(self, theta: Floats) -> 'Lookout':
-        """Return a lookout with no more followers than can come within reach at any of some places, if it is so few."""
+    def reaching(self, theta: Floats) -> 'BenchSampler':
+        """Return a sampler with no more followers than can come within reach at any of some places, if it is so few."""
         follow = _FEW
         while follow < self.follow:
             fewer = replace(self, follow=follow)
-            view = fewer.look(theta)
-            circle = beyond(view, view, fewer.sizes)
-            clear = np.all(further(view, view, fewer.sizes, circle) > 0, axis=0)
+            samples = fewer.sample(theta)
+            circle = beyond(samples, samples, fewer.sizes)
+            clear = np.all(further(samples, samples, fewer.sizes, circle) > 0, axis=0)
             if clear[-1]:
                 return replace(self, follow=5 + int(1.1 * np.argmax(clear)))
             follow *= 2
         return self
 
 
-def beyond(a: View, b: View, sizes: Sizes) -> Floats:
+def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two places.
 
     The leading bench goes no further out than its rear handle and a corner's distance from that. A link's line is
@@ -136,7 +145,7 @@ def beyond(a: View, b: View, sizes: Sizes) -> Floats:
     return out
 
 
-def further(a: View, b: View, sizes: Sizes, circle: Floats) -> Floats:
+def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> Floats:
     """Return how far each bench (M, K-2) and all behind it stay outside that circle; ``circle`` is from ``beyond``.
 
     Where links are equal that is each bench's own, which grows from bench to bench. Else a link of length l comes no
@@ -159,19 +168,8 @@ def _seen(benches: Benches) -> tuple[Floats, Floats]:
     u = benches.axis
     lead, other = u[:, :1], u[:, 2:]
     d = benches.centre[:, 2:] - benches.centre[:, :1]
-    offset = np.stack((_dot(d, lead), _dot(d, _left(lead)), _dot(d, other), _dot(d, _left(other))), axis=-1)
-    c, s = np.abs(_dot(lead, other)), np.abs(_dot(_left(lead), other))
+    offset = np.stack((dot(d, lead), dot(d, left(lead)), dot(d, other), dot(d, left(other))), axis=-1)
+    c, s = np.abs(dot(lead, other)), np.abs(dot(left(lead), other))
     extent = np.stack((a[0] + a[2:] * c + b[2:] * s, b[0] + a[2:] * s + b[2:] * c,
                        a[2:] + a[0] * c + b[0] * s, b[2:] + a[0] * s + b[0] * c), axis=-1)
     return offset, extent
-
-
-def _left(vectors: Floats) -> Floats:
-    """Return vectors turned left by a quarter."""
-    return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    """Return scalar products of vectors (..., 2)."""
-    out: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
-    return out

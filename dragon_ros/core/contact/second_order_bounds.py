@@ -1,6 +1,16 @@
-"""How far the corners of one bench, seen from another, can leave straight lines while the chain moves along a stretch.
+"""How near a bench and those behind it can come between two places of its front handle on a spiral segment.
 
-Everything follows from the polar angles of the handles at the two ends of the stretch; docs/contact.md has the proof.
+On an interval of length h (in the polar angle of the leading handle) the corners of a bench, seen in the frame of
+another, leave the straight lines between their places at its ends by at most B h^2 / 8, B a bound on their second
+derivative there. Along straight lines the separation from a fixed edge is concave, so it is nowhere less than the
+smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one edge and one side of it,
+that smaller value exceeds B h^2 / 8.
+
+Close to a lock, where no such B exists, what counts is how far the handles of both benches go at all. Benches further
+out are cleared by the circle about the centre that parts them. All this takes handles that move one way on an interval:
+it must not contain the place where one turns back.
+
+B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs.
 A prime is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at
 theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
 
@@ -23,8 +33,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.numerics.ball_arithmetic import Ball, side_by_side
-from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.contact.narrow_phase import BenchSamples, Sizes, beyond, further
+from dragon_ros.core.numerics.ball_arithmetic import Ball, between, side_by_side
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+
+_STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves by more than positions may err
 
 
 @dataclass(frozen=True)
@@ -88,9 +101,9 @@ def spans(theta: Ball, delta: Ball) -> Spans:
 
 
 def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
-    """Return bounds (M, K-2, 2) of second derivatives on M stretches, in units of b per square radian.
+    """Return bounds (M, K-2, 2) of second derivatives on M intervals, in units of b per square radian.
 
-    ``theta`` (M, K+1) are all angles that handles have on a stretch, ``delta`` (M, K) all that links span, ``chord``
+    ``theta`` (M, K+1) are all angles that handles have on an interval, ``delta`` (M, K) all that links span, ``chord``
     and ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of
     the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs. Infinite where
     nothing is known: close to a lock.
@@ -169,3 +182,60 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
     bent = after * (side_by_side([p[0], after[:, :-1]]) * rate[:, 2:] * ratio[:, 2:].inverse()).running_sum()
     return (side_by_side([*p, after * p[-1]]),
             side_by_side([*a, bent * p[-1].squared() + after * a[-1]]))
+
+
+def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> Floats:
+    """Return lower bounds (M,) of the gaps on intervals between samples a and b; not positive: not cleared.
+
+    Only the next ``behind`` (M,) benches count.
+    """
+    sides = [np.minimum(side * a.offset - a.extent, side * b.offset - b.extent) for side in (1, -1)]
+    separation, sag = np.maximum(*sides), _sag(a, b, sizes)
+    low = np.maximum(np.max(separation[..., :2], axis=-1) - sag[..., 0],
+                     np.max(separation[..., 2:], axis=-1) - sag[..., 1])
+    way = _way(a, b, sizes)
+    low = np.maximum(low, np.maximum(a.apart, b.apart) - way[:, :1] - way[:, 2:])
+    circle = beyond(a, b, sizes)
+    out: Floats = np.min(np.where(_there(circle, behind), np.maximum(low, circle), np.inf), axis=1)
+    unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)
+    return np.where(unseen | _turns_back(a, b), -np.inf, out)
+
+
+def _there(gap: Floats, behind: Ints) -> Array:
+    """Return which of the benches (M, K-2) are there at all."""
+    out: Array = np.arange(2, gap.shape[1] + 2) <= behind[:, None]
+    return out
+
+
+def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
+    """Return how far corners leave straight lines, (M, K-2, 2) in metres: in the leading bench's frame, and others'."""
+    arm = np.hypot(sizes.half_length_m, sizes.half_width_m)[None] / sizes.b_m
+    chord = sizes.links_m[None] / sizes.b_m
+    length = (a.places - b.places)[:, None, None]
+    most = bend(between(a.theta, b.theta), between(a.delta, b.delta), between(chord, chord), arm)
+    out: Floats = most * (sizes.b_m * length * length / 8)
+    return out
+
+
+def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
+    """Return how far corners go at most (M, K) in metres: as far as a handle, times the bench's lever."""
+    outer = np.maximum(a.theta, b.theta)
+    handle = sizes.b_m * np.abs(a.theta - b.theta) * np.sqrt(1 + outer * outer)
+    overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
+    lever = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
+    out: Floats = lever * np.maximum(handle[:, :-1], handle[:, 1:])
+    return out
+
+
+def _turns_back(a: BenchSamples, b: BenchSamples) -> Array:
+    """Return where the second or third handle comes in at one end of an interval and goes out at the other."""
+    one, two = (comes_in(each.theta[:, :3], each.delta[:, :2]) for each in (a, b))
+    out: Array = np.any((np.minimum(one, two) < -_STILL) & (np.maximum(one, two) > _STILL), axis=1)
+    return out
+
+
+def comes_in(theta: Floats, delta: Floats) -> Floats:
+    """Return numbers that are positive where a link's rear handle follows its front handle inwards."""
+    inner, outer = theta[..., :-1], theta[..., 1:]
+    out: Floats = delta * np.cos(delta) + inner * (outer * np.sin(delta) - 2 * np.sin(0.5 * delta) ** 2)
+    return out

@@ -9,7 +9,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, Part, arrays_of, join
 from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.shift_map.table import ShiftMap, Spot, Spots
+from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -25,36 +25,47 @@ class TabulatedLinks(NamedTuple):
 
     start: int
     links: int
+    at: int                 # where they begin in the numbers of the chain
     spot: Spot
-    first: int          # row of the handle nearest to the head
+    products: list[Product]
+    direction: int
     solver: str = 'table'
+
+    def fill(self, flat: Floats) -> None:
+        """Fill in the coordinates."""
+        at, basis = self.at, self.spot.basis
+        for terms, places, _, start, stop in self.products:
+            np.matmul(basis[:terms], places, flat[at + start:at + stop])
 
     def end(self, direction: int) -> Place:
         """Return the place of the last handle."""
-        return self.spot.tile.place_at(self.spot, self.spot.row - direction * self.links)
+        return self.spot.tile.place_at(self.spot, self.spot.cell.row - direction * self.links)
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities."""
-        near, far = (0, -1) if chain.direction == BEHIND else (-1, 0)
-        some = out[chain.slice_of(self)]
-        self.spot.tile.fill(self.spot, self.first, some.reshape(-1), 0, 2 * self.links + 2, motions=True)
-        some *= speed / hypot(some.item(near, 0), some.item(near, 1))
-        return copysign(hypot(some.item(far, 0), some.item(far, 1)), speed)
+        some = self._motions(out)
+        near, far = (0, some.size - 2) if chain.direction < 0 else (some.size - 2, 0)
+        some *= speed / hypot(some.item(near), some.item(near + 1))
+        return copysign(hypot(some.item(far), some.item(far + 1)), speed)
+
+    def _motions(self, flat: Floats) -> Floats:
+        """Fill in the velocities for unit speed in row 0, and return them, in a row."""
+        at, basis = self.at, self.spot.basis
+        for terms, _, motions, start, stop in self.products:
+            np.matmul(basis[:terms], motions, flat[at + start:at + stop])
+        return flat[at:at + 2 * self.links + 2]
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents."""
-        some = out[chain.slice_of(self)]
-        self.spot.tile.fill(self.spot, self.first, some.reshape(-1), 0, 2 * self.links + 2, motions=True)
+        some = self._motions(out).reshape(-1, 2)
         some /= np.hypot(some[:, 0], some[:, 1])[:, None]
 
     def places(self) -> Places:
         """Return the places."""
-        tile, spot, count = self.spot.tile, self.spot, self.links + 1
-        rows = self.first + np.arange(count)
-        many = Spots(tile, rows, np.full(count, spot.part), np.broadcast_to(spot.basis, (count, spot.basis.size)))
-        segment, u, lo = tile.places_at(many, rows)
-        order = slice(None, None, 1 if self.first == spot.row else -1)
-        return segment[order], u[order], lo[order]
+        (tile, cell, basis), count = self.spot, self.links + 1
+        rows = cell.row - self.direction * np.arange(count)
+        many = Spots(tile, rows, np.full(count, cell.part), np.broadcast_to(basis, (count, basis.size)))
+        return tile.places_at(many, rows)
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,62 +166,63 @@ class Placement:
     def place(self, leader: Place) -> Chain:
         """Return the chain of a leader.
 
+        Each part fills in its handles from its first on; a table those of a whole block, its last handle included.
         Raises TrackEndError where there is no track, ChainLockError where a link finds no place.
         """
         track, count, direction = self.track, self.links_m.size, self.direction
-        p, parts, here, spent = np.empty((count + 1, 2)), list[Part](), leader, 0
-        flat = p.reshape(-1)
-        for block, shift in self.blocks:
-            i, stop, link_m = block
+        flat, parts, here, spent, filled = np.empty(2 * count + 2), [], leader, 0, False
+        for (i, stop, link_m), shift in self.blocks:
             tries = _TRIES
             while i < stop:
-                spot = shift.spot(here) if shift and tries else None
-                links = min(stop - i, spot.tile.reach(spot.row, direction)) if spot else 0
-                if spot and links:      # all that the table has
-                    behind = direction == BEHIND
-                    part = TabulatedLinks(i, links, spot, spot.row if behind else spot.row - links)
-                    spot.tile.fill(spot, part.first, flat, 2 * (i if behind else count - i - links), 2 * links + 2)
-                    i += links
-                    if i < count:
-                        here = part.end(direction)
-                    parts.append(part)
-                elif i + 1 == stop or shift and tries:      # one link
-                    here, more = self._march_one(parts, i, here, link_m, flat, 'march' if shift else '')
-                    i, spent, tries = i + 1, spent + more, tries - 1
+                spot = shift.spot(here) if shift is not None and tries else None
+                if spot is not None:
+                    tile, cell, _ = spot
+                    links = min(stop - i, tile.rows - 1 - cell.row if direction < 0 else cell.row)
+                    if links:       # all that the table has
+                        part = TabulatedLinks(i, links, 2 * (i if direction < 0 else count - i - links), spot,
+                                              tile.products(cell, links, direction), direction)
+                        part.fill(flat)
+                        parts.append(part)
+                        i, filled = i + links, True
+                        if i < count:
+                            here = part.end(direction)
+                        continue
+                if i + 1 == stop or (shift is not None and tries):      # one link
+                    there, more = self._next(here, i, link_m)
+                    parts.append(MarchedLink(i, here, there, '' if shift is None else 'march'))
+                    self._put(flat, i, here)
+                    here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
                 else:                   # the rest of the block
                     handles = forward(track, (Block(i, stop, link_m),), here, direction, self.effort)
-                    rest = MarchedLinks(i, arrays_of(handles), 'march' if shift else '')
-                    low = i if direction == BEHIND else count - stop
-                    p[low:low + stop - i + 1] = track.points(*rest.handles)[::-direction]
-                    here, i, spent = handles.place(-1), stop, spent + handles.evaluations
+                    rest = MarchedLinks(i, arrays_of(handles), '' if shift is None else 'march')
+                    low = i if direction < 0 else count - stop
+                    flat[2 * low:2 * (low + stop - i) + 2] = track.points(*rest.handles)[::-direction].reshape(-1)
                     parts.append(rest)
+                    here, i, spent, filled = handles.place(-1), stop, spent + handles.evaluations, True
+        if not filled:
+            self._put(flat, count, here)
+        p = flat.reshape(-1, 2)
         if self._joins:
             join(p, self.links_m, direction)
         p.setflags(write=False)
         return Chain(p, self.links_m, spent, track, direction, tuple(parts))
 
-    def _march_one(self, parts: list[Part], i: int, here: Place, link_m: float, flat: Floats,
-                   solver: str) -> tuple[Place, int]:
-        """March one link: add it to the parts and its handles to the coordinates; return the next place."""
-        track, (k, u) = self.track, here
-        following, spent = track.segments[k].next(u, link_m, self.direction, TIGHT)
+    def _put(self, flat: Floats, i: int, place: Place) -> None:
+        """Fill in the coordinates of handle i from the leader on."""
+        at = 2 * (i if self.direction < 0 else self.links_m.size - i)
+        k, (high, low) = place
+        z = self.track.segments[k].at(high, low)
+        flat[at], flat[at + 1] = z.real, z.imag
+
+    def _next(self, here: Place, i: int, link_m: float) -> tuple[Place, int]:
+        """Return the place of the next handle, and evaluations."""
+        k, u = here
+        following, spent = self.track.segments[k].next(u, link_m, self.direction, TIGHT)
         low, high = self._edges[k, link_m]
         if low <= following.hi <= high:
-            there = Place(k, following)
-        else:
-            handles = forward(track, (Block(i, i + 1, link_m),), here, self.direction, self.effort)
-            there, spent = handles.place(1), spent + handles.evaluations
-        parts.append(MarchedLink(i, here, there, solver))
-        last = self.links_m.size
-        row = 2 * (i if self.direction == BEHIND else last - i)
-        if not parts[1:]:
-            z = track.segments[k].at(*u)
-            flat[row], flat[row + 1] = z.real, z.imag
-        k, u = there
-        z = track.segments[k].at(*u)
-        row -= 2 * self.direction
-        flat[row], flat[row + 1] = z.real, z.imag
-        return there, spent
+            return Place(k, following), spent
+        handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction, self.effort)
+        return handles.place(1), spent + handles.evaluations
 
     def place_many(self, leaders: Places) -> Chain:
         """Return the chains of many leaders in one; a block is marched where its tables do not serve them all."""

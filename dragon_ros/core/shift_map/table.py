@@ -31,14 +31,24 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
 _BATCH = 256                # states of one batch of products: what they fill stays in the cache
-_MOST_VIEWS = 4096          # that a tile keeps for single states
+_MOST_CELLS = 4096          # that a tile keeps for single states
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _FEWEST_LINKS = 512         # length of a tile, in links: a power of two, and no less than its blocks have
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
 
+class Product(NamedTuple):
+    """One product of a fill: how many terms it takes, the series of places and of motions, and what it fills."""
+
+    terms: int
+    places: Floats
+    motions: Floats
+    start: int
+    stop: int
+
+
 class Cell(NamedTuple):
-    """A row of a part in which leaders can be, as a single state reads it fastest: floats."""
+    """A row of a part in which leaders can be, as a single state reads it fastest: floats, and views by their links."""
 
     row: int
     part: int
@@ -47,14 +57,14 @@ class Cell(NamedTuple):
     middle_lo: float
     scale: float
     inverse: list[float]
+    products: dict[int, list[Product]]
 
 
 class Spot(NamedTuple):
     """Where a handle is in a tile: its cell, and the Chebyshev polynomials (K,) of its u."""
 
     tile: 'Tile'
-    row: int
-    part: int
+    cell: Cell
     basis: Floats
 
 
@@ -71,8 +81,8 @@ class _Side(NamedTuple):
     """The cells of a tile on one segment, in the order of ``sense`` times the coordinate, which grows backwards."""
 
     sense: float
-    low: float          # of the tile's stretch
-    high: float
+    front: float        # of the tile's stretch
+    rear: float
     begins: list[float]
     cells: list[int]
 
@@ -85,6 +95,11 @@ class Tile:
     table: Table
     fore: Place
     rear: Place
+
+    @cached_property
+    def rows(self) -> int:
+        """Number of rows of the table."""
+        return self.table.rows
 
     @cached_property
     def _orders(self) -> Floats:
@@ -111,10 +126,6 @@ class Tile:
     def _cells(self) -> dict[int, Cell]:
         return {}
 
-    @cached_property
-    def _views(self) -> dict[tuple[int, int, int], list[tuple[int, Floats, Floats, int, int]]]:
-        return {}
-
     def _cell(self, number: int) -> Cell:
         """Return a cell, as floats."""
         cell = self._cells.get(number)
@@ -123,24 +134,27 @@ class Tile:
             row, part = divmod(number, table.parts)
             middle = table.middle[table.first + row, part].tolist()
             cell = Cell(table.first + row, part, float(table.slack[row, part]), *middle,
-                        table.inverse[row, part].tolist())
-            if len(self._cells) >= _MOST_VIEWS:
+                        table.inverse[row, part].tolist(), {})
+            if len(self._cells) >= _MOST_CELLS:
                 self._cells.clear()
             self._cells[number] = cell
         return cell
 
-    def holds(self, place: Place) -> bool:
-        """Return whether a place is on the tile's stretch, which is half open: it holds its rear end."""
-        side = self._sides[place.segment]
-        return side is not None and side.low < side.sense * place.u.hi <= side.high
-
     def spot(self, place: Place) -> Spot | None:
-        """Return where a place on the stretch is; None where the table has no track for it."""
-        side, (high, low) = self._sides[place.segment], place.u
+        """Return where a place is; None where the table has no track for it. Raises LookupError off the stretch.
+
+        The stretch is half open: it holds its rear end.
+        """
+        side, (high, low) = self._sides[place[0]], place[1]
         if side is None:
-            return None
-        number = side.cells[max(0, bisect_right(side.begins, side.sense * high) - 1)]
-        row, part, slack, middle, middle_lo, scale, inverse = self._cells.get(number) or self._cell(number)
+            raise LookupError
+        sense, front, rear, begins, cells = side
+        along = sense * high
+        if not front < along <= rear:
+            raise LookupError
+        number = cells[max(0, bisect_right(begins, along) - 1)]
+        cell = self._cells.get(number) or self._cell(number)
+        _, _, slack, middle, middle_lo, scale, inverse, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
         if not -1 - slack <= x <= 1 + slack:
             return None
@@ -149,7 +163,7 @@ class Tile:
             u = u * x + coefficient
         basis = self._orders * acos(u if -1.0 <= u <= 1.0 else 1.0 if u > 0 else -1.0)
         np.cos(basis, basis)
-        return Spot(self, row, part, basis)
+        return Spot(self, cell, basis)
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
         """Return where many places on the stretch are, and which of them are in the table."""
@@ -171,15 +185,12 @@ class Tile:
         basis = np.cos(np.arccos(np.clip(np.where(known, value, 0.0), -1.0, 1.0))[:, None] * self._orders)
         return Spots(self, table.first + row, part, basis), known
 
-    def reach(self, row: int, direction: int) -> int:
-        """Return how many handles the table has beyond a row."""
-        return self.table.rows - 1 - row if direction == BEHIND else row
-
     def place_at(self, spot: Spot, row: int) -> Place:
         """Return the place of the handle in another row."""
-        middle, middle_lo, scale = self.table.middle[row, spot.part].tolist()
-        x = float(spot.basis @ self.table.coordinates[spot.part, :, row])
-        return Place(int(self.table.segment[row, spot.part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
+        part = spot.cell.part
+        middle, middle_lo, scale = self.table.middle[row, part].tolist()
+        x = float(spot.basis @ self.table.coordinates[part, :, row])
+        return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
         """Return ``place_at`` of many."""
@@ -187,27 +198,18 @@ class Tile:
         x = np.einsum('sk,sk->s', spots.basis, self.table.coordinates[spots.part, :, row])
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
 
-    def fill(self, spot: Spot, first: int, flat: Floats, start: int, size: int, motions: bool = False) -> None:
-        """Fill ``size`` numbers of ``flat`` with the places, or motions, of handles in rows from ``first`` on."""
-        basis = spot.basis
-        for terms, places, moves, low, high in (
-                self._views.get((spot.part, first, size)) or self._view(spot.part, first, size)):
-            np.matmul(basis if terms == basis.size else basis[:terms], moves if motions else places,
-                      flat[start + low:start + high])
-
-    def _view(self, part: int, first: int, size: int) -> list[tuple[int, Floats, Floats, int, int]]:
-        """Return the views of the series that products take, with the numbers that they fill."""
-        terms = int(self.table.terms[part, first])
-        width, views = _TERMS // terms // 2 * 2, list[tuple[int, Floats, Floats, int, int]]()
-        for low in range(0, size, width):
-            stop = min(low + width, size)
-            some = slice(2 * first + low, 2 * first + stop)
-            views.append((terms, self.table.places[part, :terms, some], self.table.motions[part, :terms, some], low,
-                          stop))
-        if len(self._views) >= _MOST_VIEWS:
-            self._views.clear()
-        self._views[part, first, size] = views
-        return views
+    def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
+        """Return the products that give the handle in a cell and ``links`` beyond it, in the order from head to tail."""
+        out = cell.products.get(links)
+        if out is None:
+            first, size = cell.row if direction == BEHIND else cell.row - links, 2 * links + 2
+            terms = int(self.table.terms[cell.part, first])
+            width = _TERMS // terms // 2 * 2
+            out = cell.products[links] = [
+                Product(terms, *(series[cell.part, :terms, 2 * first + low:2 * first + min(low + width, size)]
+                                 for series in (self.table.places, self.table.motions)), low, min(low + width, size))
+                for low in range(0, size, width)]
+        return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
         """Fill ``out`` (S, n, 2) as ``fill`` does; states of one row and part share a product."""
@@ -262,10 +264,12 @@ class ShiftMap:
 
     def spot(self, place: Place) -> Spot | None:
         """Return where a place is; None where no table serves it."""
-        tile = self._last
-        if tile is None or not tile.holds(place):
-            tile = self._last = self._tile(self._number(place))
-        return tile.spot(place) if tile else None
+        try:
+            return self._last.spot(place)       # type: ignore[union-attr]
+        except (LookupError, AttributeError):   # on another tile than the last place, or no tile yet
+            tile = self._tile(self._number(place))
+            self._last = tile or self._last
+            return tile.spot(place) if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
         """Return the tiles of many places: which places each has, and where; None where any is in no table."""

@@ -112,15 +112,17 @@ class Track:
                              'use larger radii or shorter benches')
 
     @cached_property
-    def _limits_m(self) -> tuple[float, float]:
-        """The distances between which there are places, with what rounding may add."""
-        begin, end = self.begin_m, self.end_m
-        return begin - _HAIR * (1 + abs(begin)), end + _HAIR * (1 + abs(end))
+    def _least_m(self) -> float:
+        """The least distance at which there is a place, with what rounding may add."""
+        return self.begin_m - _HAIR * (1 + abs(self.begin_m))
+
+    @cached_property
+    def _most_m(self) -> float:
+        return self.end_m + _HAIR * (1 + abs(self.end_m))
 
     def place_at(self, metres: float, lo: float = 0.0) -> Place:
         """Return the place so far along the track. Raises TrackEndError where there is no track."""
-        begin, end = self._limits_m
-        if not begin <= metres <= end:
+        if not self._least_m <= metres <= self._most_m:
             raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
                                 f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)

@@ -29,6 +29,7 @@ from dragon_ros.core.tracks.chord import (
 )
 from dragon_ros.core.tracks.spiral import TINY, SpiralCurve, arc_between
 
+_NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 BEHIND, AHEAD = -1, 1         # against the head's way, and along it
 
 
@@ -364,13 +365,18 @@ class SpiralSegment:
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the nearest place at a chord: further out, or further in."""
-        chord = chord_m / self.curve.b_m
+        (theta, low), chord = u, chord_m / self._b_m
         if direction == self.way:
-            delta, spent = step(u.hi, chord, first_guess(u.hi, chord), tolerance)
-        else:
-            delta, spent = step_in(u.hi, chord, first_guess_in(u.hi, chord), self._arc(chord_m), tolerance)
-        outward = direction * self.way
-        return DoubleDouble(*plus(*u, outward * delta)) if delta < inf else DoubleDouble(outward * inf, 0.0), spent
+            delta, spent = step(theta, chord, first_guess(theta, chord), tolerance)
+            more = delta + low              # double_double.plus, written out
+            outer = theta + more
+            return DoubleDouble(outer, more - (outer - theta)) if delta < inf else _NOWHERE_OUT, spent
+        delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m), tolerance)
+        return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
+
+    @cached_property
+    def _b_m(self) -> float:
+        return self.curve.b_m
 
     def _arc(self, chord_m: float) -> float:
         """Return the longest arc that a chord spans on this segment, in units of b."""

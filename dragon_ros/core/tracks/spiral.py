@@ -3,7 +3,6 @@
 Places are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that
 winds in.
 """
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
@@ -68,7 +67,7 @@ class SpiralCurve:
             places = np.array([self.inward(*pair) for pair in zip(distance_m.tolist(), distance_lo_m.tolist(),
                                                                   strict=True)])
             return places[:, 0], places[:, 1]
-        return self._corrected(_almost_turned(self.start.hi, arc), distance_m, distance_lo_m)
+        return self._corrected(_almost_turned(self.start.hi, arc, *_ARRAYS), distance_m, distance_lo_m, np.sqrt, np.arcsinh)
 
     @cached_property
     def _per_b(self) -> DoubleDouble:
@@ -82,13 +81,13 @@ class SpiralCurve:
         w = sqrt(1 + theta * theta)
         return w, theta / (theta + w)
 
-    def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any) -> tuple[Any, Any]:
+    def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
+                   asinh_of: Any = asinh) -> tuple[Any, Any]:
         """Return the place after an angle turned that is right to 1e-9, made right to the last digit.
 
         2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need many digits.
         """
         (theta, theta_lo), (w_outer, rest), (per_b, per_b_lo) = self.start, self._outer, self._per_b
-        root, asinh_of, _ = _functions(turned)
         inner = theta - turned
         w_inner = root(1 + inner * inner)
         asinh_between = asinh_of(turned * (theta + inner) / (theta * w_inner + inner * w_outer + TINY))
@@ -120,12 +119,7 @@ class SpiralCurve:
         return bracketed_newton(beyond, low, high, guess, 1e-16)[0] if arc else 0.0
 
 
-_FLOATS, _ARRAYS = (sqrt, asinh, log_of), (np.sqrt, np.arcsinh, np.log)
-
-
-def _functions(x: Any) -> tuple[Callable[[Any], Any], Callable[[Any], Any], Callable[[Any], Any]]:
-    """Return square root, asinh and logarithm for a float or for an array."""
-    return _ARRAYS if isinstance(x, np.ndarray) else _FLOATS
+_ARRAYS = np.sqrt, np.arcsinh, np.log      # in place of the functions of floats
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
@@ -133,28 +127,28 @@ def _is_smooth(theta: float, arc: Any) -> Any:
     return (theta > _SMOOTH_RAD) & (theta * theta - 2 * arc > _SMOOTH_RAD * _SMOOTH_RAD)
 
 
-def _almost_turned(theta: float, arc: Any) -> Any:
+def _almost_turned(theta: float, arc: Any, root: Any = sqrt, asinh_of: Any = asinh, log: Any = log_of) -> Any:
     """Return about the angle turned over an arc (in units of b): one Newton step from theta^2 + log theta = 2 S + c."""
-    root, _, log = _functions(arc)
     squared = theta * theta - 2 * arc
     bent = log(theta / root(squared))
     turned = (2 * arc - bent) / (theta + root(squared + bent))
-    between, w_inner = _arc_and_slope(theta, turned)
+    between, w_inner = _arc_and_slope(theta, turned, root, asinh_of)
     return turned - (between - arc) / w_inner
 
 
 def arc_between(theta: Any, turned: Any) -> Any:
-    """Return the arc length from theta - turned to theta in units of b, without cancellation.
+    """Return the arc length from theta - turned to theta in units of b, without cancellation, floats or arrays.
 
     Each difference of the closed form is written as ``turned`` times a positive factor.
     """
+    if isinstance(turned, np.ndarray):
+        return _arc_and_slope(theta, turned, np.sqrt, np.arcsinh)[0]
     return _arc_and_slope(theta, turned)[0]
 
 
-def _arc_and_slope(theta: Any, turned: Any) -> tuple[Any, Any]:
+def _arc_and_slope(theta: Any, turned: Any, root: Any = sqrt, asinh_of: Any = asinh) -> tuple[Any, Any]:
     """Return ``arc_between`` and its slope by ``turned``, sqrt(1 + (theta - turned)^2)."""
-    root, asinh_of, _ = _functions(turned)
-    inner, w_outer = theta - turned, sqrt(1 + theta * theta)
+    inner, w_outer = theta - turned, root(1 + theta * theta)
     w_inner, change = root(1 + inner * inner), turned * (theta + inner)
     along = turned * w_outer + inner * change / (w_outer + w_inner)
     return 0.5 * (along + asinh_of(change / (theta * w_inner + inner * w_outer + TINY))), w_inner

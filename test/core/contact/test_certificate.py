@@ -12,25 +12,26 @@ from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.contact.certificate import Certificate, Contact, NoContact
+from dragon_ros.core.contact.certificate import Certificate, Contact, Interval, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.interval_clearing import Stretch, bounds
-from dragon_ros.core.contact.narrow_phase import Lookout
+from dragon_ros.core.contact.narrow_phase import BenchSampler
 from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.contact.second_order_bounds import bounds
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import ChainLockError, InputError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)
-EFFORT = EXACT.effort(20, 400)
+EFFORT = Effort()
 
 
-def lookout(first=0, follow=60, scene=CLASSIC):
-    return Lookout(scene.track, scene.dragon, first, follow, EFFORT, lambda states: None)
+def sampler(first=0, follow=60, scene=CLASSIC):
+    return BenchSampler(compile_scene(scene).model.track, scene.dragon, first, follow, EFFORT, lambda states: None)
 
 
 def test_the_classic_run_in_is_proved_with_few_looks():
@@ -47,18 +48,18 @@ def test_the_classic_run_in_is_proved_with_few_looks():
 
 
 def test_the_certificate_joins_from_the_start_to_a_nanometre_before_the_contact():
-    for part in (FOUND.certificate.head, FOUND.certificate.body):
-        assert all(before.stop_rad == after.start_rad for before, after in pairwise(part))
+    for part in (FOUND.certificate.led_by(0), FOUND.certificate.led_by(1)):
+        assert all(before.stop_m == after.start_m for before, after in pairwise(part))
         assert all(stretch.bound_m > 0 for stretch in part)
-    head = FOUND.certificate.head
-    assert head[0].start_rad == pytest.approx(32 * np.pi, abs=1e-12)
-    assert FOUND.t_s - CLASSIC.track.distance_to(head[-1].stop_rad) < 2e-9
+    head = FOUND.certificate.led_by(0)
+    assert head[0].start_m == pytest.approx(0.0, abs=1e-12)
+    assert FOUND.t_s - head[-1].stop_m < 2e-9
 
 
 def inside(first, scene, start, stop):
     """The bound of a stretch and the smallest separation at places inside."""
-    watch = lookout(first, 40, scene)
-    view = watch.look(np.linspace(start, stop, 41))
+    watch = sampler(first, 40, scene)
+    view = watch.sample(np.linspace(start, stop, 41))
     behind = np.array([scene.dragon.benches - 1 - first])
     low = bounds(view.rows(np.array([0])), view.rows(np.array([40])), watch.sizes, behind)[0]
     return low, np.min(view.apart)
@@ -92,7 +93,7 @@ def test_the_corner_meets_bench_8_where_the_true_figures_say():
 
 
 def test_near_misses_are_reported_on_request():
-    first, second, *_ = near_misses(CLASSIC, FOUND, 0.01)
+    first, second, *_ = near_misses(CLASSIC, FOUND, 0.01).nearest
     assert (first.bench, second.bench) == (11, 9)
     assert first.gap_m == pytest.approx(0.865235e-3, abs=1e-9)
     assert first.t_s == pytest.approx(409.831989, abs=2e-5)
@@ -100,8 +101,9 @@ def test_near_misses_are_reported_on_request():
 
 
 def test_pairs_without_the_head_stay_44_mm_apart():
-    places = np.linspace(*(FOUND.certificate.body[n].start_rad for n in (0, -1)), 4000)
-    assert np.min(lookout(1, 40).reaching(places[:1]).look(places).apart) > 0.044
+    ends = (CLASSIC.track.inward(FOUND.certificate.led_by(1)[n].start_m).hi for n in (0, -1))
+    places = np.linspace(*ends, 4000)
+    assert np.min(sampler(1, 40).reaching(places[:1]).sample(places).apart) > 0.044
 
 
 def test_a_run_that_ends_in_the_lock_is_proved_too():
@@ -114,9 +116,8 @@ def test_a_run_that_ends_in_the_lock_is_proved_too():
 def nearest(width):
     """Return the near miss of the head and bench 11 near 409.83 s."""
     scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
-    none = NoContact(scene.end, 0, Certificate((Stretch(scene.track.inward(409.75).hi, scene.track.inward(409.9).hi,
-                                                        0.0, 19),), (), 0.1))
-    return next(miss for miss in near_misses(scene, none, 0.01) if miss.bench == 11)
+    none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(0, 409.75, 409.9, 19, 0.0),)))
+    return next(miss for miss in near_misses(scene, none, 0.01).nearest if miss.bench == 11)
 
 
 @pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
@@ -178,8 +179,8 @@ def test_the_checker_rejects_a_forged_interval(tmp_path, written, forgery, share
     elif forgery == 'said of fewer benches':
         row['behind'] = 1
     else:
-        changes = {'widened': {'stop_rad': -0.003}, 'begun early': {'start_rad': 0.003}, 'raised': {'bound_m': 0.5},
-                   'shifted': {'start_rad': -0.001, 'stop_rad': -0.001}, 'lowered below zero': {'bound_m': -1.0}}
+        changes = {'widened': {'stop_m': 0.0065}, 'begun early': {'start_m': -0.0065}, 'raised': {'bound_m': 0.5},
+                   'shifted': {'start_m': 0.002, 'stop_m': 0.002}, 'lowered below zero': {'bound_m': -1.0}}
         for key, change in changes[forgery].items():
             row[key] += change
     with pytest.raises(InputError):
@@ -214,10 +215,11 @@ def test_the_checker_accepts_every_kind_of_certificate(tmp_path, scene):
 
 def test_a_contact_at_the_start_has_no_intervals_but_states_the_gap(tmp_path):
     scene = Scene(run=Run(413.0))
-    values = certificate.as_values(scene, first_contact(scene))
+    found = first_contact(scene)
+    values = certificate.as_values(scene, found)
     assert values['intervals'] == []
-    assert values['start_gap_m'] == pytest.approx(-0.01117, abs=1e-5)
-    values['intervals'] = [{'lead': 'head', 'start_rad': 25.0, 'stop_rad': 24.9, 'bound_m': 0.1, 'behind': 222}]
+    assert found.witness.gap_m == pytest.approx(-0.01117, abs=1e-5)
+    values['intervals'] = [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'bound_m': 0.1, 'behind': 222}]
     with pytest.raises(InputError, match='nothing to clear'):
         verdict(tmp_path, values)
 
@@ -225,7 +227,7 @@ def test_a_contact_at_the_start_has_no_intervals_but_states_the_gap(tmp_path):
 def test_the_checker_rejects_two_intervals_passed_off_as_one(tmp_path, written):
     values = copy.deepcopy(written)
     rows = [row for row in values['intervals'] if row['lead'] == 'head']
-    rows[0]['stop_rad'] = rows[-1]['stop_rad']
+    rows[0]['stop_m'] = rows[-1]['stop_m']
     values['intervals'] = [rows[0], *(row for row in values['intervals'] if row['lead'] == 'body')]
     with pytest.raises(InputError, match='bound'):
         verdict(tmp_path, values)
@@ -246,13 +248,13 @@ def test_the_checker_uses_none_of_the_solvers_code():
     assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.numerics.types'}
     text = Path(certificate.__file__).read_text()
     assert [line for line in text.splitlines() if 'core.contact' in line and 'import' in line] == [
-        'from dragon_ros.core.contact.certificate import Contact, NoContact']
+        'from dragon_ros.core.contact.certificate import ALL, Contact, NoContact']
 
 
 def test_gaps_and_views_agree_on_who_is_apart():
     chain = state(CLASSIC, 412.0)
     benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
     exact = gaps(benches, np.zeros(58, dtype=int), np.arange(2, 60))
-    view = lookout().look(np.array([chain.theta[0]]))
+    view = sampler().sample(np.array([chain.theta[0]]))
     assert np.array_equal(exact > 0, view.apart[0] > 0)
     assert np.all(view.apart[0] <= exact + 1e-12)

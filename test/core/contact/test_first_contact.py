@@ -15,6 +15,7 @@ from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
@@ -32,7 +33,7 @@ def test_nothing_touches_before_the_contact_and_benches_do_then(tmp_path_factory
     run = Run(0.0, 20.0 if speed < 0 else None)
     scene = Scene(dragon=dragon, track=Spiral(pitch, turns), head=Head(speed), run=run)
     try:
-        end_s = scene.end.t_s
+        end_s = compile_scene(scene).end.t_s
     except ChainLockError:
         assume(False)
     found = first_contact(scene)
@@ -105,8 +106,9 @@ def test_a_run_without_contact_says_how_it_ended_and_is_proved(scene, reason):
 def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     """The head goes on in, the rest comes out again: the last half second of a run of narrow benches."""
     scene = Scene(dragon=Dragon(30, width_m=0.01), run=Run(432.0))
-    places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in np.linspace(432, scene.end.t_s, 50)]
+    places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in np.linspace(432, compile_scene(scene).end.t_s, 50)]
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)
-    assert min(one.stop_rad for one in found.certificate.body) == pytest.approx(min(places), abs=1e-3)
+    assert min(scene.track.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
+        min(places), abs=1e-3)

@@ -12,11 +12,12 @@ from hypothesis import strategies as st
 from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.commands.certificate_checkers.going import Going
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.first_passage import course_of
+from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene
@@ -80,7 +81,7 @@ def test_nothing_touches_before_the_contact_whatever_the_law(tmp_path_factory, b
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), Spiral(pitch, turns), law,
                       Run(start_s, start_s + 12.0))
-        end_s = scene.end.t_s
+        end_s = compile_scene(scene).end.t_s
     except DragonError:      # does not fit the track
         assume(False)
     found = first_contact(scene)
@@ -113,7 +114,7 @@ def test_the_checker_follows_the_law_itself(tmp_path, written, key, value):
 def test_the_checker_asks_for_both_ways_that_the_leader_went(tmp_path, written, lead, side):
     values = copy.deepcopy(written)
     values['intervals'].remove(side((row for row in values['intervals'] if row['lead'] == lead),
-                                    key=lambda row: row['start_rad']))
+                                    key=lambda row: row['start_m']))
     with pytest.raises(InputError):
         checked(tmp_path, None, values)
 
@@ -125,7 +126,7 @@ def test_the_course_finds_first_arrivals_and_the_checker_the_same_extent(rows, r
     times = np.cumsum([0.0, *(gap for gap, _ in rows)]).tolist()
     law = Profile(tuple(zip(times, [0.5, *(speed for _, speed in rows)], strict=True)), ramps)
     scene = Scene(Dragon(3), Spiral(0.55, 1e3), law, Run(start_s, start_s + run_s))
-    course, going = course_of(scene), Going(scene)
+    course, going = RangeOfTravel(law, start_s, compile_scene(scene).end.t_s), Going(scene)
     here = course.gone_m(start_s)
     ends = [course.gone_m(course.farthest_s(sense)) for sense in (-1, 1)]
     assert going.extent_m(start_s, start_s + run_s) == pytest.approx(ends, abs=1e-11)
@@ -138,6 +139,7 @@ def test_the_course_finds_first_arrivals_and_the_checker_the_same_extent(rows, r
 
 def test_what_is_cleared_on_both_ways_starts_at_one_place():
     found = first_contact(SCENES['in, then out to the contact'])
-    turns = [n for n, (one, other) in enumerate(pairwise(found.certificate.head)) if one.stop_rad != other.start_rad]
+    head = found.certificate.led_by(0)
+    turns = [n for n, (one, other) in enumerate(pairwise(head)) if one.stop_m != other.start_m]
     assert len(turns) == 1
-    assert found.certificate.head[0].start_rad == found.certificate.head[turns[0] + 1].start_rad
+    assert head[0].start_m == head[turns[0] + 1].start_m

@@ -3,6 +3,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from dragon_ros.core.inwards import inwards
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -10,17 +11,16 @@ from dragon_ros.commands.certificate_checkers.bends import bends_of
 from dragon_ros.commands.certificate_checkers.intervals import hull
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
-from dragon_ros.core.contact.interval_clearing import bounds
-from dragon_ros.core.contact.narrow_phase import Lookout, beyond
-from dragon_ros.core.contact.second_order_bounds import bend
+from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond
+from dragon_ros.core.contact.second_order_bounds import bend, bounds
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.paper import place
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 
-EFFORT = EXACT.effort(20, 400)
+EFFORT = Effort()
 COUNT = 24
 
 
@@ -107,30 +107,30 @@ def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
     assert follower(place_, 5.0) == pytest.approx(turning_places(19.0, 19.0, 7.9, 40.0)[0], abs=1e-12)
 
 
-def lookout(dragon, first=1):
-    return Lookout(Spiral(), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
+def sampler(dragon, first=1):
+    return BenchSampler(inwards(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
 
 
 @given(st.floats(0.6, 4), st.floats(10, 90), st.floats(0, 2))
 def test_each_bench_is_further_beyond_the_circle_than_the_one_before_it(body, theta, length):
-    watch = lookout(Dragon(COUNT, body, body, 0.3))
+    watch = sampler(Dragon(COUNT, body, body, 0.3))
     try:
-        view = watch.look(np.array([theta, theta + length]))
+        view = watch.sample(np.array([theta, theta + length]))
     except ChainLockError:
         return
     a, b = view.rows(np.array([0])), view.rows(np.array([1]))
     outside = beyond(a, b, watch.sizes)[0]
     assert np.all(np.diff(outside) > 0)
     for part in np.linspace(0, 1, 5):
-        inside = watch.look(np.array([theta + part * length]))
+        inside = watch.sample(np.array([theta + part * length]))
         assert np.all(beyond(inside, inside, watch.sizes)[0] >= outside - 1e-12)
 
 
 def test_a_stretch_on_which_a_handle_turns_back_is_never_cleared():
     dragon, b_m = Dragon(COUNT), Spiral().b_m
     (turn,) = turning_places(dragon.head_link_m / b_m, dragon.body_link_m / b_m, 14.75, 60.0)
-    watch = lookout(dragon, 0)
-    view = watch.look(np.array([turn - 1e-3, turn, turn + 1e-3]))
+    watch = sampler(dragon, 0)
+    view = watch.sample(np.array([turn - 1e-3, turn, turn + 1e-3]))
     rows = [view.rows(np.array([n])) for n in range(3)]
     behind = np.array([COUNT - 1])
     assert np.isneginf(bounds(rows[0], rows[2], watch.sizes, behind)[0])

@@ -4,6 +4,7 @@ import subprocess
 import sys
 from dataclasses import fields, replace
 from functools import lru_cache
+from importlib.util import find_spec
 from itertools import combinations
 
 import numpy as np
@@ -80,8 +81,9 @@ def test_what_is_off_is_not_even_imported():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
     for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
-                 'core.effects.health', 'core.contact',
-                 'core.neighbours', 'core.watch', 'wire.encode_effects', 'wire.cdr_effects'):
+                 'core.effects.health', 'core.contact', 'core.contact.broad_phase', 'core.contact.tracker',
+                 'messages.encode_effects', 'messages.monitor_markers'):
+        assert find_spec(f'dragon_ros.{name}')
         assert f'dragon_ros.{name}' not in loaded
 
 

@@ -4,8 +4,8 @@ import pytest
 from dragon_ros.core.contact.tracker import Report, Sight, Watch
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.messages.contact_markers import contact_markers
-from dragon_ros.messages.decode_markers import read_marker_array
+from dragon_ros.messages.decode import read_marker_array
+from dragon_ros.messages.monitor_markers import report_markers
 
 
 def report_at(t_s):
@@ -20,7 +20,7 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
     from visualization_msgs.msg import Marker, MarkerArray
     report = report_at(412.48)
     assert isinstance(report, Report)
-    message = serialization.deserialize_message(contact_markers(report), MarkerArray)
+    message = serialization.deserialize_message(report_markers(report), MarkerArray)
     clear, *red, point, label = message.markers
     assert (clear.action, [marker.id for marker in red]) == (Marker.DELETEALL, [0, 8])
     assert {(marker.header.stamp.sec, marker.header.stamp.nanosec, marker.header.frame_id)
@@ -40,5 +40,5 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
 
 
 def test_without_contact_all_markers_are_deleted():
-    markers = read_marker_array(contact_markers(report_at(404)))
+    markers = read_marker_array(report_markers(report_at(404)))
     assert markers.action.tolist() == [3]

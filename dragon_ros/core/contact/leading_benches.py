@@ -1,0 +1,272 @@
+"""What benches meet with their front handles on a track's first spiral, cleared over that track once for all alike.
+
+Where the first segment winds in from afar, what follows a bench there depends on where the bench is, and on its links
+from there on. So benches fall into classes with identical remaining link sequences; the first of each leads, and its
+whole class is cleared over the track that its front handles go through. Where that does not clear, each bench's own
+part of it is: what it goes through, without what another one of its class has gone through before.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dragon_ros.core.chain.dragon import goes_on_alike, is_even
+from dragon_ros.core.chain.lock import turning_places
+from dragon_ros.core.contact.certificate import Interval
+from dragon_ros.core.contact.interval_clearing import Cleared, Judgement, clear
+from dragon_ros.core.contact.narrow_phase import BenchSampler, BenchSamples, joined
+from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
+from dragon_ros.core.contact.second_order_bounds import bounds, comes_in
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.tracks.composite import Place
+
+_FIRST_M = 4.0          # between the first places: on the classic spiral a bound clears 0.5 to 8 m far from a contact
+_FINEST_M = 1e-3, 1e-8  # intervals are not cut below this: next to a contact, and next to a grazing
+_MOST_PLACES = 200_000  # of one window to begin with, for the memory
+_CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
+
+
+class _Space:
+    """Places of one class's leading bench, for ``clear``; ``behind`` are the benches behind in each window."""
+
+    def __init__(self, sampler: BenchSampler, behind: list[int], tolerance_m: float) -> None:
+        self.sampler, self.tolerance_m, self._behind = sampler, tolerance_m, np.array(behind)
+
+    def sample(self, places: Floats) -> BenchSamples:
+        """Return samples."""
+        return self.sampler.sample(places)
+
+    def joined(self, parts: list[BenchSamples]) -> BenchSamples:
+        """Return several samples as one."""
+        return joined(parts)
+
+    def begin(self, _: BenchSamples, __: Ints, window: Ints) -> None:
+        """Take the roots."""
+        self._behind = self._behind[window]
+
+    def judge(self, a: BenchSamples, b: BenchSamples, root: Ints) -> Judgement:
+        """Judge intervals by their second-order bounds; they are halved."""
+        behind = self._behind[root]
+        there = np.arange(2, a.offset.shape[1] + 2) <= behind[:, None]
+        touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
+        return Judgement(bounds(a, b, self.sampler.sizes, behind), touching, np.full(behind.size, 2))
+
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return upper bounds of the lengths of intervals."""
+        out: Floats = self.sampler.b_m * np.abs(start - stop) * (1 + np.maximum(start, stop))
+        return out
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Places (monotone) that the front handle of a bench goes through, with so many benches ``behind`` it."""
+
+    bench: int
+    places: Floats
+    behind: int
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A cleared interval between two places."""
+
+    start_rad: float
+    stop_rad: float
+    bound_m: float
+    behind: int
+
+
+class LeadingBenches:
+    """One class of benches over a domain: what is cleared of their pairs with those behind, and where that ends."""
+
+    def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
+        """Take a class, given as its ``benches`` from the head on; the first is its ``lead``."""
+        self._domain, self.benches, self.lead = domain, benches, benches[0]
+        self._behind = domain.dragon.benches - 1 - self.lead
+        assert domain.track.from_afar
+        self._spiral, self._chords = domain.track.from_afar.curve, (domain.dragon.link_lengths_m / domain.track.from_afar.curve.b_m).tolist()
+        self._rows: list[_Row] = []
+        self._hit: Bracket | None = None
+
+    @property
+    def tolerance_m(self) -> float:
+        """What a bound must exceed: both benches may be off."""
+        return 2 * self._domain.error_m
+
+    @property
+    def _single(self) -> bool:
+        """Whether this is the head alone, which goes one way: its places come in the order of the leader's."""
+        return self.benches == [0]
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear what the class meets up to a place of the leader; return the first bracket of places that is not."""
+        phases, ends = self.phases(stop_m)
+        self._rows, self._hit = [], None
+        outer, inner = self._track(ends)
+        if self._single and ends[0][0] < ends[-1][0]:
+            outer, inner = inner, outer
+        for whole in self._cleared([*self._window(self.lead, outer, inner, self._behind)]):
+            if whole.hit is None or self._single:
+                self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
+                return self._hit
+            self._rows = []
+            for n in range(len(phases) - 1):
+                self._hit = self._hit or self._clear_phase((phases[n], phases[n + 1]), ends[n], ends[n + 1])
+        return self._hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        if self._hit is None:
+            self._trim(stop_m)
+        elif self._single:
+            self._go_on(stop_m)
+        else:
+            self.clear(stop_m)
+        return self._hit
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
+        for row in self._rows:
+            start_m, stop_m = (float(origin_m + segment.metres(place)) for place in (row.start_rad, row.stop_rad))
+            yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
+
+    def _go_on(self, stop_m: float) -> None:
+        """Clear the head's way up to a place beyond what is cleared of it, or leave out what is cleared beyond."""
+        start, stop = (float(self._on_spiral(place)[0]) for place in (self._domain.start_m, stop_m))
+        sign = 1.0 if stop > start else -1.0
+        self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
+        last, self._hit = self._rows[-1].stop_rad if self._rows else start, None
+        for rest in self._cleared([*self._window(0, last, stop, self._behind)]):
+            self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
+
+    def _trim(self, stop_m: float) -> None:
+        """Leave out what the class has not reached with the leader at a place."""
+        outer, inner = self._track(self.phases(stop_m)[1])
+        clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
+                           stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
+        self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
+
+    def _on_spiral(self, gone_m: float) -> Floats:
+        """Return the polar angles of the handles (N+1,) on the spiral; its end's for those beyond."""
+        chain = self._domain.chain(gone_m)
+        return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
+
+    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
+        """Return the leader's places between which every handle moves one way, and all handles there."""
+        start_m, turns = self._domain.start_m, list[float]()
+        if self._domain.track.may_lock and len(self._chords) > 1:
+            ends = (float(self._on_spiral(place)[0]) for place in (start_m, stop_m))
+            angles = turning_places(*self._two(0), *sorted(ends))
+            turns = sorted((self._domain.leader.gone_m(Place(0, DoubleDouble(angle, 0.0))) for angle in angles),
+                           reverse=stop_m < start_m)
+        places = [start_m, *turns, stop_m]
+        return places, [self._on_spiral(place) for place in places]
+
+    def all_come_in(self, stop_m: float) -> bool:
+        """Return whether all links from the third on come in with their front handles up to a place of the leader."""
+        links = self._domain.dragon.link_lengths_m[2:]
+        for theta in self.phases(stop_m)[1]:
+            front, span = theta[2:], np.diff(theta[2:])
+            if not np.all((links == 0) | (span <= np.pi) & (comes_in(front, span) > 0)):
+                return False
+        return True
+
+    def _two(self, bench: int) -> tuple[float, float]:
+        """Return the chords of a bench and of the next one, in units of b."""
+        one, two = self._chords[bench:bench + 2]
+        return one, two
+
+    def _track(self, ends: list[Floats]) -> tuple[float, float]:
+        """Return the outermost and the innermost place of the class, given all handles at the ends of phases."""
+        return (max(float(theta[self.benches[-1]]) for theta in ends),
+                min(float(theta[self.lead]) for theta in ends))
+
+    def _clear_phase(self, phase: tuple[float, float], here: Floats, there: Floats) -> Bracket | None:
+        """Clear the part of the track of each bench while the leader goes through a phase."""
+        windows = [*self._parts(here, there)]
+        hits = [self._bracket(window.bench, cleared.hit, phase)
+                for window, cleared in zip(windows, self._cleared(windows), strict=True) if cleared.hit]
+        return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
+
+    def _parts(self, here: Floats, there: Floats) -> Iterator[_Window]:
+        """Yield each bench's part of the track, without what another one of its class goes through before it."""
+        last = self._domain.dragon.benches - 1
+        reach = self.sampler(np.array(self._track([here, there]))).follow
+        for before, bench, after in zip([0, *self.benches], self.benches, [*self.benches[1:], last], strict=False):
+            start, stop = float(here[bench]), float(there[bench])
+            if stop < start and before and there[before] <= here[before]:
+                stop = max(stop, float(here[before]))
+            elif stop > start and last - after >= reach:
+                stop = min(stop, float(here[after]))
+            yield from self._window(bench, start, stop, last - bench if last - bench < reach else self._behind)
+
+    def _bracket(self, bench: int, hit: tuple[float, float, float], within: tuple[float, float]) -> Bracket:
+        """Return where the leader is when a bench's front handle is at two places."""
+        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
+        one, two = (self._domain.gone_at(bench, float(origin_m + segment.metres(place)), within) for place in hit[:2])
+        return Bracket(one, two, hit[2])
+
+    def _window(self, bench: int, start: float, stop: float, behind: int) -> Iterator[_Window]:
+        """Yield the window between two places, if there is anything in it."""
+        if start == stop or behind < 2:
+            return
+        count = 2 + int(self._spiral.b_m * abs(start - stop) * (1 + max(start, stop)) / _FIRST_M)
+        places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
+        if self._domain.track.may_lock:
+            places = np.concatenate((places, turning_places(*self._two(self.lead), *sorted((start, stop)))))
+        places = np.unique(places)
+        yield _Window(bench, places if stop > start else places[::-1], behind)
+
+    def sampler(self, ends: Floats) -> BenchSampler:
+        """Return what samples the class between two places, with the followers that can matter there."""
+        domain = self._domain
+        return BenchSampler(domain.track, domain.dragon, self.lead, domain.dragon.benches - self.lead, domain.effort,
+                            domain.count).reaching(ends)
+
+    def _cleared(self, windows: list[_Window]) -> list[Cleared]:
+        """Clear windows and keep what is clear."""
+        if not windows:
+            return []
+        ends = np.concatenate([window.places[[0, -1]] for window in windows])
+        sampler = self.sampler(np.array([np.min(ends), np.max(ends)]))
+        space = _Space(sampler, [window.behind for window in windows], self.tolerance_m)
+        out = clear(space, [window.places for window in windows], _FINEST_M)
+        self._rows += [_Row(*row, window.behind) for window, cleared in zip(windows, out, strict=True)
+                       for row in cleared.rows]
+        return out
+
+
+def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
+    """Return the classes of benches that have others to meet: the head, and those of the body that go on alike.
+
+    There is one class of the body where all its benches are equal.
+    """
+    lengths, found = domain.dragon.bench_lengths_m, list[list[int]]()
+    for bench in range(1, lengths.size - 2):
+        same = next((each for each in found if goes_on_alike(lengths, each[0], bench)), None)
+        if same:
+            same.append(bench)
+        else:
+            found.append([bench])
+    return [LeadingBenches(domain, benches) for benches in ([0], *found)]
+
+
+def provable_m(domain: SearchDomain) -> float:
+    """Return the leader's place up to which no handle behind the third turns back, so that each moves one way.
+
+    Where links cannot lock, or are equal, none does, and it is where the domain stops. Else one that spans no more than
+    half a turn and comes in where its front handle is nearest to the centre does wherever that is (docs/contact.md,
+    lemmas 1 and 2).
+    """
+    if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
+        return domain.stop_m
+    head = LeadingBenches(domain, [0])
+    if head.all_come_in(domain.stop_m):
+        return domain.stop_m
+    good, bad = domain.start_m, domain.stop_m
+    for _ in range(_CLOSER if head.all_come_in(good) else 0):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if head.all_come_in(middle) else (good, middle)
+    return good
