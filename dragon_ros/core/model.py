@@ -186,10 +186,6 @@ class Simulation:
     scene: Scene
     model: Model
 
-    def __post_init__(self) -> None:
-        """Refuse an accuracy that floats cannot keep over the run."""
-        tier_for(self.scene.accuracy, self.size_m)
-
     @cached_property
     def size_m(self) -> float:
         """How far from the origin a handle can be in this run, in metres (a bound)."""
@@ -323,7 +319,7 @@ class _Compiled:
 
     def __init__(self) -> None:
         self._simulations: OrderedDict[int, Simulation] = OrderedDict()
-        self._models: OrderedDict[tuple[object, ...], Model] = OrderedDict()
+        self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._lock = Lock()
 
     def get(self, scene: Scene) -> Simulation:
@@ -331,15 +327,22 @@ class _Compiled:
         known = self._simulations.get(id(scene))        # it holds its scene, so that no other one has its id
         if known is not None and known.scene is scene:
             return known
-        key = scene.dragon, scene.track, scene.head.lead, scene.solver, _tier_of(scene)
         with self._lock:
-            model = self._models.get(key) or Model(*key)
-            simulation = Simulation(scene, model)
-            self._models[key] = model
+            simulation = self._at(scene, tier_for(scene.accuracy))
+            tier = tier_for(scene.accuracy, simulation.size_m)
+            if tier is not simulation.tier:     # metres may ask for more where coordinates are large
+                simulation = self._at(scene, tier)
+            key = _key_of(scene, simulation.tier)
+            self._models[key] = simulation.model
             self._models.move_to_end(key)
             self._simulations[id(scene)] = simulation
             self._bound()
         return simulation
+
+    def _at(self, scene: Scene, tier: Tier) -> Simulation:
+        """Return the simulation at a tier, with the model that is kept if there is one."""
+        key = _key_of(scene, tier)
+        return Simulation(scene, self._models.get(key) or Model(*key))
 
     def _bound(self) -> None:
         """Drop what was used least recently."""
@@ -355,9 +358,9 @@ class _Compiled:
 _COMPILED = _Compiled()
 
 
-def _tier_of(scene: Scene) -> Tier:
-    """Return the tier of a scene's accuracy, whatever its size."""
-    return tier_for(scene.accuracy)
+def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, Tier]:
+    """Return what a model is compiled from."""
+    return scene.dragon, scene.track, scene.head.lead, scene.solver, tier
 
 
 def compile_scene(scene: Scene) -> Simulation:

@@ -34,6 +34,7 @@ _BATCH = 256                # states of one batch of products: what they fill st
 _MOST_CELLS = 4096          # that a tile keeps for single states
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _FEWEST_LINKS = 512         # length of a tile, in links: a power of two, and no less than its blocks have
+_SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
 
@@ -112,7 +113,7 @@ class Tile:
         segment, fore = table.segment[rows].reshape(-1), (table.middle[rows, :, 0] - 1 / table.middle[rows, :, 2])
         for k in range(len(self.track.segments)):
             cells = np.flatnonzero(segment == k)
-            if not cells.size:
+            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows reach beyond the stretch
                 out.append(None)
                 continue
             sense = float(np.sign(table.middle[rows, :, 2].reshape(-1)[cells[0]]))
@@ -337,6 +338,9 @@ class ShiftMap:
         track = self.track
         low_m, high_m = (n * self._length_m - self._before_m for n in (number, number + 1))
         ends = [self._boundary(number + 1) or self._end(1), self._boundary(number) or self._end(-1)]
+        far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
+        if self.link_m <= _SHORTEST * far_m:
+            return None
         table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction),
                       self._series_m(ends[0]))
         return Tile(track, table, *ends) if table else None

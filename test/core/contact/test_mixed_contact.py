@@ -5,16 +5,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from apart import smallest
+from dragon_ros.commands.certificate_checkers import certificate
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.chain.dragon import Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.narrow_phase import Lookout, beyond, further
+from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond, further
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
 from dragon_ros.core.model import compile_scene
@@ -42,15 +42,15 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     pitch = 1.6
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
-        watch = Lookout(scene.track, dragon, 0, dragon.benches, Effort(), lambda states: None)
-        views = [watch.look(np.array([2 * theta + turned])) for turned in (0.0, way)]
+        sampler = BenchSampler(compile_scene(scene).model.track, dragon, 0, dragon.benches, Effort(), lambda states: None)
+        views = [sampler.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)
-    bound = further(*views, watch.sizes, beyond(*views, watch.sizes))[0]
-    if watch.sizes.longest_m is None:
+    bound = further(*views, sampler.sizes, beyond(*views, sampler.sizes))[0]
+    if sampler.sizes.longest_m is None:
         return
     for view in views:
-        chain = Scene(dragon=dragon, track=Spiral(pitch, view.lead[0] / (2 * np.pi)))
+        chain = Scene(dragon=dragon, track=Spiral(pitch, view.places[0] / (2 * np.pi)))
         corners = benches_of(state(chain, 0.0), dragon, axes_of(state(chain, 0.0))).corners
         ends = corners[2:], np.roll(corners[2:], 1, axis=1)
         share = np.linspace(0, 1, 200)[:, None, None, None]

@@ -4,11 +4,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dragon_ros.commands.plot.dragon import extent
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.design.max_speed import fastest
+from dragon_ros.core.design.bounding_box import bounding_box
+from dragon_ros.core.design.max_speed import max_speed
 from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.scene import Run, Scene
@@ -31,7 +31,7 @@ def test_the_room_of_a_mixed_dragon_holds_every_corner_of_its_run():
     times = np.linspace(390, 393, 200).tolist()
     chain = states(scene, times)
     reached = 2 * np.max(np.abs(benches_of(chain, scene.dragon, axes_of(chain)).corners))
-    low, high = extent(scene).centred_m
+    low, high = bounding_box(scene).centred_m
     assert reached <= high < low + 1e-9
     assert low < reached + 1e-3
 
@@ -43,4 +43,4 @@ def test_no_handle_of_a_mixed_dragon_is_faster_than_the_fastest(lead):
                   run=Run(0, 30))
     v = states(scene, np.linspace(0, 30, 3000).tolist()).velocities(np.ones(3000))
     seen = np.max(np.hypot(v[..., 0], v[..., 1]))
-    assert seen <= fastest(scene).bound < seen + 1e-4
+    assert seen <= max_speed(scene).bound < seen + 1e-4
