@@ -7,7 +7,7 @@ from tqdm import tqdm
 
 from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number
-from dragon_ros.core.design.bounding_box import extent, fits
+from dragon_ros.core.design.bounding_box import bounding_box, fits
 
 
 def options(parser: ArgumentParser) -> None:
@@ -21,7 +21,7 @@ def answer(arguments: Namespace) -> dict[str, Any]:
     scene = command_line.scene_from(arguments)
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
     with tqdm(desc='fit', unit=' looks', disable=None, leave=False, delay=1) as bar:
-        found = extent(scene, progress=bar.update)
+        found = bounding_box(scene, progress=bar.update)
     return {'centred_m': found.centred_m, 'free_m': found.free_m, 'touching': asdict(found.touching),
             'reaches': [asdict(reach) for reach in found.reaches], 'looks': found.looks, 'square_m': side,
             'fits_centred': side and fits(found.centred_m, side), 'fits_free': side and fits(found.free_m, side)}

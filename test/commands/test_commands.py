@@ -165,7 +165,7 @@ def test_design_gives_the_length_of_the_turn_and_the_largest_speed(capsys):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'track.kind'),
+    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'run.stop_s'),
     (['max-speed', '--limit', '-1'], '--limit'), (['fast'], 'invalid choice'), ([], 'required')])
 def test_a_design_question_without_an_answer_is_reported(capsys, arguments, says):
     code, out, err = run(capsys, 'design', *arguments)

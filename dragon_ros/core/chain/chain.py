@@ -184,14 +184,13 @@ class MarchedLinks:
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents in the head's way."""
-        segment, u, _ = self.handles
         rows = out.reshape(chain.p.shape)
-        rows[..., chain.slice_of(self), :] = chain.track.headings(segment, u)[..., ::-chain.direction, :]
+        rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities; a link of no length carries the speed over unchanged."""
         some, order = chain.slice_of(self), slice(None, None, -chain.direction)
-        heading = chain.track.headings(*self.handles[:2])
+        heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
         link = p[..., :-1, :] - p[..., 1:, :]
         near, far = np.sum(link * heading[..., :-1, :], axis=-1), np.sum(link * heading[..., 1:, :], axis=-1)
@@ -231,7 +230,7 @@ class MarchedLink(NamedTuple):
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents in the head's way."""
         for at, (k, u) in zip(self._numbers(chain), (self.near, self.far), strict=True):
-            heading = chain.track.segments[k].heading(u.hi)
+            heading = chain.track.segments[k].heading(*u)
             out[at], out[at + 1] = heading.real, heading.imag
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
@@ -239,7 +238,7 @@ class MarchedLink(NamedTuple):
         at, following = self._numbers(chain)
         segments, p = chain.track.segments, chain.p
         (k, u), (k_2, u_2) = self.near, self.far
-        one, two = segments[k].heading(u.hi), segments[k_2].heading(u_2.hi)
+        one, two = segments[k].heading(*u), segments[k_2].heading(*u_2)
         out[at], out[at + 1] = speed * one.real, speed * one.imag
         x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
         if x or y:

@@ -1,8 +1,9 @@
 """How far corners of benches can leave straight lines while a spiral's pitch changes and the head's radius does not.
 
-In units of b (see ``winding``) the chain then grows: it is ``scale`` times as large, with handle 0 at theta = scale r.
-A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0, and the leading
-handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle, F = c^2 / 2 gives
+In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at
+theta = scale r. A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0,
+and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle,
+F = c^2 / 2 gives
 
     delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
     m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,

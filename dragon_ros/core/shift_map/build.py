@@ -194,7 +194,7 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch
     segment, u, lo = _pushed(track, link_m, parts, count)
     matrix, rows, several = transform(_NODES)[1], segment.shape[0], segment[..., None]
     each = np.broadcast_to(several, u.shape)
-    p, heading = track.points(each, u, lo), track.headings(each, u)
+    p, heading = track.points(each, u, lo), track.headings(each, u, lo)
     axis = p[:-1] - p[1:]
     ratio = np.sum(axis * heading[:-1], axis=-1) / np.sum(axis * heading[1:], axis=-1)
     speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)

@@ -274,9 +274,9 @@ class Track:
         """Return coordinates in metres, shape (..., 2)."""
         return self._vectors(segment, u, lambda k, here: self.segments[k].at(u[here], lo[here]))
 
-    def headings(self, segment: Ints, u: Floats) -> Floats:
+    def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
         """Return unit tangents in the head's way, shape (..., 2)."""
-        return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here]))
+        return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
 
     def _vectors(self, segment: Ints, u: Floats, value: Callable[[int, Any], Array]) -> Floats:
         out = np.empty((*u.shape, 2))

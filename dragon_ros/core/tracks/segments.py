@@ -75,7 +75,7 @@ class Segment(Protocol):
         """Return the point."""
         ...
 
-    def heading(self, u: Any) -> Any:
+    def heading(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the unit tangent in the head's way."""
         ...
 
@@ -146,7 +146,7 @@ class LineSegment:
         """Return the point."""
         return self.start + self.direction * u + self.direction * lo
 
-    def heading(self, u: Any) -> Any:
+    def heading(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the unit tangent in the head's way."""
         return self.direction + 0 * u
 
@@ -218,9 +218,10 @@ class ArcSegment:
         turned = 1j * self.side
         return self.centre + self.spoke * (_turn(self.side * u) * (1 + turned * lo))
 
-    def heading(self, u: Any) -> Any:
+    def heading(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the unit tangent in the head's way."""
-        return 1j * self.side * self.spoke / self.radius_m * _turn(self.side * u)
+        turned = 1j * self.side
+        return turned * self.spoke / self.radius_m * (_turn(self.side * u) * (1 + turned * lo))
 
     def rate(self, u: Any) -> Any:
         """Return metres for each unit of u."""
@@ -323,12 +324,13 @@ class SpiralSegment:
             return self.centre + self._scaled * u * (cmath.rect(1.0, self.side * u) * complex(1.0, self.side * lo))
         return self.centre + self._scaled * u * (np.exp(1j * self.side * u) * (1 + 1j * self.side * lo))
 
-    def heading(self, u: Any) -> Any:
+    def heading(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the unit tangent in the head's way."""
         if type(u) is float:
             short = 1 / sqrt(1 + u * u)
-            return self._ahead * (cmath.rect(1.0, self.side * u) * complex(short, self.side * u * short))
-        return self._ahead * (np.exp(1j * self.side * u) * ((1 + 1j * self.side * u) / np.sqrt(1 + u * u)))
+            return self._ahead * (cmath.rect(1.0, self.side * u)
+                                  * complex((1.0 - u * lo) * short, self.side * u * short))
+        return self._ahead * (np.exp(1j * self.side * u) * ((1 - u * lo + 1j * self.side * u) / np.sqrt(1 + u * u)))
 
     def rate(self, u: Any) -> Any:
         """Return metres for each radian."""

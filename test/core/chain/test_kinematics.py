@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dragon_ros.core.placed import BACK
 from high_precision import rates
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
@@ -16,6 +15,7 @@ from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.step import frame_of, state, states
+from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 SHORT = Dragon(9)
@@ -91,12 +91,13 @@ def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
     try:
         scene = Scene(dragon, track, law, Run(stop_s=20.0))
         assume(compile_scene(scene).end.t_s > t_s)
-        chain = scene.chained.chain(law.travelled_m(t_s), compile_scene(scene).model.effort)
+        model = compile_scene(scene).model
+        chain = model.march(law.travelled_m(t_s), model.effort)
     except DragonError:
         assume(False)
     speeds = state(scene, t_s).velocities(1.0)
     assume(np.max(np.hypot(*speeds.T)) < 50)            # nearer to a lock the reference loses its roots
-    along, joints = chain.walk.distances(chain.piece, chain.u), np.array(chain.walk.joints_m)
+    along, joints = chain.track.distances(chain.segment, chain.u), np.array(chain.track.joints_m)
     assume(not joints.size or np.min(np.abs(along[:, None] - joints)) > 1e-6)       # joints have tests of their own
     v, a = rates(scene, t_s)
     assert np.max(np.abs(accelerations(scene, t_s) - a)) <= allowed(v, a, scene)
@@ -109,16 +110,17 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
     law = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0)), 'linear', lead)
     start_m = 28.0 + 2.86 * second if lead == 'head' else 30.0 + 6.16 + 2.0
     scene = Scene(Dragon(3), Composite((Line(30.0), Arc(2.0, 90.0), Line(30.0)), start_m), law, Run(stop_s=8.0))
-    led, handle = scene.chained, (0, 1, -1, -2)[2 * (lead == 'tail') + second]
-    place = led.walk.place_at(led.walk.joints_m[0])
+    model, handle = compile_scene(scene).model, (0, 1, -1, -2)[2 * (lead == 'tail') + second]
+    track = model.track
+    place = track.place_at(track.joints_m[0])
     if second:      # the leader is a link further on its way
-        place = led.walk.next(place, float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1]), -led.way,
-                              1e-9)[0]
-    gone_m = led.gone_m(place)
+        place = track.next(place, float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1]), -model.direction,
+                           1e-9)[0]
+    gone_m = model.leader.gone_m(place)
     assert 0.5 < gone_m < 3.9
     for t_s in (gone_m, 8.0 - gone_m):
-        chain = led.chain(law.travelled_m(t_s), compile_scene(scene).model.effort)
-        assert abs(led.walk.distances(chain.piece, chain.u)[handle] - led.walk.joints_m[0]) < 1e-12
+        chain = model.march(law.travelled_m(t_s), model.effort)
+        assert abs(track.distances(chain.segment, chain.u)[handle] - track.joints_m[0]) < 1e-12
         at, before, after = (accelerations(scene, t_s + off) for off in (0.0, -1e-7, 1e-7))
         assert np.max(np.abs(at - after)) < 1e-6        # they change by some m/s^2 a second
         assert np.hypot(*(at - before)[handle]) > 0.1   # the curvature jumps by 0.5/m
@@ -127,16 +129,16 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
 @pytest.mark.parametrize(('lead', 'speed', 'entered'), [('head', 1.0, 1), ('head', -1.0, 0), ('tail', 1.0, 0),
                                                         ('tail', -1.0, 1)])
 def test_a_handle_on_a_joint_is_on_the_segment_that_it_moves_into_whoever_leads(lead, speed, entered):
-    walk = Composite((Line(10.0), Arc(2.0, 90.0), Line(9.0)), start_m=10.0).walk
+    track = track_of(Composite((Line(10.0), Arc(2.0, 90.0), Line(9.0)), start_m=10.0))
     onwards = speed if lead == 'head' else -speed
-    joint_m = walk.joints_m[0]
-    for k, u in ((0, walk.pieces[0].last), (1, walk.pieces[1].first)):      # either name of the one place
+    joint_m = track.joints_m[0]
+    for k, u in ((0, track.segments[0].last), (1, track.segments[1].first)):      # either name of the one place
         place = np.array([k]), np.array([u])
-        assert walk.distances(*place) == joint_m
-        found = entered_curvatures(walk, *place, np.array([onwards]), 0.0)
-        assert found == [walk.pieces[entered].curvature(0.0)]
-    rounded = np.array([0]), np.array([walk.pieces[0].last - 1e-12 * onwards])
-    assert entered_curvatures(walk, *rounded, np.array([onwards]), 2e-12) == [walk.pieces[entered].curvature(0.0)]
+        assert track.distances(*place) == joint_m
+        found = entered_curvatures(track, *place, np.array([onwards]), 0.0)
+        assert found == [track.segments[entered].curvature(0.0)]
+    rounded = np.array([0]), np.array([track.segments[0].last - 1e-12 * onwards])
+    assert entered_curvatures(track, *rounded, np.array([onwards]), 2e-12) == [track.segments[entered].curvature(0.0)]
 
 
 def test_where_the_leader_rests_it_pulls_all_handles_along_the_track_by_its_acceleration():
@@ -173,7 +175,7 @@ def test_the_laws_acceleration_is_the_rate_of_its_speed_and_lies_in_its_range(la
 def test_many_instants_at_once_have_the_motion_of_each():
     scene = Scene(SHORT, STurn(before_m=5.0), run=Run(stop_s=30.0))
     chains = states(scene, [3.0, 12.0, 21.0])
-    leader = HEAD if scene.chained.way == BACK else TAIL
+    leader = HEAD if chains.leader == 0 else TAIL
     curvature = np.full(chains.p.shape[:-1], 0.2)
     many = RigidLinks(chains.p, chains.links_m, -chains.tangents, leader)
     speeds = many.speeds(np.array([1.0, 2.0, 3.0]))

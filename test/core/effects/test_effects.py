@@ -20,6 +20,7 @@ from dragon_ros.core.effects.noise import normal
 from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_needs, effects_of, known
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
 from dragon_ros.core.tracks.spec import Spiral, STurn
@@ -119,7 +120,7 @@ def test_clearance_is_infinite_where_nothing_is_near():
     frame = tick(alone, 0)
     assert frame.closeness.clearance_m == np.inf
     assert frame.contacts.benches.shape == (0, 2)
-    assert closeness(alone, frame).i.size == 0
+    assert closeness(compile_scene(alone), frame).i.size == 0
 
 
 def test_the_clearance_vanishes_in_the_frame_of_the_first_contact():

@@ -1,19 +1,15 @@
 from math import asinh, pi, sqrt
 
+import mpmath
 import numpy as np
 import pytest
+from convergence import errors_of, newton_iterates, order_of
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.tracks.spiral import arc_between, points, tangents
+from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between, points, tangents
 
 turns = st.floats(0.01, 1000)
 
@@ -33,19 +29,19 @@ def test_arc_length_agrees_with_the_closed_form(start_turns, share):
 
 @given(turns, st.floats(-0.5, 1))
 def test_inward_undoes_distance_to(start_turns, share):
-    spiral = Spiral(0.55, start_turns)
+    spiral = SpiralCurve.of(Spiral(0.55, start_turns))
     distance = share * spiral.length_m
     place = spiral.inward(distance)
     assert spiral.distance_to(place.hi) == pytest.approx(distance, rel=1e-12, abs=1e-12 * spiral.length_m)
 
 
 def test_the_head_starts_at_8_8_m():
-    start = Spiral().inward(0.0)
+    start = SpiralCurve.of(Spiral()).inward(0.0)
     np.testing.assert_allclose(points(Spiral().b_m, *map(np.array, start)), (8.8, 0.0), atol=1e-14)
 
 
 def test_beyond_the_centre_is_an_error_with_the_limit():
-    spiral = Spiral(0.55, 1.0)
+    spiral = SpiralCurve.of(Spiral(0.55, 1.0))
     with pytest.raises(TrackEndError, match='beyond its end') as error:
         spiral.inward(spiral.length_m * 1.01)
     assert error.value.fields['limit_m'] == spiral.length_m
@@ -59,17 +55,6 @@ def test_tangents_are_unit_vectors_along_the_growing_angle(theta):
     np.testing.assert_allclose(tangents(np.array(theta)), direction, atol=1e-5)
 
 
-@given(st.floats(0, 1e9), st.floats(-3, 3))
-def test_an_angle_pair_keeps_what_one_float_loses(hi, delta):
-    total = DoubleDouble(*plus(hi, 0.0, delta))
-    from fractions import Fraction
-    assert Fraction(total.hi) + Fraction(total.lo) == Fraction(hi) + Fraction(delta)
-
-
-def test_whole_turns_are_correct_to_32_digits():
-    assert from_turns(1.0) == (2 * pi, 2.4492935982947064e-16)
-
-
 @pytest.mark.parametrize(('field', 'value'), [('pitch_m', -0.55), ('pitch_m', 0.0), ('pitch_m', float('nan')),
                                               ('pitch_m', 'wide'), ('start_turns', -1.0), ('start_turns', True)])
 def test_an_impossible_spiral_is_refused_by_field(field, value):
@@ -77,7 +62,15 @@ def test_an_impossible_spiral_is_refused_by_field(field, value):
         Spiral(**{field: value})
 
 
-def test_the_end_of_the_track_itself_is_a_place_to_the_last_bit():
-    scene = Scene(dragon=Dragon(3, 0.5, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0))
-    assert compile_scene(scene).end.reason == 'track'
-    assert np.hypot(*state(scene, compile_scene(scene).end.t_s).p[0]) == pytest.approx(0, abs=1e-6)
+def test_newton_on_the_arc_length_converges_quadratically():
+    with mpmath.workdps(400):
+        theta = mpmath.mpf(100)
+
+        def arc(th):
+            return (th * mpmath.sqrt(1 + th**2) + mpmath.asinh(th)) / 2
+
+        def excess(turned):
+            return arc(theta) - arc(theta - turned) - 3000, mpmath.sqrt(1 + (theta - turned) ** 2)
+        assert arc_between(100.0, 30.0) == pytest.approx(float(excess(mpmath.mpf(30))[0]) + 3000, rel=1e-14)
+        iterates = newton_iterates(excess, mpmath.mpf(36), 7)
+        assert order_of(errors_of(iterates[:-1], iterates[-1])) == pytest.approx(2.0, abs=0.05)

@@ -1,32 +1,30 @@
-"""Runs of equal links from tables on tracks of pieces and behind a tail: as exact as the march, whatever joints do.
+"""Blocks of equal links from shift maps on any track, behind a head or a tail: as exact as the march, whatever joints do.
 
-The promises against the 50-digit reference are kept in test_walk, with and without the tables.
+The promises against the 50-digit reference are kept in test_accuracy, with and without shift maps.
 """
 from dataclasses import replace
 from math import inf
 
 import numpy as np
 import pytest
-from dragon_ros.core.joined import wound
-from dragon_ros.core.placed import BACK
-from dragon_ros.core.runs import Runs
-from dragon_ros.core.track_rows import track_table
-from dragon_ros.core.walk_chain import chain_on
-from dragon_ros.core.walk_many import places_at
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
+from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.forward import blocks_of, forward
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
+from dragon_ros.core.shift_map.build import Stretch, build
+from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state, states, velocity_of
-from dragon_ros.core.tracks.composite import Place
-from dragon_ros.core.tracks.segments import AHEAD, Effort
+from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.cost.dances import dances
 
@@ -42,6 +40,13 @@ winds = st.builds(SpiralArc, st.floats(1.5, 3), st.floats(1, 3), st.floats(1, 3)
 tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 
+def placement(track, links, direction):
+    """Return a placement with shift maps of its own, none of whose tiles is built."""
+    maps = {link_m: ShiftMap(track, link_m, count, direction, lambda far_m, fore: 2e-14)
+            for link_m, count in lengths_with_maps(links).items()}
+    return Placement(track, links, direction, EFFORT, maps)
+
+
 def march(scene):
     return replace(scene, solver='march')
 
@@ -50,9 +55,12 @@ def dance(pieces, lead):
     """Return a dance over all of a track that begins with a line and ends with one."""
     try:
         track = Composite((Line(1.0), *pieces, Line(1.0)))
+        end_m = track_of(track).end_m
         if lead == 'tail':
-            track = replace(track, start_m=track.walk.end_m)
-        return Scene(dragon=SHORT, track=track, head=Head(1.0, lead), run=Run(0, track.walk.end_m + 4))
+            track = replace(track, start_m=end_m)
+        scene = Scene(dragon=SHORT, track=track, head=Head(1.0, lead), run=Run(0, end_m + 4))
+        compile_scene(scene)
+        return scene
     except FieldError:
         assume(False)
 
@@ -75,10 +83,10 @@ def agree(scene, t_s):
 @pytest.mark.parametrize('name', CASES)
 def test_stats_say_that_the_table_serves_every_dance_but_one(name):
     scene, t_s = CASES[name].scene, CASES[name].times_s[-1]
-    expected = 'walk' if name in MARCHED else 'table'
+    expected = 'march' if name in MARCHED else 'table'
     assert state(scene, t_s).solver == expected
     assert states(scene, [t_s]).solver == expected
-    assert state(march(scene), t_s).solver == states(march(scene), [t_s]).solver == 'walk'
+    assert state(march(scene), t_s).solver == states(march(scene), [t_s]).solver == 'march'
 
 
 @pytest.mark.parametrize('name', CASES)
@@ -115,92 +123,81 @@ def test_on_any_track_the_table_is_where_the_march_is(pieces, lead, part):
        st.sampled_from([0.0, 1e-15, -1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-4]))
 def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, joint, handle, past_m):
     scene = dance(pieces, 'head')
-    walk = scene.led.walk
-    joint = 1 + joint % (len(walk.pieces) - 1)
-    links = scene.dragon.link_lengths_m[:handle][::-1]
+    track = compile_scene(scene).model.track
+    joint = 1 + joint % (len(track.segments) - 1)
+    blocks = blocks_of(scene.dragon.link_lengths_m[:handle], AHEAD)
     try:
-        head = walk.follow(links, Place(joint, DoubleDouble(walk.pieces[joint].first, 0.0)), AHEAD, EFFORT)[0][-1]
+        head = forward(track, blocks, Place(joint, DoubleDouble(track.segments[joint].first, 0.0)), AHEAD,
+                       EFFORT).place(-1)
     except TrackEndError:
         assume(False)
-    t_s = walk.distance_of(head)[0] + past_m
+    t_s = track.distance_of(head)[0] + past_m
     assume(0 <= t_s <= compile_scene(scene).end.t_s)
     agree(scene, t_s)
 
 
 @given(st.lists(st.tuples(st.sampled_from([0.0, 0.9, 1.65, 2.0]), st.integers(1, 30)), min_size=1, max_size=5),
-       st.sampled_from([BACK, AHEAD]), st.floats(0, 1))
-def test_benches_of_any_mix_are_where_the_march_puts_them(mix, way, part):
+       st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
+def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
     links = np.repeat(*map(np.array, zip(*mix, strict=True)))
     assume(links.sum() > 0)
-    walk, low, high = STurn().walk, -links.sum() * 1.3 - 5, 60.0
-    metres = high * part if way == BACK else low + part * (high - links.sum() - low)
-    runs = Runs(walk, links, way, (low, high), EFFORT, 2e-14)
-    leader = walk.place_at(metres)
-    one, other = runs.place(leader), chain_on(walk, links, leader, way, EFFORT)
-    many = runs.place_many(places_at(walk, np.array([metres]), np.zeros(1)))
-    for chain, p, v in ((one, one and one.p, one and one.velocities(1.5)), (many, many.p[0], many.velocities(1.5)[0])):
-        if chain is not None:
-            np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
-            np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
-    served = [run for run in runs.runs if run.table]
-    assert (one is not None) == bool(served)
+    track, low, high = track_of(STurn()), -links.sum() * 1.3 - 5, 60.0
+    metres = high * part if direction == BEHIND else low + part * (high - links.sum() - low)
+    place = placement(track, links, direction)
+    leader = track.place_at(metres)
+    one, other = place.place(leader), marched(track, links, leader, direction, EFFORT)
+    many = place.place_many(track.places_at(np.array([metres]), np.zeros(1)))
+    for p, v in ((one.p, one.velocities(1.5)), (many.p[0], many.velocities(1.5)[0])):
+        np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
+        np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
+    assert one.solver == many.solver == ('table' if place.maps else 'march')
 
 
 @given(st.floats(0, 380))
-def test_behind_a_head_on_one_spiral_runs_are_where_the_march_is(gone_m):
-    spiral, links = Spiral(), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
-    runs = Runs(wound(spiral, 0.0), links, BACK, (-200.0, 380.0), EFFORT, 2e-14)
-    head = spiral.inward(gone_m)
-    one, other = runs.place(Place(0, head)), place(spiral, links, head, EFFORT)
-    assert len(runs.tables) == 2
+def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
+    track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
+    place, head = placement(track, links, BEHIND), track.place_at(gone_m)
+    one, other = place.place(head), marched(track, links, head, BEHIND, EFFORT)
+    assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(one.velocities(1.0), other.velocities(1.0), rtol=0, atol=3e-13)
 
 
-class Mix(Dragon):
-    """A dragon of 60 benches of three lengths."""
-
-    @property
-    def link_lengths_m(self):
-        """Handle spacing of each bench."""
-        return np.array([2.86, 2.0] + [1.65] * 30 + [1.2] * 28)
-
-
 @pytest.mark.parametrize('speed', [1.0, -1.0])
-def test_a_scene_of_mixed_benches_has_a_table_for_each_run(speed):
-    scene = Scene(dragon=Mix(60), head=Head(speed), run=Run(0, 400))
-    assert scene.table is None
-    assert [(run.start, run.stop, bool(run.table)) for run in scene.runs.runs] == [
+def test_a_scene_of_mixed_benches_has_a_shift_map_for_each_long_block(speed):
+    mix = Mixed((Group(3.41), Group(2.55), Group(2.2, 30), Group(1.75, 28)))
+    scene = Scene(dragon=mix, head=Head(speed), run=Run(0, 400))
+    assert [(block.start, block.stop, bool(shift)) for block, shift in compile_scene(scene).model.placement.blocks] == [
         (0, 1, False), (1, 2, False), (2, 32, True), (32, 60, True)]
     for t_s in (0.0, 200.0, 400.0):
         assert agree(scene, t_s) == 'table'
 
 
 def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
-    spiral, links = Spiral(), np.array([0.5] + [1.65] * 40)
-    runs = Runs(wound(spiral, 0.0), links, BACK, (-100.0, 440.0), EFFORT, 2e-14)
-    head = DoubleDouble(13.0, 0.0)
-    chain, other = runs.place(Place(0, head)), place(spiral, links, head, EFFORT)
+    track, links = spiral_track(Spiral(), 0.0), np.array([0.5] + [1.65] * 40)
+    place, head = placement(track, links, BEHIND), Place(0, DoubleDouble(13.0, 0.0))
+    chain, other = place.place(head), marched(track, links, head, BEHIND, EFFORT)
     assert chain.solver == 'table+march'
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
-    assert runs.place(Place(0, DoubleDouble(2000.0, 0.0))) is None
+    assert place.place(Place(0, DoubleDouble(2000.0, 0.0))).solver == 'table'
 
 
 def test_a_mix_that_locks_names_its_link():
-    spiral, links = Spiral(), np.array([1.0] + [5.0] * 20)
-    runs = Runs(wound(spiral, 0.0), links, BACK, (-500.0, 440.0), EFFORT, 2e-14)
+    track, links = spiral_track(Spiral(), 0.0), np.array([1.0] + [5.0] * 20)
+    place = placement(track, links, BEHIND)
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
-        runs.place(Place(0, DoubleDouble(8.0, 0.0)))
+        place.place(Place(0, DoubleDouble(8.0, 0.0)))
     with pytest.raises(ChainLockError, match='link 1 of 5 m'):
-        runs.place_many((np.zeros(1, dtype=int), np.array([8.0]), np.zeros(1)))
+        place.place_many((np.zeros(1, dtype=int), np.array([8.0]), np.zeros(1)))
 
 
-def test_beyond_its_run_a_dance_is_marched_as_before():
+def test_beyond_its_run_a_dance_is_served_by_tiles_as_within_it():
     short = replace(TURNING, run=Run(0, 50))
-    assert state(short, 50.0).solver == 'table'
-    assert state(short, 90.0).solver == 'walk'
-    assert states(short, [50.0, 90.0]).solver == 'walk'
+    for t_s in (50.0, 90.0):
+        assert state(short, t_s).solver == 'table'
+        assert state(short, t_s).p.tobytes() == state(TURNING, t_s).p.tobytes()
+    assert states(short, [50.0, 90.0]).solver == 'table'
     np.testing.assert_allclose(states(short, [50.0, 90.0]).p[1], state(short, 90.0).p, rtol=0, atol=1e-13)
 
 
@@ -212,21 +209,39 @@ def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
 
 
 def test_links_that_have_no_length_or_are_too_many_have_no_table():
-    walk = STurn().walk
-    assert track_table(walk, 0.0, (-50.0, 50.0), 2e-14) is None
-    assert track_table(walk, 1e-4, (-50.0, 50.0), 2e-14) is None
-    assert Scene(track=STurn(), run=Run(0, 1e6)).runs.tables == []
-    assert Scene(track=STurn()).runs is None         # nothing ends the run
-    assert Scene(dragon=Dragon(7), track=STurn(), run=Run(0, 9)).runs is None
+    track, stretch = track_of(STurn()), Stretch(-50.0, 50.0, 20, BEHIND)
+    assert build(track, 1.65, stretch, 2e-14)
+    assert build(track, 0.0, stretch, 2e-14) is None
+    assert build(track, 1e-4, stretch, 2e-14) is None
 
 
-def test_a_table_of_a_track_is_bounded_and_shows_what_it_takes():
-    table, = TURNING.runs.tables
-    assert table.memory_bytes < 1_500_000
-    assert (table.parts, table.nodes) == (4, 19)
-    assert 340 < table.rows < 360
-    fine, = replace(TURNING, accuracy='preview').runs.tables
-    assert fine.nodes < 10
+@pytest.mark.parametrize('run', [Run(0, 1e6), Run()], ids=['long', 'without end'])
+def test_a_run_however_long_has_the_tiles_where_its_leader_is(run):
+    scene = Scene(track=STurn(), run=run, accuracy='fine')
+    for t_s in (3.0, 9e5):
+        assert state(scene, t_s).solver == 'table'
+    shift, = compile_scene(scene).model.placement.maps.values()
+    assert len(shift.tiles) == 2
+
+
+def test_a_dragon_of_few_benches_has_no_shift_map_on_a_turn_either():
+    assert compile_scene(Scene(dragon=Dragon(7), track=STurn(), run=Run(0, 9))).model.placement.maps == {}
+
+
+def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
+    nodes = {}
+    for accuracy in ('preview', 'exact'):
+        model = compile_scene(replace(TURNING, accuracy=accuracy)).model
+        link_m, = lengths_with_maps(model.links_m)
+        shift = ShiftMap(model.track, link_m, 222, BEHIND, model._series_m)
+        shift.spot(model.track.place_at(-10.0))
+        table, = (one.table for one in shift.tiles)
+        nodes[accuracy] = table.nodes
+        assert table.memory_bytes < 2_600_000
+        assert table.parts == 4
+        assert 512 + 222 < table.rows < 512 + 222 + 20
+    assert nodes['exact'] <= 19
+    assert nodes['preview'] < 10
 
 
 def test_far_more_handles_than_one_product_takes_join_without_a_seam():
