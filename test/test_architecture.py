@@ -29,6 +29,7 @@ CORE_IS_IN_ROOMS = (PACKAGE / 'core' / 'tracks').is_dir()
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'configuration': set(), 'scenes': {'numpy', 'yaml'}, 'messages': {'numpy'},
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
+             'verify': {'flint'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap'}}
 
 

@@ -1,5 +1,7 @@
 """``contact``: the first contact of a scene."""
 import json
+import subprocess
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -11,7 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.cli import command_line
-from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses
@@ -35,10 +37,7 @@ def main(argv: list[str]) -> int:
 
 def _run(arguments: Namespace) -> int:
     if arguments.verify:
-        shown = partial(tqdm, desc='verify', unit=' intervals', disable=None, leave=False)
-        count = certificate.check(arguments.verify, shown)
-        command_line.write_output(arguments.output, f'{arguments.verify}: {count} intervals are valid and leave no gap')
-        return command_line.OK
+        return _verify(arguments.verify, arguments.output)
     scene = command_line.scene_from(arguments)
     start = time.perf_counter()
     with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
@@ -54,6 +53,15 @@ def _run(arguments: Namespace) -> int:
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
+
+
+def _verify(certificate_file: Path, output: Path | None) -> int:
+    """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
+    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file], stdout=subprocess.PIPE,
+                          text=True, check=False)
+    if done.stdout:
+        command_line.write_output(output, done.stdout.rstrip('\n'))
+    return done.returncode
 
 
 def values_of(found: Contact | NoContact) -> dict[str, Any]:

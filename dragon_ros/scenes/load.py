@@ -9,6 +9,7 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError
 from dragon_ros.core.flags import Noise, Trails, effects_of
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
 from dragon_ros.scenes.yaml import Document, parse_document, read_document
@@ -57,7 +58,9 @@ def scene_of(document: Document) -> Scene:
         if 'accuracy' in values:
             parts['accuracy'] = _number(values['accuracy'])
         parts |= {name: values[name] for name in CHOICES if name in values}
-        return Scene(**parts)
+        scene = Scene(**parts)
+        compile_scene(scene)        # it finds what only the track laid out in the plane can tell
+        return scene
     except FieldError as error:
         raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
 

@@ -7,7 +7,7 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.scenes.load import load_scene

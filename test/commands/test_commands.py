@@ -77,8 +77,11 @@ def test_contact_says_that_it_is_proved(capsys, overrides):
     changes = [a for o in ['run.start_s=429', 'run.stop_s=429.5', *overrides] for a in ('--set', o)]
     assert json.loads(run(capsys, 'contact', *changes, '--format', 'json')[1])['certified'] is True
     assert 'without a certificate' not in run(capsys, 'contact', *changes)[1]
-    code, _, err = run(capsys, 'contact', *changes, '--near-misses', '0.01')
-    assert (code, 'head.lead' in err) == ((2, True) if overrides else (0, False))
+    code, out, err = run(capsys, 'contact', *changes, '--near-misses', '0.01', '--format', 'json')
+    found = json.loads(out)
+    assert (code, err) == (0, '')
+    assert len(found['near_misses']) == found['near_misses_count']
+    assert all(miss['bench'] == miss['benches'][1] and miss['gap_m'] < 0.01 for miss in found['near_misses'])
 
 
 def test_contact_refuses_a_run_that_cannot_be_proved_to_its_end(capsys):

@@ -265,7 +265,7 @@ class SweptBench:
         segment = np.array([[place.segment for place in places] for places in (fronts, rears)])
         u = np.array([[place.u for place in places] for places in (fronts, rears)])
         q, r = _complex(track.points(segment, u[..., 0], u[..., 1]))
-        to, to_rear = _complex(track.headings(segment, u[..., 0]))
+        to, to_rear = _complex(track.headings(segment, u[..., 0], u[..., 1]))
         axis = (q - r) / link if link else to
         cos = np.stack([(axis.conj() * heading).real for heading in (to, to_rear)])
         one, two = self._shares

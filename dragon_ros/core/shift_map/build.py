@@ -25,7 +25,7 @@ _WIDEST_RAD = 1.0           # about what a link may span on a spiral from afar: 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """R rows of S parts of a span of places, for links of one length; leaders of blocks are in L rows from ``first`` on.
+    """R rows of S parts of a span of places, for links of one length; leaders are in L rows from ``first`` on.
 
     Part s of row r lies on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
     (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. ``slack`` (L, S) is how far |x| may be
@@ -204,8 +204,8 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch
                for values in (p, speed[..., None] * heading)]
     # Nodes run from the rear of a part to its front.
     along = track.distances(each[..., [0, -1]], u[..., [0, -1]])
-    reached = np.flatnonzero(np.any((along[..., 1] > stretch.low_m - link_m) & (along[..., 0] < stretch.high_m + link_m),
-                                    axis=1))
+    low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
+    reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
     return _Rows(segment, origin, leading, matrix @ from_origin.transpose(1, 2, 0),
                  *(matrix @ values for values in by_part))
@@ -221,8 +221,8 @@ def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tupl
         return _together(track, places) if len(track.segments) > 1 else places
 
     rows, _ = forward_many(track, (Block(0, count - 1, link_m),), first, BEHIND, Effort(), settle)
-    segment, u, lo = (values.reshape(-1, len(parts), _NODES) for values in rows)
-    return segment[..., 0], u, lo
+    shape = -1, len(parts), _NODES
+    return rows[0].reshape(shape)[..., 0], rows[1].reshape(shape), rows[2].reshape(shape)
 
 
 def _together(track: Track, places: Places) -> Places:
@@ -277,7 +277,7 @@ def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, 
     (x, middle, scale), half_m, leading = scaled, _half_widths_m(rows), rows.leading
     parts, count = rows.segment.shape[1], rows.segment.shape[0]
     motions = link_m * rows.motions
-    # A velocity is a product of many ratios: its rounding may lie above what its series is cut at, and is no term of it.
+    # A velocity is a product of many ratios: its rounding may lie above where its series is cut.
     noise_m = max(error_m, 2 * float(np.max(np.abs(motions[:, -2:]))))
     size = np.maximum(np.abs(rows.places), np.where(np.abs(motions) > noise_m, np.abs(motions), 0.0))
     terms = _enough(size.reshape(parts, _NODES, count, 2).max(axis=3), error_m)
@@ -286,9 +286,9 @@ def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, 
     centre = plus(rows.origin[0], rows.origin[1], middle.T)
     powers = powers_of(inverse[:, :nodes].transpose(1, 0, 2).reshape(nodes, -1)).reshape(parts, -1, nodes)
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
-    return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start,
-                 read_only(_NOISE * error_m / half_m[:, 0, leading].T), read_only(powers.transpose(1, 0, 2).copy()), x, p,
-                 v, terms)
+    slack = _NOISE * error_m / half_m[:, 0, leading].T
+    return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
+                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms)
 
 
 def _enough(size: Floats, error_m: float) -> Ints:

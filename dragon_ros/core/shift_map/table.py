@@ -132,8 +132,8 @@ class Tile:
         if cell is None:
             table = self.table
             row, part = divmod(number, table.parts)
-            middle = table.middle[table.first + row, part].tolist()
-            cell = Cell(table.first + row, part, float(table.slack[row, part]), *middle,
+            middle, middle_lo, scale = table.middle[table.first + row, part].tolist()
+            cell = Cell(table.first + row, part, float(table.slack[row, part]), middle, middle_lo, scale,
                         table.inverse[row, part].tolist(), {})
             if len(self._cells) >= _MOST_CELLS:
                 self._cells.clear()
@@ -199,16 +199,18 @@ class Tile:
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
-        """Return the products that give the handle in a cell and ``links`` beyond it, in the order from head to tail."""
+        """Return the products that give the handle in a cell and ``links`` beyond it, from head to tail."""
         out = cell.products.get(links)
         if out is None:
             first, size = cell.row if direction == BEHIND else cell.row - links, 2 * links + 2
             terms = int(self.table.terms[cell.part, first])
-            width = _TERMS // terms // 2 * 2
-            out = cell.products[links] = [
-                Product(terms, *(series[cell.part, :terms, 2 * first + low:2 * first + min(low + width, size)]
-                                 for series in (self.table.places, self.table.motions)), low, min(low + width, size))
-                for low in range(0, size, width)]
+            width, out = _TERMS // terms // 2 * 2, []
+            for low in range(0, size, width):
+                stop = min(low + width, size)
+                places, motions = (series[cell.part, :terms, 2 * first + low:2 * first + stop]
+                                   for series in (self.table.places, self.table.motions))
+                out.append(Product(terms, places, motions, low, stop))
+            cell.products[links] = out
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
@@ -238,8 +240,8 @@ def _same_cells(cell: Ints) -> list[tuple[slice, int]]:
 class ShiftMap:
     """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
 
-    ``error_m`` tells, from the largest distance from the origin and from the nearest place to the track's end on a tile,
-    where the series of that tile are cut.
+    ``error_m`` tells where the series of a tile are cut, from its largest distance from the origin and its foremost
+    place.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int,
@@ -315,7 +317,7 @@ class ShiftMap:
             return number * self._length_m - self._before_m > 0
         if place.segment != begin.segment:
             return place.segment < begin.segment
-        return (place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0
+        return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _boundary(self, number: int) -> Place | None:
         """Return the place at which a tile begins; None beyond the track."""

@@ -8,10 +8,10 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Certificate, Contact, Interval, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.narrow_phase import BenchSampler

@@ -7,10 +7,10 @@ from apart import smallest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps

@@ -6,14 +6,14 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from apart import smallest
+from dragon_ros.commands.certificate_checkers.going import Going
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
-from dragon_ros.commands.certificate_checkers.going import Going
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import DragonError, InputError

@@ -8,10 +8,10 @@ from apart import smallest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.chain.dragon import Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.narrow_phase import Lookout, beyond, further
@@ -20,7 +20,7 @@ from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, Inpu
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import load_scene, scene_values
 
@@ -42,7 +42,7 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     pitch = 1.6
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
-        watch = Lookout(scene.track, dragon, 0, dragon.benches, EXACT.effort(20, 100), lambda states: None)
+        watch = Lookout(scene.track, dragon, 0, dragon.benches, Effort(), lambda states: None)
         views = [watch.look(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)

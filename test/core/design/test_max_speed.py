@@ -88,7 +88,8 @@ def _top(scene):
     """Return the leader's largest speed in a run: at a break of the law, on one side of it or the other."""
     if isinstance(scene.head, Head):
         return abs(scene.head.speed_m_s)
-    ends = [scene.run.start_s, *(t for t in scene.head.breaks_s if scene.run.start_s < t < compile_scene(scene).end.t_s),
+    end_s = compile_scene(scene).end.t_s
+    ends = [scene.run.start_s, *(t for t in scene.head.breaks_s if scene.run.start_s < t < end_s),
             compile_scene(scene).end.t_s]
     return max(abs(scene.head.speed_at_m_s(t)) for low, high in pairwise(ends)
                for t in (low, nextafter(high, low)))

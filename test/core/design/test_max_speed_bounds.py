@@ -23,7 +23,11 @@ STEADY = LawBetween(np.zeros(1), np.zeros(1), Ball(np.zeros(1), np.zeros(1)))
 
 
 def states(leader, gone_m):
-    return states_of(stack([marched(leader.track, leader.links_m, leader.place((gone, 0.0)), leader.direction, Effort(1e-12)) for gone in gone_m.tolist()]), gone_m, leader.direction)
+    return states_of(stack([chain_at(leader, gone) for gone in gone_m.tolist()]), gone_m, leader.direction)
+
+
+def chain_at(leader, gone_m):
+    return marched(leader.track, leader.links_m, leader.place((gone_m, 0.0)), leader.direction, Effort(1e-12))
 
 
 def tops(leader, low_m, high_m):
@@ -37,7 +41,8 @@ def tops(leader, low_m, high_m):
 def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, way, apart_m):
     leader = Leader(track, LINKS, start_m, way)
     for low in np.random.default_rng(3).uniform(0, 45, 25):
-        assert np.all(states(leader, np.linspace(low, low + apart_m, 15)).log <= tops(leader, low, low + apart_m) + 1e-14)
+        inside = states(leader, np.linspace(low, low + apart_m, 15))
+        assert np.all(inside.log <= tops(leader, low, low + apart_m) + 1e-14)
 
 
 NEAR_A_LOCK = [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]), np.array([0.55, 0.55, 3.35, *(1.05,) * 6]),
@@ -90,7 +95,7 @@ def test_no_handle_turns_back_behind_a_tail_or_on_a_composite_track():
 @pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)
 def test_the_logs_are_those_of_the_speeds(track, start_m, way):
     leader = Leader(track, LINKS, start_m, way)
-    v = marched(leader.track, leader.links_m, leader.place((20.0, 0.0)), leader.direction, Effort(1e-12)).velocities(1.0)
+    v = chain_at(leader, 20.0).velocities(1.0)
     speed = np.hypot(v[:, 0], v[:, 1])[::-way]
     assert states(leader, np.array([20.0])).log[0] == pytest.approx(np.log(speed), abs=1e-13)
 

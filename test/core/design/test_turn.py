@@ -39,7 +39,8 @@ def test_the_way_with_a_line_leads_from_entry_to_exit_and_is_shorter(radius_m):
     bent = shortest_bent(turn, radius_m)
     track = track_of(turn)
     start, heading = complex(track.segments[1].at(0.0)), complex(track.segments[1].heading(0.0))
-    way = track_of(Composite((Arc(radius_m, -degrees(bent.angle_rad), (start.real, start.imag), degrees(np.angle(heading))),
+    begin = (start.real, start.imag), degrees(np.angle(heading))
+    way = track_of(Composite((Arc(radius_m, -degrees(bent.angle_rad), *begin),
                   Line(bent.line_m), Arc(radius_m, degrees(bent.angle_rad)))))
     last = way.segments[-1]
     assert abs(complex(last.at(last.last)) + start) < 1e-12

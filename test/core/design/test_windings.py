@@ -57,7 +57,8 @@ def test_a_winding_is_the_chain_that_the_march_places():
     found = winding(radius_m, scale)
     for r, s, p in zip(radius_m, scale, found.p, strict=True):
         spiral = Spiral(2 * np.pi / s)
-        chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], Place(0, DoubleDouble(s * r, 0.0)), BEHIND, EFFORT)
+        head = Place(0, DoubleDouble(s * r, 0.0))
+        chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], head, BEHIND, EFFORT)
         assert p / s == pytest.approx(chain.p, abs=1e-11)
 
 
