@@ -42,7 +42,7 @@ class Tier:
         return Effort(TIGHT if self is EXACT else min(sqrt(0.5 * share), _COARSEST), near_m)
 
     def series_m(self, size_m: Floats) -> Floats:
-        """Return where the series of a shift map may end, for places so far out: at a tenth of the promise, or of floats.
+        """Return where series of a shift map may end, for places so far out: at a tenth of the promise, or of floats.
 
         The exact tier is as exact in the small: in proportion to the coordinates.
         """

@@ -12,7 +12,9 @@ from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.shift_map.table import Tile
 from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
@@ -89,15 +91,18 @@ def _peak(call: Callable[[], object]) -> int:
 
 
 def build(scene: Scene) -> Build | None:
-    """Return what the table of a scene costs, the faster of two builds; None where it has none."""
-    spent = []
+    """Return what the first tile of a scene's shift map costs, the faster of two builds; None where it has none."""
+    spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
     for _ in range(2):
-        fresh = replace(scene)      # a scene keeps its table
+        model = replace(compile_scene(scene).model)     # a model keeps its tiles
+        leader = model.leader.place(gone_m)
         start = perf_counter()
-        table = fresh.table
+        model.placement.place(leader)
         spent.append(perf_counter() - start)
-    if table is None:
+        tiles = [tile for shift in model.placement.maps.values() for tile in shift.tiles]
+    if not tiles:
         return None
+    table = tiles[0].table
     return Build(scene.dragon.benches, table.rows, table.nodes, min(spent), table.memory_bytes)
 
 

@@ -14,9 +14,10 @@ from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
-from dragon_ros.core.tracks.spiral import points
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -74,9 +75,9 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
         for tier in TIERS:
             if tier != 'paper' or problem.name == 'classic':
                 yield partial(_tier_row, problem, tier, 'table', budget_s)
-            if tier != 'paper' and problem.scene.table:
+            if tier != 'paper' and compile_scene(problem.scene).model.placement.maps:
                 yield partial(_tier_row, problem, tier, 'march', budget_s)
-        if problem.name != 'long' and problem.scene.led is None:     # the others know one spiral only
+        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others know no other track
             for name in SOLVERS:
                 yield partial(_baseline_row, problem, name, budget_s)
         if problem.name == 'classic':
@@ -84,6 +85,10 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
             yield partial(_batch_row, problem, 1000, budget_s)
             for step_s in _EULER_S:
                 yield partial(_euler_row, problem, step_s)
+
+
+def _is_one_spiral(scene: Scene) -> bool:
+    return isinstance(scene.track, Spiral) and scene.head.lead == 'head'
 
 
 def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
@@ -155,7 +160,7 @@ def _euler_row(problem: Problem, step_s: float) -> Row:
         for _ in range(wanted - steps):
             chain = advance(chain)
         steps = wanted
-        p = points(scene.spiral.b_m, chain.theta, chain.theta_lo)[list(problem.handles)]
+        p = chain.p[list(problem.handles)]
         error = max(error, float(np.max(truth(problem).distance(number, p))))
     per = _TICK_S / step_s
     scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)

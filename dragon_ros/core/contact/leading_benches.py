@@ -85,7 +85,8 @@ class LeadingBenches:
         self._domain, self.benches, self.lead = domain, benches, benches[0]
         self._behind = domain.dragon.benches - 1 - self.lead
         assert domain.track.from_afar
-        self._spiral, self._chords = domain.track.from_afar.curve, (domain.dragon.link_lengths_m / domain.track.from_afar.curve.b_m).tolist()
+        self._spiral = domain.track.from_afar.curve
+        self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
         self._rows: list[_Row] = []
         self._hit: Bracket | None = None
 

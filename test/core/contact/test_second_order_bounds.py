@@ -3,7 +3,6 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from dragon_ros.core.inwards import inwards
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
@@ -15,6 +14,7 @@ from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.paper import place
+from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 
@@ -104,7 +104,7 @@ def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
 
 
 def sampler(dragon, first=1):
-    return BenchSampler(inwards(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
+    return BenchSampler(track_of(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
 
 
 @given(st.floats(0.6, 4), st.floats(10, 90), st.floats(0, 2))
