@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
 
-``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails where one is stale.
+``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
 import re
@@ -10,13 +10,12 @@ from math import inf
 from pathlib import Path
 from typing import Any
 
-from dragon_ros.core.model import compile_scene
-
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from dragon_ros import configuration  # noqa: E402
-from dragon_ros.core.flags import MEANINGS, NEEDS
+from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
+from dragon_ros.core.model import compile_scene  # noqa: E402
 from dragon_ros.core.scene import Scene  # noqa: E402
 from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
@@ -44,7 +43,7 @@ def main(argv: list[str]) -> int:
 
 
 def renewed(path: Path) -> str:
-    """Return a document with its tables as they must be. Raises KeyError for a mark with another name."""
+    """Return a document with its tables renewed. Raises KeyError for an unknown mark."""
     return _MARKED.sub(lambda found: f'{found[1]}{TABLES[found[2]]()}\n{found[3]}', path.read_text(encoding='utf-8'))
 
 
@@ -60,7 +59,7 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> str:
 
 
 def executables() -> str:
-    """Return the executables with what each is for."""
+    """Return the executables with their purpose."""
     return table('name | what it does', ((f'`{name}`', one.help) for name, one in EXECUTABLES.items()))
 
 
@@ -151,14 +150,14 @@ def effects() -> str:
 
 
 def tiers() -> str:
-    """Return the tiers with what they promise, and how far the classic dragon is worked out for it."""
-    return table('tier | largest position error | shift table: series cut at | march: Newton stops at a step of',
-                 (_tier_row(tier, Scene()) for tier in reversed(TIERS.values())))
+    """Return the tiers with their promises, and the limits used for the classic dragon."""
+    head = 'tier | largest position error | shift map: series cut at | forward placement: Newton stops at a step of'
+    return table(head, (_tier_row(tier, Scene()) for tier in reversed(TIERS.values())))
 
 
 def _tier_row(tier: Tier, scene: Scene) -> tuple[str, str, str, str]:
     if tier.promise_m == inf:
-        return f'`{tier.name}`', 'none is promised: up to 14 m', _GONE, _GONE
+        return f'`{tier.name}`', 'no promise: up to 14 m', _GONE, _GONE
     grows = ' up to 20 m from the centre, in proportion beyond' if tier.name == 'exact' else ''
     return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(compile_scene(scene).size_m):.1e} m',
             f'{tier.effort(compile_scene(scene).size_m, compile_scene(scene).model.length_m).newton:.1e} of its angle')

@@ -19,7 +19,7 @@ def main(argv: list[str]) -> int:
     if name not in EXECUTABLES:
         near = difflib.get_close_matches(name, EXECUTABLES, n=1)
         hint = f'did you mean {near[0]}?' if near else f'the names are {", ".join(EXECUTABLES)}'
-        print(f'dragon_ros: there is no {name!r}; {hint}', file=sys.stderr)
+        print(f'dragon_ros: unknown executable {name!r}; {hint}', file=sys.stderr)
         return 2
     try:
         executable = EXECUTABLES[name]
@@ -32,7 +32,7 @@ def main(argv: list[str]) -> int:
 def usage() -> str:
     """Return the list of executables."""
     rows = '\n'.join(f'  {name:<9} {executable.help}' for name, executable in EXECUTABLES.items())
-    return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (NAME --help tells more)\n\n{rows}'
+    return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (more: NAME --help)\n\n{rows}'
 
 
 if __name__ == '__main__':

@@ -8,16 +8,16 @@ from dragon_ros.core.errors import MissingError
 
 
 def folder() -> Path:
-    """Return the ``msg_configs`` folder that belongs to the code that runs.
+    """Return the ``msg_configs`` folder that belongs to the running code.
 
     A source tree (a checkout, ``--symlink-install``, ``pip install -e``) comes first, then the install prefix of this
-    very file, then the ament index, then the Python prefix: an older installed copy never shadows a checkout.
+    file, then the ament index, then the Python prefix: an older installed copy never shadows a checkout.
     """
     for candidate in _candidates():
         if (candidate / 'topics.yaml').is_file():
             return candidate
-    raise MissingError('msg_configs/topics.yaml is nowhere near the package; install dragon_ros again (pip, or colcon '
-                       'and source its setup file)')
+    raise MissingError('msg_configs/topics.yaml was not found near the package; install dragon_ros again (pip, or '
+                       'colcon and source its setup file)')
 
 
 def _candidates() -> Iterator[Path]:

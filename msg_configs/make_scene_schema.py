@@ -1,4 +1,4 @@
-"""Write ``scene.schema.json`` from the code: run it after a change of what scene files can say, commit what it writes.
+"""Write ``scene.schema.json`` from the code: run it after a change of the scene format, and commit the result.
 
 PYTHONPATH=. python msg_configs/make_scene_schema.py
 """

@@ -1,4 +1,4 @@
-"""What the command lines of all executables share: options, exit codes, and errors in one line."""
+"""What the command lines of all executables share: options, exit codes, and one-line errors."""
 import argparse
 import csv
 import io
@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
 
-if TYPE_CHECKING:       # help comes without numpy
+if TYPE_CHECKING:       # keeps --help free of numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
@@ -18,7 +18,7 @@ DEFAULT_SCENE = 'winding'
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser whose errors are one line, and that completes for shells."""
+    """A parser with one-line errors and shell completion."""
 
     def parse_args(self, *args: Any, **options: Any) -> Any:
         """Parse; where a shell asks for completions, answer and exit."""
@@ -28,7 +28,7 @@ class Parser(argparse.ArgumentParser):
         return super().parse_args(*args, **options)
 
     def error(self, message: str) -> NoReturn:
-        """Say what is wrong and how to learn more, and exit with 2."""
+        """Print the error and a pointer to --help, and exit with 2."""
         self.exit(BAD_INPUT, f'{self.prog}: {message}; see {self.prog} --help\n')
 
 
@@ -50,19 +50,19 @@ def add_scene_options(options: argparse.ArgumentParser) -> None:
 def add_source_options(options: argparse.ArgumentParser) -> None:
     """Add the options of a scene, and --bag and --namespace, which take its place."""
     add_scene_options(options)
-    options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording, in place of a scene')
+    options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording instead of a scene')
     add_namespace_option(options)
 
 
 def add_namespace_option(options: argparse.ArgumentParser) -> None:
-    """Add --namespace, which says which dragon of a bag (``bag_frames.namespace_of``)."""
-    options.add_argument('--namespace', metavar='NAME', help='of the dragon in the bag, where it has several')
+    """Add --namespace, which selects a dragon of a bag (``bags.read.frames.namespace_of``)."""
+    options.add_argument('--namespace', metavar='NAME', help='namespace of the dragon, for a bag with several')
 
 
 def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...] = ('text', 'csv', 'json')) -> None:
     """Add --format and --output."""
     options.add_argument('--format', choices=formats, default=formats[0], help=f'output format ({formats[0]})')
-    options.add_argument('--output', type=Path, metavar='FILE', help='write to a file, not to standard output')
+    options.add_argument('--output', type=Path, metavar='FILE', help='write to a file instead of standard output')
 
 
 def scene_from(arguments: argparse.Namespace) -> 'Scene':
@@ -73,7 +73,7 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return rows below their heads as CSV, each line ended."""
+    """Return rows under their column names as CSV; every line ends in a line feed."""
     out = io.StringIO()
     csv.writer(out, lineterminator='\n').writerows([head, *rows])
     return out.getvalue()

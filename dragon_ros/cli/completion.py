@@ -1,4 +1,4 @@
-"""Shell completion, by argcomplete: it runs the program with ``_ARGCOMPLETE`` set and asks what could come next."""
+"""Shell completion by argcomplete, which runs the program with ``_ARGCOMPLETE`` set and asks for the next words."""
 import argparse
 import os
 from collections.abc import Iterable, Iterator
@@ -11,7 +11,7 @@ from dragon_ros.scenes.load import SECTIONS, SINGLES, scene_names
 
 
 def chosen(names: Iterable[str]) -> str:
-    """Return the name that the line has after the command, and go on behind it; complete the name itself and exit."""
+    """Return the executable's name on the line and continue after it; complete the name itself and exit."""
     from argcomplete.lexers import split_line
     words = split_line(os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))[3]
     start = int(os.environ['_ARGCOMPLETE'])

@@ -1,4 +1,4 @@
-"""A ROS domain of one's own, so that runs side by side do not hear each other."""
+"""A free ROS domain, so that concurrent runs do not hear each other."""
 import os
 import random
 import socket
@@ -14,7 +14,7 @@ def free_domain(among: Sequence[int] = range(1, 102)) -> int:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return this process's environment with a domain; discovery stays on this host unless it says more."""
+    """Return this process's environment with a domain; discovery stays on this host unless it is widened there."""
     return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 

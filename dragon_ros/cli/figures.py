@@ -1,4 +1,4 @@
-"""The look of all pictures, and pictures as files. matplotlib is only loaded where something is drawn."""
+"""The style of all figures, and figures as files. matplotlib is only imported where something is drawn."""
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from dragon_ros.core.errors import MissingError
 
-# Okabe-Ito colours, which colour-blind people can tell apart, by what they show.
+# Okabe-Ito colours, which colour-blind people can distinguish, by what they show.
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
 QUIET = '#555555'       # of notes and guide lines
@@ -32,7 +32,7 @@ def style() -> Iterator[None]:
 
 
 def write(figure: Any, path: Path, dpi: int = 130) -> Path:
-    """Write a matplotlib figure in the format of the path's suffix, the same bytes each time, and return the path."""
+    """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path."""
     import matplotlib
     try:
         with matplotlib.rc_context({'svg.hashsalt': _STYLE['svg.hashsalt']}):
@@ -43,5 +43,5 @@ def write(figure: Any, path: Path, dpi: int = 130) -> Path:
 
 
 def save(figure: Any, stem: Path) -> list[Path]:
-    """Write a matplotlib figure as PNG and SVG beside each other and return both paths."""
+    """Write a matplotlib figure as PNG and SVG and return both paths."""
     return [write(figure, stem.with_suffix(suffix)) for suffix in ('.png', '.svg')]

@@ -1,4 +1,4 @@
-"""Signals that end long work where it can be ended, so that what it writes stays whole."""
+"""Signals that end long work at a point where its output is complete."""
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -8,7 +8,7 @@ from typing import Any
 
 @contextmanager
 def stopped_by_signals() -> Iterator[Event]:
-    """Yield an event that SIGINT, SIGTERM and SIGHUP set, instead of what they do elsewhere; a second one acts."""
+    """Yield an event that SIGINT, SIGTERM and SIGHUP set; a second signal has its usual effect."""
     stop = Event()
     before: dict[int, Any] = {}
 

@@ -1,1 +1,1 @@
-"""Commands that work offline, without ROS."""
+"""Commands that need no ROS, one module each."""

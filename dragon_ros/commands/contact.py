@@ -1,5 +1,7 @@
 """``contact``: the first contact of a scene."""
 import json
+import subprocess
+import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -11,7 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.cli import command_line
-from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses
@@ -26,7 +28,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses, the smallest gaps of two benches below this')
     options.add_argument('--certificate', type=Path, metavar='FILE',
-                         help='write the intervals that prove that nothing touched before, as JSON')
+                         help='write the intervals that prove that nothing touched earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
                          help="check a certificate with none of the solver's code (no scene options)")
     command_line.add_output_options(options)
@@ -35,10 +37,7 @@ def main(argv: list[str]) -> int:
 
 def _run(arguments: Namespace) -> int:
     if arguments.verify:
-        shown = partial(tqdm, desc='verify', unit=' intervals', disable=None, leave=False)
-        count = certificate.check(arguments.verify, shown)
-        command_line.write_output(arguments.output, f'{arguments.verify}: {count} intervals hold and leave nothing out')
-        return command_line.OK
+        return _verify(arguments.verify, arguments.output)
     scene = command_line.scene_from(arguments)
     start = time.perf_counter()
     with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
@@ -54,6 +53,15 @@ def _run(arguments: Namespace) -> int:
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
+
+
+def _verify(certificate_file: Path, output: Path | None) -> int:
+    """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
+    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file], stdout=subprocess.PIPE,
+                          text=True, check=False)
+    if done.stdout:
+        command_line.write_output(output, done.stdout.rstrip('\n'))
+    return done.returncode
 
 
 def values_of(found: Contact | NoContact) -> dict[str, Any]:
@@ -78,11 +86,11 @@ def _text(values: dict[str, Any]) -> str:
         why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
         return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
     (inner, outer), (x, y) = values['benches'], values['point_m']
-    told = values.get('near_misses', [])
+    misses_shown = values.get('near_misses', [])
     misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
-                     f'at {miss["t_s"]:.5f} s' for miss in told)
-    if (count := values.get('near_misses_count', 0)) > len(told):
-        misses += f'\n  and {count - len(told)} more near misses with larger gaps'
+                     f'at {miss["t_s"]:.5f} s' for miss in misses_shown)
+    if (count := values.get('near_misses_count', 0)) > len(misses_shown):
+        misses += f'\n  and {count - len(misses_shown)} more near misses with larger gaps'
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
     return (f'{kind} at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
             f'{misses}')

@@ -1,4 +1,4 @@
-"""What a bag shows of its dragon: the first contact and the clearance over time."""
+"""Contacts in bags: the first contact and the clearance over time."""
 from collections.abc import Iterator
 from dataclasses import dataclass
 from math import isfinite
@@ -15,10 +15,10 @@ from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagno
 
 
 def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None) -> dict[str, Any]:
-    """Return the first contact and where it is known from: the topic ``collision``, or the scene, recomputed."""
-    told = _told(bag, f'{namespace}/collision')
-    if told is not None:
-        return told
+    """Return the first contact and its source: the topic ``collision``, or a recomputation from the scene."""
+    reported = _reported(bag, f'{namespace}/collision')
+    if reported is not None:
+        return reported
     if scene is None:
         return {'source': None, 't_s': None}
     with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
@@ -29,7 +29,7 @@ def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None) -> dic
             'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
 
 
-def _told(bag: BagReader, topic: str) -> dict[str, Any] | None:
+def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:
     """Return the first contact that a monitor reported in the bag."""
     for message in bag.messages([topic]):
         try:
@@ -37,7 +37,7 @@ def _told(bag: BagReader, topic: str) -> dict[str, Any] | None:
                 if status.values.get('phase') == 'begin':
                     return _event(status)
         except (MessageError, KeyError, ValueError):
-            continue        # of another publisher
+            continue        # from another publisher
     return None
 
 
@@ -50,7 +50,7 @@ def _event(status: Status) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Clearance:
-    """Smallest signed gaps in m at times in s; where they are from, and how many of how many ticks were looked at."""
+    """Smallest signed gaps in m at times in s, their source, and how many of all ticks were examined (``looks``)."""
 
     source: str
     t_s: list[float]
@@ -60,19 +60,19 @@ class Clearance:
 
 
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
-    """Return the clearance over time: the topic where there is one, else ``looks`` ticks (0: all) are looked at."""
+    """Return the clearance over time from its topic, or from ``looks`` ticks (0: all) where there is none."""
     counts = {topic.name: topic.messages for topic in bag.topics}
     ticks = counts.get(f'{namespace}/handles', 0)
     if counts.get(f'{namespace}/clearance'):
         rows = [(m.t_ns / NS, float(Reader(m.data).array('d', 1)[0])) for m in bag.messages([f'{namespace}/clearance'])]
         return _of(rows, 'clearance', len(rows), ticks)
     seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
-    rows, looked = [], 0
+    rows, examined = [], 0
     for frame in seen:
-        looked += 1
+        examined += 1
         if frame.clearance_m is not None:
             rows.append((frame.t_ns / NS, frame.clearance_m))
-    return _of(rows, 'benches', looked, ticks)
+    return _of(rows, 'benches', examined, ticks)
 
 
 def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) -> Clearance:
@@ -86,7 +86,7 @@ def _every(bag: BagReader, namespace: str, ticks: int) -> Iterator[BagFrame]:
 
 
 def _some(bag: BagReader, namespace: str, looks: int) -> Iterator[BagFrame]:
-    """Yield the first tick at or after each of evenly spread times."""
+    """Yield the first tick at or after each of ``looks`` evenly spaced times."""
     span = bag.end_ns - bag.start_ns
     for n in tqdm(range(looks), desc='clearance', unit=' ticks', disable=None, leave=False, delay=1):
         frame = next(frames(bag, namespace, bag.start_ns + span * n // max(1, looks - 1)), None)

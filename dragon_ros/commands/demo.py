@@ -1,4 +1,4 @@
-"""``demo``: the whole package once. Real nodes in processes of their own, a bag, its replay, a check, a picture."""
+"""``demo``: runs the whole package once: nodes as processes, a bag, its replay, a check, a picture."""
 import re
 import signal
 import subprocess
@@ -47,7 +47,7 @@ def main(argv: list[str]) -> int:
 
 
 def _end(*_: object) -> NoReturn:
-    """End as on Ctrl-C, so that no process is left behind."""
+    """End as on Ctrl-C, so that no process remains."""
     raise KeyboardInterrupt
 
 
@@ -93,7 +93,7 @@ def _demonstrate(folder: Path, pace: float) -> int:
 
 
 def _check(folder: Path, live: Path, again: Path) -> int:
-    """Compare live, replayed and model; draw the picture; say what there is to see."""
+    """Compare live, replayed and model; draw the picture; print the result."""
     scene = load_scene(SCENE)
     with BagReader(live) as bag, BagReader(again) as replayed:
         comparison = compare_with_model(bag, scene)
@@ -103,7 +103,7 @@ def _check(folder: Path, live: Path, again: Path) -> int:
     pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
     pictures = _drawn(scene, float(value['t_contact_s']), pair, point, folder)
     say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
-    say(f'   {comparison.equal} messages are bit for bit what the model says, {len(comparison.faults)} are not')
+    say(f'   {comparison.equal} messages are bit for bit those of the model, {len(comparison.faults)} are not')
     say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
         f'{"the same event" if second == event else "ANOTHER EVENT"}')
     for path in (live, again, *pictures):
@@ -129,12 +129,13 @@ def say(line: str) -> None:
 
 @contextmanager
 def _processes(log: Path) -> Iterator['_Start']:
-    """Start executables in a domain of their own; at the end, interrupt those that still run and wait for them."""
+    """Start executables in a domain of their own; at the end, interrupt those still running and wait for them."""
     with log.open('w') as file:
         start = _Start(file)
         try:
             yield start
-            for process in (*start.monitors, *start.recorders):     # a recorder hears all that a monitor has said
+            # The recorder stops last: it hears everything from the monitor.
+            for process in (*start.monitors, *start.recorders):
                 process.send_signal(signal.SIGINT)
                 _finished(process)
         finally:
@@ -166,7 +167,7 @@ class _Start:
 
 
     def wait_for_contact(self) -> None:
-        """Wait until the monitor has reported: it may lag behind what it watches."""
+        """Wait until the monitor has reported: it may lag behind."""
         end = time.monotonic() + _LONGEST_S
         while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
             if time.monotonic() > end:
@@ -175,7 +176,7 @@ class _Start:
 
 
 def _bystanders(start: _Start, bag: Path) -> None:
-    """Start a monitor, and a recorder that goes on until the monitor has said what it has to say."""
+    """Start a monitor, and a recorder that continues until the monitor has reported."""
     start.monitors.append(start('monitor'))
     start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))
 
@@ -188,7 +189,7 @@ def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subproc
 
 
 def _follow(sim: 'subprocess.Popen[str]') -> None:
-    """Show how far the simulator is, from what it logs."""
+    """Show the progress of the simulator, from its log."""
     run = load_scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None
@@ -214,7 +215,7 @@ def _finished(process: 'subprocess.Popen[str]') -> None:
 
 
 def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
-    """Return the messages of each topic with a stamp in order; between topics of one time there is no order."""
+    """Return the messages of each topic with a stamp, in order; topics are not ordered among each other."""
     out: dict[str, list[tuple[int, bytes]]] = {}
     for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
         out.setdefault(message.topic, []).append((message.t_ns, message.data))

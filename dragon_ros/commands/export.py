@@ -21,7 +21,7 @@ from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS
 
-_TICKS = 64         # that Parquet takes at a time
+_TICKS = 64         # per row group of Parquet
 
 
 def main(argv: list[str]) -> int:
@@ -50,7 +50,7 @@ def _run(arguments: Namespace) -> int:
 
 
 class _Source:
-    """The ticks that are to be exported, as often as they are asked for."""
+    """The ticks to export, which can be read repeatedly."""
 
     def __init__(self, bag: BagReader, arguments: Namespace) -> None:
         self._bag, self._every = bag, arguments.every
@@ -63,7 +63,7 @@ class _Source:
         self._ticks = next(t.messages for t in bag.topics if t.name == f'{self._namespace}/handles')
 
     def frames(self, what: str) -> Iterator[BagFrame]:
-        """Yield them, with a progress bar. Raises InputError where the dragon changes on the way."""
+        """Yield them, with a progress bar. Raises InputError where the number of handles changes."""
         shown = tqdm(frames(self._bag, self._namespace), desc=what, total=self._ticks, unit=' ticks', disable=None,
                      leave=False, delay=1)
         for frame in islice(shown, 0, None, self._every):
@@ -83,7 +83,7 @@ def _csv(source: _Source, file: IO[bytes]) -> None:
 
 
 class _Text:
-    """Takes text, writes bytes."""
+    """A text file over a binary one."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self._file = file
@@ -115,7 +115,7 @@ def _columns(some: list[BagFrame], handles: list[int]) -> list[Array]:
 
 
 def _npz(source: _Source, file: IO[bytes]) -> None:
-    """Write one array after the other, each in a pass of its own, so that no array is ever whole in memory."""
+    """Write the arrays one after the other, each in its own pass: no array is ever in memory as a whole."""
     first, handles = source.first, source.handles
     times = np.array([frame.t_ns for frame in source.frames('t_ns')], np.int64)
     parts: dict[str, Callable[[BagFrame], Array]] = {'handles_m': lambda frame: frame.handles_m[handles]}
@@ -136,7 +136,7 @@ def _npz(source: _Source, file: IO[bytes]) -> None:
 
 def _there(frame: BagFrame, part: Any, name: str) -> Any:
     if part is None:
-        raise InputError(f'the tick at {frame.t_ns / NS:.9f} s has no {name}, others have; write csv instead')
+        raise InputError(f'the tick at {frame.t_ns / NS:.9f} s has no {name}, unlike others; write csv instead')
     return part
 
 

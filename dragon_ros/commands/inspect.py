@@ -31,14 +31,14 @@ _STEPS = 8      # of the clearance over time
 
 def main(argv: list[str]) -> int:
     """Inspect, check or repair; return the exit code (1 where something is wrong with the bag)."""
-    options = command_line.parser('inspect', 'Tell what is in a bag: topics, rates, missing ticks, scene, first '
+    options = command_line.parser('inspect', 'Show what is in a bag: topics, rates, missing ticks, scene, first '
                                   'contact, clearance, integrity.', 'python -m dragon_ros inspect run.mcap --check')
     options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
     options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
-                         'compare bit for bit, or where bits differ to the promise of its tier')
-    options.add_argument('--repair', type=Path, metavar='OUT', help='write what can be read as a whole bag')
+                         'compare bit for bit, or to the promise of its tier where bits differ')
+    options.add_argument('--repair', type=Path, metavar='OUT', help='write what is readable to a complete bag')
     options.add_argument('--looks', type=int, default=200, metavar='N',
-                         help='look at so many ticks for the clearance, spread evenly; 0: at all (200)')
+                         help='number of evenly spaced ticks that the clearance is computed at; 0: all (200)')
     command_line.add_namespace_option(options)
     command_line.add_output_options(options, ('text', 'json'))
     return command_line.guarded('inspect', partial(_run, options.parse_args(argv)))
@@ -81,12 +81,12 @@ def _examined(path: Path) -> Contents:
 
 
 def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
-    """Return what the bag, or what still holds of a damaged one, tells of its dragon."""
+    """Return what the bag, or the intact part of a damaged one, says about its dragon."""
     with BagReader(arguments.bag, damaged) as bag:
-        return _told(bag, arguments)
+        return _about_dragon(bag, arguments)
 
 
-def _told(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
+def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     scene = scene_of_bag(bag)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
     out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
@@ -116,11 +116,12 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     with BagReader(arguments.bag) as bag:
         scene = scene_of_bag(bag)
         if scene is None:
-            raise BagError(f'{arguments.bag}: says of no scene what it holds (metadata record {RECORD}, key scene); '
+            raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene); '
                            'it cannot be recomputed')
         namespace = namespace_of(bag, arguments.namespace)
         frame_id = bag.metadata(RECORD).get('about.frame_id', 'dragon')
-        with tqdm(desc='check', total=compile_scene(scene).last_tick + 1, unit=' ticks', disable=None, leave=False, delay=1) as bar:
+        ticks = compile_scene(scene).last_tick + 1
+        with tqdm(desc='check', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
             found = compare_with_model(bag, scene, namespace, lambda k: bar.update(k + 1 - bar.n), frame_id)
     code = command_line.FAILED if found.fault_count else command_line.OK
     return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
@@ -156,7 +157,7 @@ def _bag_text(values: dict[str, Any]) -> str:
 
 def _check_text(values: dict[str, Any]) -> str:
     """Return the text of a check."""
-    line = f'{values["bag"]}: {values["equal"]} messages are bit for bit what the model says'
+    line = f'{values["bag"]}: {values["equal"]} messages are bit for bit those of the model'
     if values['close']:
         line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
                  f'difference is {values["worst_m"]:.3g} m: another machine\'s mathematics library)')
@@ -223,11 +224,11 @@ def _contact_line(found: dict[str, Any]) -> str:
 
 def _clearance_lines(found: dict[str, Any]) -> list[str]:
     rows = list(zip(found['t_s'], found['gap_m'], strict=True))
-    looked = f'{found["looks"]} of {found["ticks"]} ticks'
+    examined = f'{found["looks"]} of {found["ticks"]} ticks'
     if not rows:
-        return [f'  smallest clearance: none ({looked} looked at)']
+        return [f'  smallest clearance: none ({examined} examined)']
     t_s, gap = min(rows, key=lambda row: row[1])
-    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{looked} looked at'
+    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{examined} examined'
     size = max(1, -(-len(rows) // _STEPS))
     parts = [min(rows[n:n + size], key=lambda row: row[1]) for n in range(0, len(rows), size)]
     over_time = ', '.join(f'{gap * 1e3:.3f} at {t:g} s' for t, gap in parts)

@@ -1,4 +1,4 @@
-"""``simulate``: the bag of a scene, without ROS and as fast as the machine goes."""
+"""``simulate``: writes the bag of a scene, without ROS and as fast as the machine allows."""
 import sys
 import time
 from argparse import Namespace
@@ -22,13 +22,13 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.markers import track_marker
 from dragon_ros.scenes import provenance
 
-_NAMESPACE = '/dragon'      # of the live nodes, unless told otherwise
+_NAMESPACE = '/dragon'      # default of the live nodes
 _FRAME_ID = 'dragon'
-_SHOW = 100                 # ticks between two looks at the progress
+_SHOW = 100                 # ticks between two updates of the progress bar
 
 
 def main(argv: list[str]) -> int:
-    """Write the bag; return the exit code (1 where a signal ended it early; the bag is whole then, too)."""
+    """Write the bag; return the exit code (1 where a signal ended it early; the bag is complete then, too)."""
     options = command_line.parser('simulate', 'Write the bag that `sim` and `record` would, without ROS and without '
                                   'waiting: the same messages, bit for bit.',
                                   'python -m dragon_ros simulate --scene winding --output run.mcap')
@@ -59,10 +59,10 @@ def _run(arguments: Namespace) -> int:
 
 
 def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
-    """Say what made the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
+    """Write the provenance of the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
     text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
-    told = {key: str(value) for key, value in vars(bag.options).items()}
-    bag.describe(provenance.RECORD, provenance.run_metadata(text, told | provenance.versions()))
+    settings = {key: str(value) for key, value in vars(bag.options).items()}
+    bag.describe(provenance.RECORD, provenance.run_metadata(text, settings | provenance.versions()))
     bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
     once = {'track': track_marker(scene, _FRAME_ID), 'scene': string_message(text)}
     for name in (*once, *(row.name for row in live(scene.effects))):

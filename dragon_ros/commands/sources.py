@@ -1,4 +1,4 @@
-"""Where pictures and the web view take a dragon from: a scene that is computed, or a bag that was recorded."""
+"""Sources of pictures and of the web view: a scene, which is computed, or a bag, which is read."""
 from argparse import Namespace
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
@@ -35,7 +35,7 @@ _HAIR_S = 1e-9
 
 @dataclass(frozen=True)
 class Moment:
-    """A dragon at one time: handles (N+1, 2) in m, benches, and speeds (N+1,) in m/s, None where nobody knows them."""
+    """A dragon at one time: handles (N+1, 2) in m, benches, and speeds (N+1,) in m/s, None if unknown."""
 
     t_s: float
     p: Floats
@@ -63,7 +63,7 @@ class Source(Protocol):
 
     @property
     def name(self) -> str:
-        """What pictures call it."""
+        """Its name in pictures."""
 
     @property
     def span_s(self) -> tuple[float, float]:
@@ -71,21 +71,21 @@ class Source(Protocol):
 
     @property
     def track(self) -> Floats | None:
-        """Points (P, 2) of the line that it walks, where that is known."""
+        """Points (P, 2) of its track, None if unknown."""
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return at most ``most`` ticks between two times, both included, evenly spread."""
+        """Return at most ``most`` ticks between two times, both included, evenly spaced."""
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the dragon at times that grow; what has only ticks gives the tick nearest to each."""
+        """Yield the dragon at increasing times; a source with ticks alone gives the nearest tick."""
 
     def first_touch(self, progress: Progress) -> Touch | None:
-        """Return the first contact, None if there is none."""
+        """Return the first contact, or None."""
 
 
 @dataclass(frozen=True)
 class SceneSource:
-    """A dragon that is computed when it is looked at."""
+    """A dragon computed from a scene on demand."""
 
     name: str
     scene: Scene
@@ -98,11 +98,11 @@ class SceneSource:
 
     @cached_property
     def track(self) -> Floats:
-        """The stretch of track on which handles are during the run."""
+        """The part of the track on which handles are during the run."""
         return compile_scene(self.scene).track_line()
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return at most ``most`` of the run's ticks between two times, evenly spread."""
+        """Return at most ``most`` of the run's ticks between two times, evenly spaced."""
         run = self.scene.run
         first, last = (run.tick_at(round(t_s * NS)) for t_s in (start_s, stop_s))
         numbers = thinned(max(0, first + (run.time_ns(first) < round(start_s * NS))), last, most)
@@ -135,7 +135,7 @@ def moment(source: Source, t_s: float) -> Moment:
 
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:
-    """Raise InputError for a time at which there is nothing to see."""
+    """Raise InputError for a time outside the source."""
     first, last = source.span_s
     for t_s in times_s:
         if not first - 1e-9 <= t_s <= last + 1e-9:
@@ -143,13 +143,13 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
-    """Return times (T,) and the smallest signed gap in m at each (T,), nan where no bench is near another."""
+    """Return times (T,) and the smallest signed gap in m at each (T,), nan where no two benches are near."""
     rows = np.array([(one.t_s, one.clearance_m) for one in progress(source.moments(times_s))]).reshape(-1, 2)
     return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
 
 def thinned(first: int, last: int, most: int) -> Ints:
-    """Return the whole numbers from first to last, or ``most`` of them, evenly spread, with both ends."""
+    """Return the integers from first to last, or ``most`` of them, evenly spaced, with both ends."""
     count = last - first + 1
     return np.linspace(first, last, min(count, most)).round().astype(int) if count > most else np.arange(
         first, last + 1)
@@ -162,7 +162,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> Witness:
 
 @dataclass(frozen=True)
 class BagSource:
-    """The dragon whose topics stand in one namespace of an open bag; times are those of its ticks."""
+    """A dragon whose topics are in one namespace of an open bag; its times are those of its ticks."""
 
     bag: BagReader
     namespace: str
@@ -174,12 +174,12 @@ class BagSource:
 
     @property
     def track(self) -> Floats | None:
-        """Not known."""
+        """None: a bag does not record its track."""
         return None
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
-        """Stamp and log time of each tick, in ns, by growing stamps."""
+        """Stamp and log time of each tick, in ns, in order of stamps."""
         rows = {read_stamp_ns(one.data): one.t_ns for one in self.bag.messages([f'{self.namespace}/handles'])}
         return sorted(rows.items())
 
@@ -193,20 +193,20 @@ class BagSource:
         return float(self._times_s[0]), float(self._times_s[-1])
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
-        """Return at most ``most`` ticks between two times, evenly spread."""
+        """Return at most ``most`` ticks between two times, evenly spaced."""
         first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
         last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S)) - 1
         out: Floats = self._times_s[thinned(first, last, most)]
         return out
 
     def moments(self, times_s: Floats) -> Iterator[Moment]:
-        """Yield the tick nearest to each time; both grow. Ticks without benches are left out."""
+        """Yield the tick nearest to each of increasing times, without ticks that lack benches."""
         rows = self._nearest(times_s)
         wanted = {self._ticks[row][0] for row in rows.tolist()}
         first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
-        for sight, speed in self._sights(first_ns, last_ns):
-            if sight.t_ns in wanted:
-                yield Moment(sight.t_ns / NS, sight.p, sight.benches, speed)
+        for observation, speed in self._observations(first_ns, last_ns):
+            if observation.t_ns in wanted:
+                yield Moment(observation.t_ns / NS, observation.p, observation.benches, speed)
 
     def _nearest(self, times_s: Floats) -> Ints:
         """Return the numbers of the ticks nearest to times, each once."""
@@ -216,16 +216,16 @@ class BagSource:
         return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
 
     def first_touch(self, progress: Progress) -> Touch | None:
-        """Return the first contact that a monitor sees in the bag: a bracket's interpolated time."""
+        """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
         watch = Watch()
-        for sight, _ in progress(self._sights(self._ticks[0][1], self._ticks[-1][1])):
-            for event in joined.from_iterable(report.begins for report in watch.look(sight)):
-                at = Moment(sight.t_ns / NS, sight.p, sight.benches, None)
+        for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
+            for event in joined.from_iterable(report.begins for report in watch.look(observation)):
+                at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
                 return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches))
         return None
 
-    def _sights(self, first_ns: int, last_ns: int) -> Iterator[tuple[Sight, Floats | None]]:
-        """Yield sights and speeds of the ticks logged between two times, in order."""
+    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple[Sight, Floats | None]]:
+        """Yield observations and speeds of the ticks logged between two times, in order."""
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
                 speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
@@ -233,7 +233,7 @@ class BagSource:
 
 
 def dragon_in(bag: BagReader, namespace: str | None = None) -> BagSource:
-    """Return the dragon in a bag. Raises InputError where it is not clear which, or where its topics are not there."""
+    """Return the dragon in a bag. Raises InputError where it is ambiguous, or where its topics are missing."""
     chosen = namespace_of(bag, namespace)
     having = {topic.name for topic in bag.topics if topic.messages}
     for topic in ('handles', 'benches'):
@@ -245,7 +245,7 @@ def dragon_in(bag: BagReader, namespace: str | None = None) -> BagSource:
 
 @contextmanager
 def opened(arguments: Namespace) -> Iterator[Source]:
-    """Open the source of the options of ``cli.add_source_options``, for the length of a ``with`` block."""
+    """Open the source that ``command_line.add_source_options`` selects, for the duration of a ``with`` block."""
     if arguments.bag is None:
         if arguments.namespace is not None:
             raise InputError('--namespace: belongs to --bag; a scene has no topics')

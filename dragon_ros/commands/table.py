@@ -47,7 +47,7 @@ _TAKES = {'--paper': {'--output'}, 'BAG': {'--times', '--handles', '--namespace'
 
 
 def _check(arguments: Namespace) -> None:
-    """Refuse what would not be looked at."""
+    """Reject options that would be ignored."""
     given = {'--scene': arguments.scene != command_line.DEFAULT_SCENE, '--set': arguments.overrides,
              '--accuracy': arguments.accuracy, '--times': arguments.times, '--handles': arguments.handles,
              '--namespace': arguments.namespace, '--output': arguments.output, '--paper': arguments.paper,
@@ -77,7 +77,7 @@ def _run(arguments: Namespace) -> int:
 
 
 def _write_contest(folder: Path, scene: Scene) -> int:
-    """Write the contest's files and say which."""
+    """Write the contest's files and list them."""
     from dragon_ros.commands.contest import result_files
     paths = result_files.write(folder, scene, load_scene('turning'))
     print('\n'.join(map(str, paths)))
@@ -97,7 +97,7 @@ def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
 
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
-    """Return rows as ``table`` does, out of a bag; velocities that it has not are nan."""
+    """Return rows like those of a scene from a bag; missing velocities are nan."""
     out: list[Row] = []
     with BagReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
@@ -124,13 +124,13 @@ def times_of(text: str) -> list[float]:
 
 
 def handles_of(text: str | None, benches: int) -> list[int]:
-    """Return the handles of ``0,1,51``; all where there is no text."""
+    """Return the handles of ``0,1,51``; all without a text."""
     if text is None:
         return list(range(benches + 1))
     try:
         handles = [int(part) for part in text.split(',')]
     except ValueError:
-        raise InputError(f'--handles {text}: write whole numbers as 0,1,51', field='handles') from None
+        raise InputError(f'--handles {text}: write integers such as 0,1,51', field='handles') from None
     for handle in handles:
         if not 0 <= handle <= benches:
             raise InputError(f'--handles {handle}: the dragon has the handles 0 to {benches}', field='handles')
@@ -166,7 +166,7 @@ def values_of(frame: BagFrame, handles: list[int]) -> Floats:
 
 
 def at_times(bag: BagReader, namespace: str, times_s: Iterable[float]) -> Iterator[BagFrame]:
-    """Yield, for each time, the first tick that is in the bag at or after it; nothing after the last."""
+    """Yield, for each time, the first tick in the bag at or after it, up to the last."""
     for t_s in times_s:
         frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)
         if frame is not None:

@@ -5,6 +5,7 @@ so far, and how far it can go. Law and run only map a tick to metres gone, which
 place has the same bits in any run and any process, and scenes that differ in law, run or effects share one model.
 """
 from collections import OrderedDict
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import floor, inf, ulp
@@ -101,12 +102,12 @@ class Model:
                 for link_m, links in lengths.items()}
         return Placement(self.track, self.links_m, self.direction, self.effort, maps)
 
-    def _series_m(self, far_m: float, fore: Place) -> float:
-        """Return where the series of a tile are cut; ``effort`` tells why some are as exact as floats."""
+    def _series_m(self, fore: Place) -> Callable[[Floats], Floats]:
+        """Return where the series of a tile are cut, by size; ``effort`` tells why some are as exact as floats."""
         spiral = self.track.segments[0]
         near = (self.effort.near_m and isinstance(spiral, SpiralSegment)
                 and fore.u.hi * spiral.curve.b_m <= self.effort.near_m)
-        return (EXACT if near else self.tier).series_m(far_m)
+        return (EXACT if near else self.tier).series_m
 
     @property
     def memory_bytes(self) -> int:

@@ -79,7 +79,7 @@ class Scene:
     trails: Trails = field(default_factory=Trails)
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that is none, unknown choices, effects without what they need, and what the paper lacks."""
+        """Refuse an accuracy that is none, unknown choices, effects without what they need, what the paper lacks."""
         check_needs(self.effects)
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)

@@ -9,8 +9,11 @@ from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any
 
+import numpy as np
+
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.segments import Effort
 
@@ -38,12 +41,14 @@ class Tier:
         share = self.promise_m / max(length_m, 1e-300)
         return Effort(TIGHT if self is EXACT else min(sqrt(0.5 * share), _COARSEST), near_m)
 
-    def series_m(self, size_m: float) -> float:
-        """Return where the series of a shift map may end: at a tenth of the promise, or where floats do.
+    def series_m(self, size_m: Floats) -> Floats:
+        """Return where the series of a shift map may end, for places so far out: at a tenth of the promise, or of floats.
 
         The exact tier is as exact in the small: in proportion to the coordinates.
         """
-        return 0.01 * EXACT.promise_m * size_m / _FLOAT_SIZE_M if self is EXACT else 0.1 * self.promise_m
+        if self is EXACT:
+            return 0.01 * EXACT.promise_m / _FLOAT_SIZE_M * size_m
+        return np.full_like(size_m, 0.1 * self.promise_m)
 
 
 def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:

@@ -1,4 +1,4 @@
-"""What a user would otherwise pick: public recipes for the same chain, written as they are usually written."""
+"""What a user would otherwise use: public recipes for the same chain, as they are usually written."""
 from collections.abc import Callable
 from functools import partial
 from math import cos, inf, pi, sin, sqrt

@@ -1,7 +1,7 @@
-"""The named hard cases of tracks made of pieces, of head laws and of a lead by the tail, beside ``problems``.
+"""The named hard cases of composite tracks, of head laws and of a leading tail; ``problems`` has the others.
 
-They are hard at the joints: a link across one joint or several, a handle exactly on a joint, a track that comes back so
-that a chord has several roots, a bend almost too tight to follow.
+They are hard at the joints: a link across one joint or several, a handle exactly on a joint, a track that returns to
+itself so that a chord has several roots, a bend almost too tight to follow.
 """
 from dataclasses import replace
 from functools import lru_cache
@@ -49,25 +49,26 @@ def dances() -> tuple[Problem, ...]:
               replace(_TURNING, dragon=Dragon(8, 3.41, 0.55), track=STurn()), (1.0, 10.0, 15.0)),
         _on('joint-at-handles', 'head and handle 1 exactly on joints, one of them between collinear lines',
             (Line(10.0), Line(2.86), Arc(2.0, 90.0), Line(10.0)), (10.0, 12.86, 14.0, 20.0)),
-        _on('wiggle', 'pieces shorter than a link: it reaches across up to five joints', _WIGGLE,
+        _on('wiggle', 'segments shorter than a link, which reaches across up to five joints', _WIGGLE,
             (2.0, 3.0, 5.0, 7.1, 8.6, 9.5, 12.0)),
-        _on('loop', 'the track crosses itself: many places behind are a link away, the first counts',
+        _on('loop', 'the track crosses itself: many places behind are a link away, and the first one counts',
             (Line(5.0), Arc(1.0, 360.0), Line(1.0), Arc(0.9, -540.0), Line(9.0)), (5.0, 8.0, 11.3, 12.0, 15.0, 22.0),
             _SHORT),
         _on('hairpin', 'a half turn almost too tight to follow', (Line(5.0), Arc(1.45, 180.0), Line(9.0)),
             (6.0, 8.0, 9.5, 9.6, 12.0)),
         _on('spirals', 'out on one spiral and in on another, left and right',
-            (Line(4.0), SpiralArc(1.0, 2.0, 4.0, 'right'), SpiralArc(2.0, 2.0, 1.0, 'right'), SpiralArc(3.0, 0.8, 2.0, 'left')),
+            (Line(4.0), SpiralArc(1.0, 2.0, 4.0, 'right'), SpiralArc(2.0, 2.0, 1.0, 'right'),
+             SpiralArc(3.0, 0.8, 2.0, 'left')),
             (4.5, 20.0, 60.0, 81.0, 92.5)),
-        _on('circle', 'round and round on a circle that is continued backwards', (Arc(3.0, 90.0), Line(4.0)),
+        _on('circle', 'several rounds on a circle that is extended backwards', (Arc(3.0, 90.0), Line(4.0)),
             (0.0, 4.0, 7.0), Dragon(40)),
         _like('law', 'ramps, a turn back, a jump and a hold; times inside ramps',
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
-        _like('unwinding', 'led by the tail, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
+        _like('unwinding', 'the tail leads, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),
         _like('mixed-by-the-tail', 'benches of six lengths behind their tail, links in reverse on a turn',
               Scene(dragon=MIXED, track=STurn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
-        _like('turn-by-the-tail', 'led by the tail, back through a turn that the head had left',
+        _like('turn-by-the-tail', 'the tail leads back through a turn that the head has left',
               replace(_TURNING, dragon=Dragon(30), track=STurn(before_m=-20.0), head=Head(0.7, 'tail')),
               (0.0, 5.0, 20.0, 40.0)),
     )

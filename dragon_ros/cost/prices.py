@@ -1,4 +1,4 @@
-"""What each effect adds to a tick, and whole ticks side by side."""
+"""The price of each effect in a tick, and whole ticks side by side."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -19,7 +19,7 @@ from dragon_ros.scenes.load import load_scene
 ALONE = 'alone'
 ALL = ~Effect.NONE
 _LEAST, _MOST = 15, 400         # calls
-_TICKS, _PLACES = 97, 7         # ticks apart, and places along the run: successive calls are of unlike ones
+_TICKS, _PLACES = 97, 7         # distance of ticks, and places along the run: successive calls are for different ones
 Call = Callable[[], object]
 
 
@@ -47,9 +47,9 @@ class Whole:
 
 
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
-    """Return what an effect adds to a scene that has all that it needs, and nothing that needs it.
+    """Return what an effect adds to a scene that has all effects that it needs, and none that need it.
 
-    Timed is what it alone does: fill its field of a frame that has the others, and encode its topics.
+    Only its own work is timed: filling its field of a frame that has the others, and encoding its topics.
     """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
     off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
@@ -76,7 +76,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
 
 
 def wholes(budget_s: float) -> list[Whole]:
-    """Return whole ticks: everything on, the defaults, nothing on, and a program that knows no effects."""
+    """Return whole ticks: all effects, the defaults, none, and a program without effects."""
     scene = load_scene('minimal')
     everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
     rows = [('everything on', worker(everything), 'minimal', worker(scene)),
@@ -102,7 +102,7 @@ def worker(scene: Scene) -> Call:
 
 
 def bare(scene: Scene) -> Call:
-    """Return a call that does the same for handles alone, written out as if there were no effects."""
+    """Return a call that does the same for handles alone, written as if effects did not exist."""
     template, numbers = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon'), count(0, _TICKS)
     ticks = compile_scene(scene).last_tick + 1
 

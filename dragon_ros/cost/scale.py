@@ -22,7 +22,7 @@ SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
 _AT_S = 300.0
 _FITTED = 1000          # exponents are fitted from here on
-_LIVE_TIMES = 10        # a live run is so many times as long as a timing
+_LIVE_TIMES = 10        # length of a live run in timings
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#CCBB00', '#E69F00', '#D55E00'), strict=True))
 
 _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
@@ -30,7 +30,7 @@ _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage at one number of benches: its time, and the most memory that it held at once, in bytes."""
+    """One stage at one number of benches: its time, and its peak memory in bytes."""
 
     solver: str
     stage: str
@@ -79,7 +79,7 @@ def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
 
 
 def _peak(call: Callable[[], object]) -> int:
-    """Return the most bytes that a call held at once (a call apart: tracing slows it)."""
+    """Return the peak memory of a call in bytes (in a separate call, since tracing slows it)."""
     tracemalloc.start()
     try:
         call()
@@ -144,7 +144,7 @@ def _build_table(rows: list[Build]) -> str:
 
 
 def _live_table(rows: Measured) -> str:
-    """Return the runs of processes: freely, then at rates up to the first that is not held."""
+    """Return the runs of processes: free ones, then at rates up to the first that is not held."""
     lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
              + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
              '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]
@@ -160,7 +160,7 @@ def _live_table(rows: Measured) -> str:
 
 
 def summary(rows: Measured) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
@@ -211,7 +211,7 @@ def _rates(axes: Axes, rows: Measured) -> None:
               label='free: as fast as the readers follow')
     axes.plot([], [], 'o', color='#0072B2', label='held: no overrun, nothing lost')
     axes.plot([], [], 'x', color='#D55E00', label='not held')
-    axes.set(xscale='log', yscale='log', ylabel='ticks a second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
+    axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
              title='Sim, monitor and recorder over DDS')
     axes.legend(fontsize=8)
 

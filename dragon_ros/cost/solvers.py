@@ -19,7 +19,7 @@ _TOLERANCE_RAD = 1e-9       # of plain Newton
 
 
 def _plain(scene: Scene, head: DoubleDouble) -> Chain:
-    """Place the chain as it is usually written in Python: Newton on the cosine rule, a point after another."""
+    """Place the chain as usual Python code does: Newton on the cosine rule, point by point."""
     b = scene.spiral.b_m
     theta = [head.hi]
     for link in scene.dragon.link_lengths_m.tolist():
@@ -36,7 +36,7 @@ class PlainChain(Chain):
     solver = 'plain'
 
     def velocities(self, head_speed_m_s: Any) -> Floats:
-        """Return the velocities as they are usually written: link after link, from the angles with both tangents."""
+        """Return the velocities as usual code does: link by link, from the angles with both tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
             x, y = cos(t) - t * sin(t), sin(t) + t * cos(t)
@@ -50,7 +50,7 @@ class PlainChain(Chain):
 
 
 def _march(scene: Scene, head: DoubleDouble) -> Chain:
-    """Place handle after handle."""
+    """Place one handle after the other."""
     return place(scene.spiral, scene.dragon.link_lengths_m, head, compile_scene(scene).model.effort)
 
 

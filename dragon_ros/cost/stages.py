@@ -1,4 +1,4 @@
-"""The stages of one tick, from the head to the bytes, each to be measured alone."""
+"""The stages of one tick, from the head to the bytes, each measured alone."""
 from collections.abc import Callable
 from functools import partial
 
@@ -20,7 +20,7 @@ STAGES = (*MODEL, *CHECK, 'encode')
 
 
 def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], object]]:
-    """Return a call for each stage at one time; what a stage needs from those before is computed here."""
+    """Return a call for each stage at one time; the results of earlier stages are computed here."""
     head = _head(scene, t_s)
     chain = CHAIN_SOLVERS[solver](scene, head)
     axis = axes_of(chain)

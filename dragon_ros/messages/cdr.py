@@ -1,4 +1,6 @@
-"""Frames as CDR bytes: a template built once for each message, patched in place by numpy.
+"""Frames as CDR bytes: a template built once for each message, which numpy patches in place.
+
+It is written by hand for speed: a template takes microseconds where a general serialiser takes milliseconds.
 
 The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every primitive is aligned to its size,
 counted from the end of the 4-byte encapsulation header. Padding is zero.
@@ -49,7 +51,7 @@ class Writer:
         return stamp
 
     def finish(self) -> bytearray:
-        """Return the data, filled up to whole 4 bytes as it travels: what is recorded then equals what was made."""
+        """Return the data, padded to a multiple of 4 bytes as on the wire: what is recorded equals what is sent."""
         self.data += bytes(-len(self.data) % 4)
         return self.data
 
@@ -67,13 +69,13 @@ def stamp_of(t_ns: int) -> tuple[int, int]:
 
 
 def stamp_number(t_ns: int) -> int:
-    """Return a stamp's two fields as the one number that they are in memory."""
+    """Return a stamp's two fields as the 64-bit number that they form in memory."""
     seconds, rest_ns = stamp_of(t_ns)
     return seconds | rest_ns << 32
 
 
 class Rows:
-    """Equal rows of fields in a message: how many, where the first starts, how far apart, what is in each."""
+    """Equal rows of fields in a message: their number, start, stride and fields."""
 
     def __init__(self, count: int, start: int, stride: int, fields: dict[str, tuple[str, int]]) -> None:
         """``fields`` has the numpy type of each field and its offset in the row."""
@@ -90,17 +92,17 @@ class Rows:
 class Template:
     """The bytes of a message, laid out once and patched in place for each tick.
 
-    They are handed out as they are and copied only if somebody still holds them when the next are made: the buffer of
-    BytesIO sees to that, and copying some megabytes takes longer than patching them. Python keeps the hash of bytes:
-    who wants that of a message must hold the message as long.
+    They are returned without a copy unless the caller still holds the previous ones when the next are made: BytesIO
+    does this, since copying megabytes takes longer than patching them. Python caches the hash of bytes: a caller that
+    hashes a message must hold it until the next one.
     """
 
     def __init__(self, data: bytearray) -> None:
-        """Start from a message as laid out."""
+        """Start from a complete message."""
         self._message = BytesIO(bytes(data))
 
     def patched(self, patch: Callable[[memoryview], None]) -> bytes:
-        """Return the bytes after a patch, which keeps no view of them."""
+        """Return the bytes after ``patch``, which must keep no view of them."""
         with self._message.getbuffer() as data:
             patch(data)
         return self._message.getvalue()
@@ -110,7 +112,7 @@ class PoseArrayTemplate(Template):
     """geometry_msgs/PoseArray of all handles."""
 
     def __init__(self, handles: int, frame_id: str) -> None:
-        """Lay the message out for a number of handles."""
+        """Lay out the message for a number of handles."""
         writer = Writer()
         self._stamp = writer.header(frame_id)
         writer.put('I', handles)
@@ -130,10 +132,10 @@ class PoseArrayTemplate(Template):
 
 
 class VelocitiesTemplate(Template):
-    """std_msgs/Float64MultiArray: rows are handles, columns vx, vy, speed in m/s (or others of that kind)."""
+    """std_msgs/Float64MultiArray: rows are handles, columns vx, vy, speed in m/s (or similar ones)."""
 
     def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
-        """Lay the message out for a number of handles."""
+        """Lay out the message for a number of handles."""
         writer = Writer()
         writer.put('I', 2)
         for label, size, stride in (('handle', handles, 3 * handles), (columns, 3, 3)):
@@ -161,7 +163,7 @@ def float64_of(value: float) -> bytes:
 def half_turns(axis: Floats) -> Floats:
     """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2)."""
     x, y = axis[:, 0], axis[:, 1]
-    far = np.sqrt(0.5 + 0.5 * np.abs(x))        # the larger of |z| and w: no digits are lost
+    far = np.sqrt(0.5 + 0.5 * np.abs(x))        # the larger of |z| and w, free of cancellation
     near = 0.5 * y / far
     back = x < 0
     out = np.empty(axis.shape)
@@ -171,13 +173,13 @@ def half_turns(axis: Floats) -> Floats:
 
 
 class _Turns:
-    """Half turns as complex numbers (N,), computed once for all messages of a tick: they share one read-only array."""
+    """Half turns as complex numbers (N,), computed once per tick: its messages share one read-only array of axes."""
 
     def __init__(self) -> None:
         self._last: tuple[Floats | None, Array] = None, np.empty(0, np.complex128)
 
     def of(self, axis: Floats) -> Array:
-        """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2), each as one number."""
+        """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2), each pair as a complex number."""
         known, turns = self._last
         if axis is not known or axis.flags.writeable:
             turns = plane(half_turns(axis))
@@ -186,7 +188,7 @@ class _Turns:
 
 
 def plane(points: Floats) -> Array:
-    """View x and y (N, 2) as complex numbers (N,): numpy moves pairs in one loop then."""
+    """View x and y (N, 2) as complex numbers (N,), which numpy copies in a single loop."""
     out: Array = np.ascontiguousarray(points).view(np.complex128)[:, 0]
     return out
 
@@ -196,7 +198,7 @@ turns_of = _Turns().of
 
 def strided(data: bytes | bytearray | memoryview, kind: str, offset: int, stride: int, rows: int,
             columns: int) -> Array:
-    """Return a (rows, columns) view of equal fields that stand ``stride`` bytes apart."""
+    """Return a (rows, columns) view of equal fields, ``stride`` bytes apart."""
     width = np.dtype(kind).itemsize
     out: Array = np.ndarray((rows, columns), kind, data, offset, (stride, width))
     return out

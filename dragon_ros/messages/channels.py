@@ -1,4 +1,4 @@
-"""The topics of the package, as ``msg_configs/topics.yaml`` lists them."""
+"""The topics of the package, from ``msg_configs/topics.yaml``."""
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
@@ -27,7 +27,7 @@ class Channel:
 
     @property
     def latched(self) -> bool:
-        """Whether late readers get what was published last."""
+        """Whether late subscribers receive the last message."""
         return self.durability == 'transient_local'
 
 
@@ -43,7 +43,7 @@ def channels_of(document: Document) -> dict[str, Channel]:
 
 
 def live(effects: Effect) -> list[Channel]:
-    """Return the topics on which sim publishes each tick for these effects; latched ones it publishes once."""
+    """Return the topics that sim publishes every tick for these effects, without the latched ones."""
     return [channel for channel in channels().values() if channel.publisher == 'sim'
             and not channel.latched and (channel.effect is None or channel.effect in effects)]
 
@@ -70,7 +70,7 @@ def _qos(document: Document, key: str, qos: Any) -> dict[str, Any]:
             document.refuse(f'{key}.{policy}', f'{qos.get(policy)!r} is not one of {", ".join(allowed)}')
     depth = qos.get('depth')
     if isinstance(depth, bool) or not isinstance(depth, int) or not 1 <= depth <= 10_000:
-        document.refuse(f'{key}.depth', f'{depth!r} is not a whole number from 1 to 10000')
+        document.refuse(f'{key}.depth', f'{depth!r} is not an integer from 1 to 10000')
     return qos
 
 

@@ -1,4 +1,4 @@
-"""The topics of the effects that few scenes switch on; imported only where one of them is on."""
+"""Encodes the topics of the effects that few scenes switch on; imported only where one of them is on."""
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Markers as CDR bytes: benches from a template that numpy patches in place, contacts, the track and trails.
 
-MarkerArrays are encoded by hand, for speed: rclpy takes 6,700 µs to serialise 223 benches, patching a template 4 µs.
+MarkerArrays are encoded by hand for speed: rclpy takes 6,700 µs to serialise 223 benches, patching a template 4 µs.
 """
 import struct
 from collections.abc import Iterable
@@ -19,11 +19,11 @@ CUBE, SPHERE, LINE_STRIP, LINE_LIST, TEXT_VIEW_FACING, TRIANGLE_LIST = 1, 2, 4, 
 ADD, DELETE, DELETE_ALL = 0, 2, 3
 BENCH_HEIGHT_M = 0.1
 BENCH, EDGES = 'bench', 'bench edges'       # namespaces of the markers
-_EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges stand a little above the faces
+_EDGE_WIDTH_M, _ABOVE_M = 0.02, 0.002       # edges lie a little above the faces
 _TRACK_WIDTH_M, _TRACK_Z_M, _TRAIL_WIDTH_M = 0.03, -0.06, 0.04      # the track lies just below the benches
-_PROUD = 1.1        # height of a bench in contact over that of a bench: it covers the one of another colour
+_PROUD = 1.1        # height of a red bench over that of the bench that it covers
 Colour = tuple[float, float, float, float]
-# Okabe-Ito colours, which colour-blind people can tell apart.
+# Okabe-Ito colours, which colour-blind people can distinguish.
 VERMILION: Colour = (0.84, 0.37, 0.0, 1.0)
 BLUE: Colour = (0.0, 0.45, 0.70, 1.0)
 BLACK: Colour = (0.0, 0.0, 0.0, 1.0)
@@ -70,7 +70,7 @@ def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -
     pose = writer.put('d', *spec.place, 0, 0, *spec.turn)
     writer.put('d', *spec.scale)
     writer.put('f', *spec.colour)
-    writer.put('i', 0, 0)           # lifetime: for ever
+    writer.put('i', 0, 0)           # lifetime: forever
     writer.put('?', False)          # frame_locked
     writer.put('I', spec.points)
     points = writer.room('d', 3 * spec.points)
@@ -89,10 +89,10 @@ def put_marker(writer: Writer, spec: MarkerSpec, frame_id: str, t_ns: int = 0) -
 
 
 class CubesTemplate(Template):
-    """visualization_msgs/MarkerArray with one CUBE a bench; z = 0 is the middle of the benches."""
+    """visualization_msgs/MarkerArray with one CUBE for each bench; z = 0 is the middle of the benches."""
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay the message out for benches of the given full lengths and width."""
+        """Lay out the message for benches of these full lengths and width."""
         writer = Writer()
         writer.put('I', lengths_m.size)
         specs = [MarkerSpec(BENCH, bench, CUBE, (length_m, width_m, BENCH_HEIGHT_M), _BODY if bench else _HEAD)
@@ -123,7 +123,7 @@ class TrianglesTemplate(Template):
     """
 
     def __init__(self, lengths_m: Floats, width_m: float, frame_id: str) -> None:
-        """Lay the message out for benches of the given full lengths and width."""
+        """Lay out the message for benches of these full lengths and width."""
         benches = lengths_m.size
         writer = Writer()
         writer.put('I', 2)
@@ -156,7 +156,7 @@ class TrianglesTemplate(Template):
 
 
 def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -> Rows:
-    """Lay ``each`` points a bench out, all at one height, and return where their places are."""
+    """Lay out ``each`` points for every bench, all at one height, and return their rows."""
     strided(data, '<f8', start + 16, 24, each * benches, 1)[:] = z_m
     return Rows(benches, start, 24 * each, {f'place {n}': ('<c16', 24 * n) for n in range(each)})
 
@@ -185,7 +185,7 @@ def single_marker(t_ns: int, frame_id: str, spec: MarkerSpec) -> bytes:
 
 
 def deleted(ns: str) -> MarkerSpec:
-    """Return what deletes the marker 0 of a namespace."""
+    """Return the marker that deletes marker 0 of a namespace."""
     return MarkerSpec(ns, 0, 0, _NO_SCALE, _NO_COLOUR, action=DELETE)
 
 
@@ -200,7 +200,8 @@ def trail_marker(t_ns: int, points: Floats, frame_id: str) -> bytes:
 def track_marker(scene: Scene, frame_id: str) -> bytes:
     """Return a Marker with the track as a line, stamped with the start of the run."""
     writer = Writer()
-    _put_line(writer, 'track', _TRACK_WIDTH_M, _TRACK_GREY, compile_scene(scene).track_line(), _TRACK_Z_M, scene.run.start_ns, frame_id)
+    points = compile_scene(scene).track_line()
+    _put_line(writer, 'track', _TRACK_WIDTH_M, _TRACK_GREY, points, _TRACK_Z_M, scene.run.start_ns, frame_id)
     return bytes(writer.finish())
 
 

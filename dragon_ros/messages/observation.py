@@ -1,4 +1,4 @@
-"""From the bytes of a PoseArray and a MarkerArray to what the watcher looks at, with every check that it needs."""
+"""From the bytes of a PoseArray and a MarkerArray to an observation for the contact tracker, with all checks."""
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,12 +11,12 @@ from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker
 from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST
 
 _ADD = 0
-_SKEW = 1e-6        # parts of its size that a bench of two triangles may be off a rectangle
+_SKEW = 1e-6        # relative deviation from a rectangle that two triangles of a bench may have
 
 
 @dataclass(frozen=True)
 class BenchMarkers:
-    """The benches of one message as they came: stamp, frame, the markers, and which of them show benches."""
+    """The benches of one message: stamp, frame, the markers, and the indices of those that show benches."""
 
     t_ns: int
     frame_id: str
@@ -25,18 +25,18 @@ class BenchMarkers:
 
     @property
     def size(self) -> int:
-        """How many numbers the message holds, about."""
+        """Approximate number of values in the message."""
         return len(self.markers.data) // 8
 
     def rectangles(self, handles_m: Floats) -> Benches:
-        """Return the benches; ``handles_m`` (N+1, 2) tell which way those of triangles point."""
+        """Return the benches; ``handles_m`` (N+1, 2) give those of triangles their direction."""
         if self.markers.type[self.order[0]] == CUBE:
             return _cubes(self.markers, self.order)
         return _triangles(self.markers, int(self.order[0]), handles_m)
 
 
 def observation_of(poses: Poses, shown: BenchMarkers) -> Sight:
-    """Return the sight of two messages of one tick. Raises MessageError, naming message and field."""
+    """Return the observation from two messages of one tick. Raises MessageError, naming message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -46,17 +46,17 @@ def observation_of(poses: Poses, shown: BenchMarkers) -> Sight:
 
 
 def read_benches(data: bytes) -> BenchMarkers:
-    """Return the benches of a MarkerArray; what others put beside them does not disturb. Raises MessageError."""
+    """Return the benches of a MarkerArray, ignoring other markers in it. Raises MessageError."""
     markers = read_marker_array(data)
     order = _bench_markers(markers)
     t_ns = int(markers.t_ns[order[0]])
     if not 0 <= t_ns < 2**31 * NS:
-        raise MessageError(f'benches: stamp: {t_ns} ns; expected no negative time')
+        raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time')
     return BenchMarkers(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
 
 
 def read_handles(data: bytes) -> Poses:
-    """Return the poses of a PoseArray if they can belong to a dragon, else raise MessageError."""
+    """Return the poses of a PoseArray. Raises MessageError where they cannot be the handles of a dragon."""
     poses = read_pose_array(data)
     if len(poses.poses) < 2:
         raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
@@ -65,7 +65,7 @@ def read_handles(data: bytes) -> Poses:
 
 
 def _bench_markers(markers: Markers) -> Ints:
-    """Return where the markers of namespace ``bench`` are: one TRIANGLE_LIST, or CUBEs by id, 0 to N-1."""
+    """Return the indices of the markers in namespace ``bench``: one TRIANGLE_LIST, or CUBEs by id, 0 to N-1."""
     named = np.array([run.ns == BENCH for run in markers.runs], dtype=bool)
     mine = np.flatnonzero(named[markers.run_of] & (markers.action == _ADD))
     kind = markers.type[mine]
@@ -73,7 +73,7 @@ def _bench_markers(markers: Markers) -> Ints:
     if lists.size > 1 or (lists.size and cubes.size):
         raise MessageError('benches: namespace bench must hold CUBEs or one TRIANGLE_LIST, not several or both')
     if not lists.size and not cubes.size:
-        raise MessageError('benches: there is no CUBE and no TRIANGLE_LIST in namespace bench')
+        raise MessageError('benches: namespace bench has neither CUBEs nor a TRIANGLE_LIST')
     order: Ints = lists if lists.size else cubes[np.argsort(markers.id[cubes], kind='stable')]
     if cubes.size and not np.array_equal(markers.id[order], np.arange(order.size)):
         raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
@@ -94,7 +94,7 @@ def _cubes(markers: Markers, order: Ints) -> Benches:
 
 
 def _axes(quaternion: Floats) -> Floats:
-    """Return where quaternions (N, 4) turn the x axis, in the plane."""
+    """Return the x axis turned by quaternions (N, 4), in the plane."""
     x, y, z, w = np.moveaxis(quaternion, -1, 0)
     axis = np.stack((w * w + x * x - y * y - z * z, 2 * (w * z + x * y)), axis=1)
     length = np.hypot(axis[:, 0], axis[:, 1])
@@ -105,14 +105,15 @@ def _axes(quaternion: Floats) -> Floats:
 
 
 def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
-    """Return the rectangles of pairs of triangles, whichever way each was cut and wound."""
+    """Return the rectangles of pairs of triangles, for either diagonal and either winding."""
     points = _placed(_finite('benches: point', markers.points_of(marker)), markers, marker)
     if len(points) % 6:
         raise MessageError(f'benches: {len(points)} points; expected six for each bench, those of two triangles')
     _counted(len(points) // 6, len(handles_m))
     first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
     if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
-        start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]     # as we cut and wind them
+        # The diagonal and winding of our own messages.
+        start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]
     else:
         start, corner, end, far = _around(first, second)
     sides = np.stack((start - corner, end - corner), axis=1)
@@ -122,7 +123,7 @@ def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
     bent = _norm(start + end - corner - far) > _SKEW * size
     bad = bent | (skew > _SKEW * size * size) | (length[:, 0] <= 0) | (length[:, 1] <= 0)
     if bad.any():
-        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are no rectangle')
+        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are not a rectangle')
     return _facing(0.5 * (start + end), sides / length[..., None], 0.5 * length, handles_m)
 
 
@@ -132,9 +133,9 @@ def _norm(vectors: Floats) -> Floats:
 
 
 def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """Return the corners (N, 2), one way round, of pairs of triangles (N, 3, 2) that meet in their longest sides.
+    """Return the corners (N, 2), in order, of pairs of triangles (N, 3, 2) that share their longest sides.
 
-    Where they do not meet, the last corner is moved by as much as they miss each other.
+    Where they do not, the last corner is moved by the distance between these sides.
     """
     (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
     apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
@@ -142,7 +143,7 @@ def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floa
 
 
 def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return of triangles (N, 3, 2) the corner opposite the longest side, and that side's ends."""
+    """Return, for triangles (N, 3, 2), the corner opposite the longest side, and the ends of that side."""
     opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
     turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
     corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
@@ -150,7 +151,7 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
-    """Return benches along the side (N, 2, 2) that follows its handles best, from rear to front.
+    """Return benches along those sides (N, 2, 2) that align best with their handles, from rear to front.
 
     Where the two handles of a bench coincide it is the longer side.
     """
@@ -165,7 +166,7 @@ def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> B
 
 
 def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
-    """Return points (K, 3) in the plane where the scale and the pose of their marker put them."""
+    """Return points (K, 3), scaled and posed as their marker says, in the plane."""
     pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
     scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
     x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)
@@ -179,7 +180,7 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 
 def _finite(what: str, values: Floats) -> Floats:
-    """Return values as native floats if all are finite and of a size that can be squared."""
+    """Return values as native floats. Raises MessageError unless all are finite and can be squared."""
     bad = ~(np.abs(values) < 1e150)
     if np.any(bad):
         row = int(np.argwhere(bad)[0][0])

@@ -1,4 +1,4 @@
-"""The ros2msg schemas that come with the package, and how a message of each type lies in CDR."""
+"""The ros2msg schemas that come with the package, and the CDR layout of each type."""
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -16,9 +16,9 @@ _FIELD = re.compile(r'([\w/]+)(?:<=\d+)?(\[(?:<=\d+|\d*)\])?\s+(\w+)\s*(=)?')
 class Field:
     """One field of a message.
 
-    ``kind`` is a struct code, TEXT, or '' for a message of its own with ``parts``. ``each`` is how many equal
-    primitives make one value (7 for a Pose), 0 for a plain one. ``many`` is None for one value, 0 for a sequence, else
-    the length of an array.
+    ``kind`` is a struct code, TEXT, or '' for a message of its own with ``parts``. ``each`` is the number of
+    equal primitives in one value (7 for a Pose), 0 for a plain one. ``many`` is None for one value, 0 for a sequence,
+    otherwise the length of an array.
     """
 
     name: str

@@ -1,12 +1,12 @@
-"""Messages of one tick come on two topics: pair them by stamp, in bounded memory and bounded time."""
+"""Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time."""
 from collections import Counter, deque
 from typing import Any, NamedTuple
 
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchMarkers
 
-_LEAST = 128                # stamps that may wait for their partner, however large the messages
-_MOST_VALUES = 8 * 2**20    # beyond those, as many as fit: one topic may run ahead while the other is sent again
+_LEAST = 128                # messages that may wait for their partner, however large they are
+_MOST_VALUES = 8 * 2**20    # beyond those, as many as fit: one topic may run ahead while the other is resent
 _HANDLES, _BENCHES = 'handles', 'benches'
 
 
@@ -17,45 +17,45 @@ class _Waiting(NamedTuple):
 
 
 class Unmatched(NamedTuple):
-    """A message that was given up: its topic and its stamp."""
+    """An unmatched message: its topic and its stamp."""
 
     topic: str
     t_ns: int
 
 
 class Synchronizer:
-    """Keeps what has no partner yet, in the order of arrival; what a later pair overtook, is too old or too much goes.
+    """Holds messages without a partner, in order of arrival, until a later pair overtakes them or a limit drops them.
 
-    A stamp may come again, where a run starts afresh while the other topic still lags: the oldest of each pair up.
+    A stamp may repeat where a run restarts while the other topic still lags: the oldest messages are paired first.
     """
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Start empty."""
         self._waiting: dict[str, deque[_Waiting]] = {_HANDLES: deque(), _BENCHES: deque()}
         self._stamps: dict[str, Counter[int]] = {_HANDLES: Counter(), _BENCHES: Counter()}
         self._unmatched: list[Unmatched] = []
 
     def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, BenchMarkers] | None:
-        """Add handles that came at ``now_s``; return (handles, benches) if both are there."""
+        """Add handles that arrived at ``now_s``; return (handles, benches) once both are present."""
         return self._add(_HANDLES, _Waiting(poses.t_ns, poses, now_s), poses.poses.size)
 
     def add_benches(self, shown: BenchMarkers, now_s: float) -> tuple[Poses, BenchMarkers] | None:
-        """Add benches that came at ``now_s``; return (handles, benches) if both are there."""
+        """Add benches that arrived at ``now_s``; return (handles, benches) once both are present."""
         return self._add(_BENCHES, _Waiting(shown.t_ns, shown, now_s), shown.size)
 
     def expire(self, before_s: float) -> None:
-        """Give up what has waited since before ``before_s``."""
+        """Drop messages that have waited since before ``before_s``."""
         for topic, waiting in self._waiting.items():
             while waiting and waiting[0].since_s < before_s:
                 self._give_up(topic)
 
     def take_unmatched(self) -> list[Unmatched]:
-        """Return what was given up since the last call."""
+        """Return the messages dropped since the last call."""
         out, self._unmatched = self._unmatched, []
         return out
 
     def _add(self, topic: str, new: _Waiting, values: int) -> tuple[Poses, BenchMarkers] | None:
-        """Add a message; return its pair, or give up the oldest one where too much waits."""
+        """Add a message; return its pair, or drop the oldest message where too many wait."""
         waiting = self._waiting[topic]
         waiting.append(new)
         self._stamps[topic][new.t_ns] += 1
@@ -65,7 +65,7 @@ class Synchronizer:
         return pair
 
     def _match(self, t_ns: int) -> tuple[Poses, BenchMarkers] | None:
-        """Return the oldest pair of a stamp, if there is one; all that came before its halves is given up."""
+        """Return the oldest pair of a stamp, if any; messages that arrived before its halves are dropped."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None
         for topic, waiting in self._waiting.items():

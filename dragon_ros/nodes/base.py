@@ -1,4 +1,4 @@
-"""What every node of the package has: its namespace, its parameters from a table, its log, and a look at /clock."""
+"""What all nodes of the package share: namespace, parameters from a table, log, and a check of /clock."""
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
@@ -37,7 +37,7 @@ def check(parameter: Parameter, value: Any) -> None:
 
 
 def widened(parameter: Parameter, given: RosParameter) -> RosParameter:
-    """Take a whole number for a float parameter: ``-p rate_hz:=50`` means 50.0."""
+    """Accept an integer for a float parameter: ``-p rate_hz:=50`` means 50.0."""
     whole = isinstance(parameter.default, float) and type(given.value) is int
     return RosParameter(given.name, value=float(given.value)) if whole else given
 
@@ -62,14 +62,14 @@ _NO_CLOCK_S = 3.0
 
 
 class DragonNode(Node):
-    """A node in namespace /dragon, unless told otherwise; it works in any executor.
+    """A node in namespace /dragon by default; it works in any executor.
 
-    ``setting`` holds the values of its parameters. A subclass says in ``refuse`` what may not be set, and does in
-    ``changed`` what a change calls for.
+    ``setting`` holds the values of its parameters. A subclass rejects values in ``refuse`` and acts on changes in
+    ``changed``.
     """
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
-        """Declare the parameters of the table; ``overrides`` come before the command line's."""
+        """Declare the parameters of the table; ``overrides`` take precedence over the command line."""
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
             RosParameter(key, value=value) for key, value in (overrides or {}).items()])
         self._table = {parameter.name: parameter for parameter in table}
@@ -78,10 +78,10 @@ class DragonNode(Node):
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
         self._ros_time = self.get_clock()
-        self._patience = self.create_timer(_NO_CLOCK_S, self._look_for_clock, clock=STEADY)
+        self._patience = self.create_timer(_NO_CLOCK_S, self._check_clock, clock=STEADY)
 
     def get_logger(self) -> logs.Logger:
-        """Return the logger of the node, which also speaks JSON."""
+        """Return the logger of the node, which can also write JSON."""
         return logs.logger(super().get_logger().name)
 
     def refuse(self, name: str, value: Any) -> None:
@@ -109,10 +109,10 @@ class DragonNode(Node):
                 self.setting[one.name] = one.value
                 self.changed(one.name)
 
-    def _look_for_clock(self) -> None:
-        """Say it, once, where ROS time is to come from /clock and none came."""
+    def _check_clock(self) -> None:
+        """Warn, once, where ROS time should come from /clock and nothing has arrived."""
         self._patience.cancel()
         if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
-            self.get_logger().warning(f'use_sim_time is true, and nothing came on /clock for {_NO_CLOCK_S:g} s: stamps '
-                                      'of wall time stay 0; start one sim or replay with publish_clock:=true, or set '
-                                      'use_sim_time to false')
+            self.get_logger().warning(f'use_sim_time is true, but nothing arrived on /clock for {_NO_CLOCK_S:g} s: '
+                                      'stamps of wall time stay 0; start one sim or replay with publish_clock:=true, '
+                                      'or set use_sim_time to false')

@@ -1,4 +1,4 @@
-"""``monitor``: watches the handles and benches of any publisher and reports each contact, clearance and health."""
+"""``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health."""
 import threading
 import time
 from collections.abc import Callable
@@ -21,15 +21,15 @@ from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.params import MONITOR
 from dragon_ros.nodes.raw_subscription import subscribe_raw
 
-_PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
-_MARKER_S = 0.1           # clearance/marker comes no more often than this
-_HEALTH_S = 1.0           # /diagnostics comes so often, in wall time
+_PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
+_MARKER_S = 0.1           # shortest interval of clearance/marker
+_HEALTH_S = 1.0           # interval of /diagnostics in wall time
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
            '/diagnostics')
 
 
 class Monitor(DragonNode):
-    """Pairs handles with benches by their stamp, looks at each pair, says what it sees."""
+    """Pairs handles with benches by their stamp, tracks the contacts of each pair, and publishes them."""
 
     def __init__(self, **overrides: Any) -> None:
         """Subscribe to the raw bytes of handles and benches."""
@@ -55,13 +55,13 @@ class Monitor(DragonNode):
         self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
-        """Give up messages whose partner does not come, and tell the health."""
+        """Drop messages whose partner has not arrived, and publish the health."""
         self._pairs.expire(time.monotonic() - _PARTNER_S)
         self._drop_unmatched()
         self._publish_health(always=True)
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do the work; a message that nobody can use is counted and logged, and the node goes on."""
+        """Do the work; an unusable message is counted and logged, and the node continues."""
         try:
             work()
         except InputError as error:
@@ -70,7 +70,7 @@ class Monitor(DragonNode):
     def _drop_unmatched(self) -> None:
         for topic, t_ns in self._pairs.take_unmatched():
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
-            self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} came with that stamp')
+            self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
     def _look(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
         self._drop_unmatched()
@@ -82,7 +82,7 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish what one tick tells, each topic only where it changes or somebody listens."""
+        """Publish the result of one tick, each topic only where it changes or has subscribers."""
         active = self._last is not None and self._last.count > 0
         self._last = report
         self.seen += 1
@@ -102,7 +102,7 @@ class Monitor(DragonNode):
         self._publish_health()
 
     def _show_clearance(self, report: Report) -> None:
-        """Publish the clearance for the eye, as often as an eye can read."""
+        """Publish the clearance as a marker, no more often than one can read."""
         marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and now - self._shown >= _MARKER_S:
             self._shown = now
@@ -110,7 +110,7 @@ class Monitor(DragonNode):
 
     def _log(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.level == status.ERROR:    # rclpy wants one severity for each line of code
+            if status.level == status.ERROR:    # rclpy requires one severity per line of code
                 self.get_logger().error(status.message)
             else:
                 self.get_logger().info(status.message)
@@ -128,7 +128,7 @@ class Monitor(DragonNode):
 
 
 def run(stop: threading.Event) -> int:
-    """Watch in an executor of its own until told to stop; return the exit code."""
+    """Run the monitor in an executor of its own until ``stop``; return the exit code."""
     node = Monitor()
     try:
         code = shell.spin(node, stop)

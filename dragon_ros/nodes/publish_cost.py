@@ -1,4 +1,4 @@
-"""What publishing one tick costs, as bytes and as message objects: ``cost tick`` runs it and reads seconds as JSON."""
+"""The cost of publishing one tick as bytes and as message objects; ``cost tick`` runs it and reads seconds as JSON."""
 import json
 import sys
 import time
@@ -39,7 +39,7 @@ def main(budget_s: float) -> None:
 
 
 def _heard(node: Node, name: str) -> Publisher:
-    """Return a publisher that somebody listens to."""
+    """Return a publisher with one subscriber."""
     row = channels()[name]
     kind, profile = shell.message_type(row.type), qos.profile('reliable', 'volatile', 10)
     node.create_subscription(kind, name, lambda _: None, profile, raw=True)
@@ -61,7 +61,7 @@ def _spent(call: Callable[[], object], budget_s: float) -> list[float]:
 
 
 def _objects(scene: Scene, frame: Frame) -> dict[str, object]:
-    """Return the messages of a frame as objects, as they are usually written."""
+    """Return the messages of a frame as objects, as nodes usually build them."""
     header = Header(frame_id='dragon')
     header.stamp.sec, header.stamp.nanosec = stamp_of(frame.t_ns)
     turns = half_turns(frame.axis).tolist()

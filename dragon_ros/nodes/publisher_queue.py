@@ -1,4 +1,4 @@
-"""Publishing bytes: who listens, and holding back where readers are slower than the publisher."""
+"""Publishing bytes: counting subscribers, and queueing where readers are slower than the publisher."""
 import time
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -12,8 +12,8 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
 from dragon_ros.messages.encode import Encode
 
-_GIVE_UP = 20       # failures of 0.1 s in a row with nobody to wait for
-_ACKED_S = 4.0      # acknowledgements come with the heartbeat of the middleware, every 3 s with Fast DDS
+_GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
+_ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS
 
 
 def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
@@ -28,12 +28,12 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 
 
 def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
-    """Return whether every topic has its wanted subscribers."""
+    """Return whether every topic has the required subscribers."""
     return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
 
 
 class PublisherQueue:
-    """Messages on their way out, in order; a reader that is slower than a lossless publisher holds them back."""
+    """Outgoing messages in order; readers that are slower than a lossless publisher hold them back."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -45,7 +45,7 @@ class PublisherQueue:
         self._waiting.append((publisher, data))
 
     def flush(self) -> bool:
-        """Publish what waits; return False where a full queue still holds some back, after a tenth of a second."""
+        """Publish what is queued; return False if a full reader still holds some back after a tenth of a second."""
         while self._waiting:
             publisher, data = self._waiting[0]
             try:
@@ -61,19 +61,19 @@ class PublisherQueue:
 
 
 class EncodedTopic:
-    """One topic of ``sim``: encodes, but only what somebody hears."""
+    """One topic of ``sim``, encoded only while it has subscribers."""
 
     def __init__(self, publisher: Publisher, encode: Encode) -> None:
-        """Publish on ``publisher`` what ``encode`` makes of a frame."""
+        """Publish frames on ``publisher``, encoded by ``encode``."""
         self.publisher, self._encode = publisher, encode
         self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
         self.published = 0
 
     def put(self, frame: Frame, queue: PublisherQueue) -> None:
-        """Queue a frame's message; without a subscriber nothing is encoded.
+        """Queue a frame's message; without subscribers nothing is encoded.
 
-        Who subscribes later hears from the next frame on, as ever: a volatile topic keeps nothing for late joiners.
-        A latched one does, and is always published.
+        A late subscriber receives the following frames, as with any volatile topic. A latched topic keeps its last
+        message for late subscribers, and is always published.
         """
         if self._latched or self.publisher.get_subscription_count():
             queue.put(self.publisher, self._encode(frame))
@@ -81,7 +81,7 @@ class EncodedTopic:
 
 
 def drain(publishers: Iterable[Publisher]) -> None:
-    """Wait, for a few seconds at most, until readers have everything: what is not sent dies with its publisher."""
+    """Wait a few seconds at most until readers have everything: unsent messages are lost with their publisher."""
     end = time.monotonic() + _ACKED_S
     for publisher in publishers:
         if publisher.get_subscription_count():

@@ -1,17 +1,17 @@
-"""Raw subscriptions that keep up: waking an rclpy executor costs as much as taking fifteen messages."""
+"""Raw subscriptions in batches: waking an rclpy executor costs as much as taking fifteen messages."""
 from collections.abc import Callable
 from typing import Any
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
-_AT_ONCE = 64       # then timers and the other topics have their turn
+_AT_ONCE = 64       # most messages before timers and other topics are served
 
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile) -> None:
     """Call ``take(data, info)`` for every message, in order.
 
-    When one wakes the node, all that have come are taken: a node that falls behind spends its time on messages.
+    When one message wakes the node, all that have arrived are taken, so that a node that falls behind catches up.
     """
     def callback(data: bytes, info: Any) -> None:
         take(data, info)

@@ -1,4 +1,4 @@
-"""``replay``: a bag back onto its topics, at the recorded spacing, under control."""
+"""``replay``: publishes a bag on its topics at the recorded spacing, under control."""
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -22,7 +22,7 @@ _CLOCK = '/clock'
 
 
 class Choice(NamedTuple):
-    """What is played of a bag: seconds from its start, topics (None: all), and who must listen first."""
+    """The part of a bag to play: seconds from its start, topics (None: all), and subscribers to wait for."""
 
     start_s: float = 0.0
     end_s: float | None = None
@@ -34,7 +34,7 @@ class Replay(DragonNode):
     """Publishes the bytes of a bag under the recorded names, in any executor; ``player.done`` at the end."""
 
     def __init__(self, bag: BagReader, choice: Choice, **overrides: Any) -> None:
-        """Advertise the topics of the bag with their recorded QoS. Raises InputError where the choice does not fit."""
+        """Advertise the topics of the bag with their recorded QoS. Raises InputError for an impossible choice."""
         super().__init__('replay', REPLAY, overrides)
         start_ns, end_ns = span_of(bag, choice)
         self._lossless = self.setting['time_scale'] == 0
@@ -47,12 +47,12 @@ class Replay(DragonNode):
         self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
             if _CLOCK in self.topic_publishers:
-                raise InputError(f'--clock: the bag has {_CLOCK} itself; choose --topics without it')
+                raise InputError(f'--clock: the bag itself has {_CLOCK}; choose --topics without it')
             self.source.also.append(ClockPublisher(self, start_ns).publish)
 
     @property
     def actions(self) -> dict[str, Callable[[], str]]:
-        """What each key does."""
+        """The action of each key."""
         player = self.player
         return {' ': lambda: player.resume() if player.paused else player.pause(), 's': player.step,
                 keys.RIGHT: lambda: self._jump(_JUMP_S), keys.LEFT: lambda: self._jump(-_JUMP_S)}
@@ -62,21 +62,21 @@ class Replay(DragonNode):
         if name == 'seek_s':
             self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
-            raise FieldError('time_scale', value, 'a replay that loses nothing has topics of its own kind from the '
+            raise FieldError('time_scale', value, 'a lossless replay needs lossless topics from the '
                              'start', 'start it with --rate 0, or set it above 0')
 
     def changed(self, name: str) -> None:
-        """Take a new speed over."""
+        """Apply a new speed."""
         if name == 'time_scale':
             self.player.set_speed(self.setting['time_scale'])
 
     def summary(self) -> str:
-        """Return how much was published, and how late."""
+        """Return how many messages were published, and how late."""
         count = sum(self.source.published.values())
         if not self.late_us:
             return f'{count} messages published, as fast as the readers follow'
-        return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} us (median), '
-                f'{quantile(self.late_us, 0.99)} us (99th percentile), {max(self.late_us)} us (worst)')
+        return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
+                f'{quantile(self.late_us, 0.99)} µs (99th percentile), {max(self.late_us)} µs (worst)')
 
     def _advertise(self, bag: BagReader, topics: list[str] | None) -> dict[str, Publisher]:
         rows = [row for row in bag.topics if topics is None or row.name in topics]
@@ -98,7 +98,7 @@ class Replay(DragonNode):
 
 
 def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
-    """Return the first and the last log time to play. Raises InputError where the choice does not fit the bag."""
+    """Return the first and the last log time to play. Raises InputError where the bag does not have it."""
     length_s = (bag.end_ns - bag.start_ns) / NS
     if not 0 <= choice.start_s <= length_s:
         raise InputError(f'--start {choice.start_s:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')
@@ -113,7 +113,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the value that ``part`` of the counted ones do not exceed."""
+    """Return the value that a ``part`` of the counted ones does not exceed."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]
@@ -128,7 +128,7 @@ def run(bag: BagReader, choice: Choice, given: dict[str, Any], stop: threading.E
     try:
         with keys.keys(node, node.actions) as listens:
             if listens:
-                node.get_logger().info('keys: space pauses and goes on, s steps, the arrows seek 5 s')
+                node.get_logger().info('keys: space pauses and resumes, s steps, the arrows seek 5 s')
             code = shell.spin(node, stop, lambda: node.player.done)
         node.get_logger().info(node.summary())
         publisher_queue.drain(node.topic_publishers.values())

@@ -1,4 +1,4 @@
-"""The messages of a bag as frames to play: all of one log time together, and a place among them."""
+"""A replay source: the messages of a bag as frames, one for each log time, with a current position."""
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 
@@ -14,11 +14,11 @@ from dragon_ros.nodes import publisher_queue
 class ReplaySource:
     """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
 
-    What is latched comes first: where it starts, and after a seek, each latched topic has the message that it had then.
+    At the start, and after a seek, each latched topic first publishes the message that it had at that time.
     """
 
     def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int) -> None:
-        """Stand before the first message; ``also`` is called with each time before its messages are published."""
+        """Start before the first message; each function in ``also`` is called with every time first."""
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
         self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
@@ -35,11 +35,11 @@ class ReplaySource:
         return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
 
     def last_ns(self) -> int:
-        """Return the time at which what is played ends."""
+        """Return the time of the end."""
         return self._end_ns
 
     def show(self) -> None:
-        """Publish the messages of the next log time, and move on."""
+        """Publish the messages of the next log time and advance."""
         assert self._next is not None
         self._last_ns = self._next.t_ns
         for observe in self.also:
@@ -54,7 +54,7 @@ class ReplaySource:
         self.flush()
 
     def flush(self) -> bool:
-        """Publish what slow readers held back; return whether nothing is held back any more."""
+        """Publish what slow readers held back; return whether nothing is held back now."""
         return self._queue.flush()
 
     def rewind(self) -> None:
@@ -62,7 +62,7 @@ class ReplaySource:
         self._go_to(self._start_ns)
 
     def seek(self, t_ns: int) -> None:
-        """Move to the last messages at or before ``t_ns``. Raises FieldError outside of what is played."""
+        """Move to the last messages at or before ``t_ns``. Raises FieldError outside the played part."""
         self.check_time(t_ns)
         last = self._start_ns
         for message in self._bag.messages(list(self._publishers), max(self._start_ns, t_ns - NS)):
@@ -72,17 +72,17 @@ class ReplaySource:
         self._go_to(last if last > self._start_ns else self._last_before(t_ns))
 
     def check_time(self, t_ns: int) -> None:
-        """Raise FieldError where ``t_ns`` is outside of what is played."""
+        """Raise FieldError where ``t_ns`` is outside the played part."""
         if not self._start_ns <= t_ns <= self._end_ns:
-            raise FieldError('seek_s', t_ns / NS, f'what is played goes from {self._start_ns / NS:.9g} s to '
+            raise FieldError('seek_s', t_ns / NS, f'the played part goes from {self._start_ns / NS:.9g} s to '
                              f'{self._end_ns / NS:.9g} s', 'seek within it')
 
     def place(self) -> str:
-        """Return where the last messages that were shown stand, for people."""
+        """Return the position of the last messages shown, as text."""
         return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
 
     def ending(self) -> str:
-        """Return why there is no next message, for people."""
+        """Return why there is no next message, as text."""
         return f'the bag ends at {self._end_ns / NS:.6f} s'
 
     def _go_to(self, t_ns: int) -> None:
@@ -100,7 +100,7 @@ class ReplaySource:
         return frame
 
     def _last_before(self, t_ns: int) -> int:
-        """Return the log time of the last message at or before ``t_ns``, looking at all of them."""
+        """Return the log time of the last message at or before ``t_ns``, from a pass over all messages."""
         last = self._start_ns
         for message in self._bag.messages(list(self._publishers), self._start_ns):
             if message.t_ns > t_ns:
@@ -109,7 +109,7 @@ class ReplaySource:
         return last
 
     def _before(self) -> list[Message]:
-        """Return the last message of each latched topic before where it starts."""
+        """Return the last message of each latched topic before the starting time."""
         found: dict[str, Message] = {}
         if self._latched and self._from_ns > self._bag.start_ns:
             for message in self._bag.messages(sorted(self._latched)):

@@ -1,4 +1,4 @@
-"""``sim``: computes tick after tick of a scene and publishes it as bytes."""
+"""``sim``: computes a scene tick by tick and publishes it as bytes."""
 import threading
 from collections.abc import Callable, Iterable, Iterator
 from typing import Any
@@ -32,13 +32,13 @@ class Broadcast(Frames):
     """The frames of a run, each published as it is shown."""
 
     def __init__(self, scene: Scene, contact: Contact | None, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
-        """Stand before the first frame; ``also`` is called with each frame before it is published."""
+        """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
         super().__init__(scene, contact)
         self._topics, self._queue = tuple(topics), publisher_queue.PublisherQueue()
         self.also: list[Callable[[Frame], None]] = []
 
     def show(self) -> None:
-        """Publish the next frame, and move on."""
+        """Publish the next frame and advance."""
         frame = self.take()
         for observe in self.also:
             observe(frame)
@@ -47,7 +47,7 @@ class Broadcast(Frames):
         self.flush()
 
     def flush(self) -> bool:
-        """Publish what slow readers held back; return whether nothing is held back any more."""
+        """Publish what slow readers held back; return whether nothing is held back now."""
         return self._queue.flush()
 
 
@@ -55,10 +55,10 @@ class Sim(DragonNode):
     """Publishes a scene, in any executor; ``player.done`` at the end of its run."""
 
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
-        """Declare parameters, load the scene, advertise what its effects switch on.
+        """Declare parameters, load the scene, advertise the topics of its effects.
 
         Where ``on_contact`` asks for it, the first contact is found here. Raises InterruptedError where
-        ``interrupted()`` becomes true meanwhile, DragonError where the parameters describe nothing to simulate.
+        ``interrupted()`` becomes true meanwhile, DragonError where the parameters describe no valid scene.
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting
@@ -84,11 +84,11 @@ class Sim(DragonNode):
         if name == 'seek_s':
             self._frames.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
-            raise FieldError('time_scale', value, 'a run that loses nothing has topics of its own kind from the start',
+            raise FieldError('time_scale', value, 'a lossless run needs lossless topics from the start',
                              'start sim with time_scale:=0.0, or set it above 0')
 
     def changed(self, name: str) -> None:
-        """Take a new speed over."""
+        """Apply a new speed."""
         if name == 'time_scale':
             self.player.set_speed(self.setting['time_scale'])
 
@@ -100,7 +100,7 @@ class Sim(DragonNode):
         return self.create_publisher(shell.message_type(row.type), name, profile)
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:
-        """Yield what else is told of each frame."""
+        """Yield what else is called with each frame."""
         if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
             clock = ClockPublisher(self, self.scene.run.start_ns)
             yield lambda frame: clock.publish(frame.t_ns)
@@ -109,7 +109,7 @@ class Sim(DragonNode):
 
 
 def _contact(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | None:
-    """Return the contact at which to act, if any. Raises InterruptedError where told to stop meanwhile."""
+    """Return the contact to act on, if any. Raises InterruptedError where ``interrupted()`` becomes true."""
     def go_on(_: int) -> None:
         if interrupted():
             raise InterruptedError

@@ -1,4 +1,4 @@
-"""TF of the two ends of a dragon: not of all handles, for 224 frames would only slow everybody down."""
+"""TF of the two ends of a dragon; frames of all 224 handles would slow down every listener."""
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile

@@ -1,1 +1,1 @@
-"""Scene files: load, schema, YAML, and what made a run. Never imports rclpy."""
+"""Scene files: loading, JSON Schema, YAML with line numbers, provenance."""

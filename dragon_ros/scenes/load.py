@@ -9,6 +9,7 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError
 from dragon_ros.core.flags import Noise, Trails, effects_of
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
 from dragon_ros.scenes.yaml import Document, parse_document, read_document
@@ -27,7 +28,7 @@ _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, leng
 _WORDS = ('lead', 'ramps', 'side')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
-ABOUT = 'about'     # what a scene says of itself: anything, and it changes nothing
+ABOUT = 'about'     # free notes about a scene, without any effect
 
 
 def scene_names() -> list[str]:
@@ -38,7 +39,7 @@ def scene_names() -> list[str]:
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     """Return the scene of a name or file, with ``key=value`` overrides (dotted keys) applied on top.
 
-    What is left out has the classic value. Raises InputError with file, line and key.
+    Omitted keys have the classic values. Raises InputError with file, line and key.
     """
     document = read_document(_find(name_or_file))
     for override in overrides:
@@ -57,20 +58,22 @@ def scene_of(document: Document) -> Scene:
         if 'accuracy' in values:
             parts['accuracy'] = _number(values['accuracy'])
         parts |= {name: values[name] for name in CHOICES if name in values}
-        return Scene(**parts)
+        scene = Scene(**parts)
+        compile_scene(scene)        # it finds what only the track laid out in the plane can tell
+        return scene
     except FieldError as error:
         raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
 
 
 def scene_values(scene: Scene) -> dict[str, Any]:
-    """Return the scene as the mapping that a scene file would hold, complete."""
+    """Return the complete scene as the mapping of a scene file."""
     values = {name: _values(getattr(scene, name), kinds) for name, kinds in SECTIONS.items()}
     return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names,
             **{name: getattr(scene, name) for name in CHOICES}}
 
 
 def _find(name_or_file: str) -> Path:
-    """Return the file of a scene: a path if it looks like one, else a scene of the package."""
+    """Return the file of a scene: a path if it looks like one, otherwise a scene of the package."""
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         return Path(name_or_file)
     known = scene_names()
@@ -81,7 +84,7 @@ def _find(name_or_file: str) -> Path:
 
 
 def _values(part: Any, kinds: dict[str, type]) -> dict[str, Any]:
-    """Return one section, or one of a list in it, as a mapping; what is None is left out of the latter."""
+    """Return one section, or one item of a list in it, as a mapping; items omit keys that are None."""
     kind = next(name for name, one in kinds.items() if isinstance(part, one))
     values = {f.name: getattr(part, f.name) for f in fields(part)}
     for key in PARTS.keys() & values.keys():
@@ -91,17 +94,17 @@ def _values(part: Any, kinds: dict[str, type]) -> dict[str, Any]:
 
 
 def _plain(value: Any) -> Any:
-    """Return tuples as lists, which YAML writes plainly."""
+    """Return tuples as lists, which YAML writes without tags."""
     return [_plain(one) for one in value] if isinstance(value, tuple) else value
 
 
 def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
-    """Build one section's dataclass from its mapping; ``kind`` says which where there are several."""
+    """Build one section's dataclass from its mapping; ``kind`` selects one where there are several."""
     return _made(document, name, kinds, dict(document.section(name)))
 
 
 def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str, Any]) -> Any:
-    """Return the dataclass of a kind, from a mapping whose keys and shape are checked here and values there."""
+    """Return the dataclass of a kind; keys and shapes are checked here, values by the dataclass."""
     chosen = given.pop('kind', next(iter(kinds))) if len(kinds) > 1 else ''
     if chosen not in kinds:
         document.refuse(f'{name}.kind', f'{chosen!r} is not known; the kinds are {", ".join(kinds)}')
@@ -109,11 +112,12 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
     known = [f.name for f in fields(kind)]
     for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):
         if key in given and key not in known:
-            document.refuse(f'{name}.{key}', f'there is no such key of kind {chosen}; write kind: {other} for it')
+            document.refuse(f'{name}.{key}', f'unknown key for kind {chosen}; write kind: {other} for it')
     document.check_keys(f'{name}.', given, (*known, 'kind') if len(kinds) > 1 else known)
     for f in fields(kind):
         if f.default is MISSING and f.name not in given:
-            document.refuse(f'{name}.{f.name}', f'it is missing; a {chosen or "part"} needs it')
+            whose = f'kind {chosen}' if chosen else 'each part'
+            document.refuse(f'{name}.{f.name}', f'it is missing; {whose} requires it')
     return kind(**{key: _value(document, f'{name}.{key}', value) for key, value in given.items()})
 
 
@@ -125,7 +129,7 @@ def _part(document: Document, name: str, key: str, given: Any) -> Any:
 
 
 def _value(document: Document, name: str, value: Any) -> Any:
-    """Return numbers as numbers, and the lists that some keys hold as tuples."""
+    """Return numbers as numbers, and the lists of some keys as tuples."""
     key = name.rpartition('.')[2]
     if key == 'knots':
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
@@ -133,7 +137,7 @@ def _value(document: Document, name: str, value: Any) -> Any:
         return tuple((_number(t_s), _number(speed)) for t_s, speed in value)
     if key == 'at_m' and value is not None:
         if not _is_pair(value):
-            document.refuse(name, f'{value!r} is not a place; write for example [1.5, 2]')
+            document.refuse(name, f'{value!r} is not a point; write for example [1.5, 2]')
         return tuple(map(_number, value))
     if key in PARTS:
         if not isinstance(value, list):
@@ -147,7 +151,7 @@ def _is_pair(value: Any) -> bool:
 
 
 def _number(value: Any) -> Any:
-    """Return a number that YAML 1.1 takes for text, such as 1e-9; anything else as it is."""
+    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
     if isinstance(value, str):
         try:
             return float(value)

@@ -1,4 +1,4 @@
-"""What made a run: the complete scene as a scene file, which also says the versions, git state and settings."""
+"""Provenance of a run: its complete scene as a scene file, with versions, git state and settings."""
 import platform
 import subprocess
 from collections.abc import Mapping
@@ -23,7 +23,7 @@ ATTACHMENT = 'scene.yaml'
 
 @lru_cache(maxsize=1)
 def versions() -> dict[str, str]:
-    """Return the versions of what computes, and the git commit where the code is a checkout (``+`` where changed)."""
+    """Return the versions of the software, and the git commit in a checkout (``+`` where modified)."""
     found = {'dragon_ros': __version__, 'python': platform.python_version(), 'numpy': np.__version__}
     commit = _git('rev-parse', 'HEAD')
     if commit:
@@ -32,7 +32,7 @@ def versions() -> dict[str, str]:
 
 
 def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
-    """Return the complete scene as a scene file; its section ``about`` has the versions and other settings."""
+    """Return the complete scene as a scene file; its section ``about`` holds versions and other settings."""
     return yaml.safe_dump({**scene_values(scene), 'about': {**versions(), **(settings or {})}}, sort_keys=False)
 
 
@@ -44,12 +44,14 @@ def scene_in(text: str) -> Scene | None:
 
 
 def run_metadata(text: str, recorder: Mapping[str, str]) -> dict[str, str]:
-    """Return the metadata record of a bag whose scene file is ``text``; ``recorder`` is what its recorder says."""
+    """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder."""
     scene = scene_in(text)
-    told = {'scene': text, **{f'about.{key}': str(value) for key, value in _about(text).items()}}
+    record = {'scene': text, **{f'about.{key}': str(value) for key, value in _about(text).items()}}
     if scene is not None:
-        told |= {'tier': compile_scene(scene).tier.name, 'promise_m': repr(compile_scene(scene).promise_m), 'effects': ', '.join(scene.effects.names)}
-    return told | {f'recorder.{key}': value for key, value in recorder.items()}
+        model = compile_scene(scene)
+        record |= {'tier': model.tier.name, 'promise_m': repr(model.promise_m),
+                   'effects': ', '.join(scene.effects.names)}
+    return record | {f'recorder.{key}': value for key, value in recorder.items()}
 
 
 def _about(text: str) -> dict[str, Any]:
@@ -59,7 +61,7 @@ def _about(text: str) -> dict[str, Any]:
 
 
 def _git(*arguments: str) -> str:
-    """Return what git says of the checkout that this code is in; nothing where it is in none."""
+    """Return the git commit of the checkout that holds this code; '' outside of one."""
     root = Path(__file__).resolve().parents[2]
     if not (root / '.git').exists():
         return ''

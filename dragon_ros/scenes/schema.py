@@ -1,6 +1,6 @@
 """The JSON Schema of scene files, made from the dataclasses that they describe: for editors, and for other programs.
 
-It knows names, types and choices. Limits of numbers are checked where a scene is made, with better words.
+It covers names, types and choices. Limits of numbers are checked where a scene is built, with clearer errors.
 """
 import json
 from collections.abc import Mapping
@@ -29,28 +29,28 @@ def scene_schema() -> Schema:
     parts['accuracy'] = {'description': 'largest position error in metres, or a tier', 'default': defaults.accuracy,
                          'anyOf': [{'type': 'number', 'exclusiveMinimum': 0}, {'enum': list(TIERS)}]}
     parts['effects'] = {
-        'description': 'what is simulated beside the handles', 'type': 'array', 'default': defaults.effects.names,
+        'description': 'what is simulated besides the handles', 'type': 'array', 'default': defaults.effects.names,
         'items': {'oneOf': [{'const': effect.names[0], 'description': text} for effect, text in MEANINGS.items()]}}
     for name, (text, choices) in _WAYS.items():
         parts[name] = {'description': text, 'enum': list(choices), 'default': getattr(defaults, name)}
     return {'$schema': 'https://json-schema.org/draft/2020-12/schema', 'title': 'A scene of dragon_ros',
-            'description': 'What is left out has its default.', 'type': 'object', 'additionalProperties': False,
+            'description': 'Omitted keys have their defaults.', 'type': 'object', 'additionalProperties': False,
             'properties': parts}
 
 
 def text() -> str:
-    """Return the schema as the file holds it."""
+    """Return the schema as the text of its file."""
     return json.dumps(scene_schema(), indent=1) + '\n'
 
 
 def _section(kinds: Mapping[str, type]) -> Schema:
-    """Return the schema of a section: one of its kinds, the first where none is named."""
+    """Return the schema of a section: one of its kinds, by default the first."""
     made = [_kind(name, one, needed=number > 0) for number, (name, one) in enumerate(kinds.items())]
     return made[0] if len(made) == 1 else {'oneOf': made}
 
 
 def _kind(name: str, one: type, needed: bool) -> Schema:
-    """Return the schema of one dataclass; ``needed`` says whether its kind must be named."""
+    """Return the schema of one dataclass; ``needed`` is true where its kind must be given."""
     properties = {field.name: _field(field) for field in fields(one)}
     required = [field.name for field in fields(one) if field.default is MISSING]
     if name:

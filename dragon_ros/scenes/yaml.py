@@ -14,7 +14,7 @@ MOST_VALUES = 100_000
 
 @dataclass
 class Document:
-    """The mapping that a file holds, and where each dotted key stands (``file:line``)."""
+    """The mapping in a file, and the place of each dotted key (``file:line``)."""
 
     name: str
     values: dict[str, Any]
@@ -25,27 +25,27 @@ class Document:
         raise InputError(f'{self.place(key)}: {key}: {why}', field=key)
 
     def place(self, key: str) -> str:
-        """Return where ``key``, or something below it, or the nearest section above it, stands."""
+        """Return the place of ``key``, of a key below it, or of the nearest section above it."""
         key = next((place for place in self.places if place.startswith(f'{key}.')), key)
         while key and key not in self.places:
             key = key.rpartition('.')[0]
         return self.places.get(key, self.name)
 
     def section(self, key: str) -> dict[str, Any]:
-        """Return the mapping under ``key`` (empty where it is left out)."""
+        """Return the mapping under ``key`` (empty if it is omitted)."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
             self.refuse(key, f'it holds {value!r}; write a mapping of keys below it')
         return value
 
     def check_keys(self, prefix: str, given: Iterable[str], known: Iterable[str]) -> None:
-        """Refuse keys that are not known, and name the nearest one."""
+        """Reject unknown keys, and suggest the nearest known one."""
         known = list(known)
         for key in given:
             if key not in known:
                 near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.4)
                 hint = f'did you mean {near[0]}?' if near else f'the keys are {", ".join(known)}'
-                self.refuse(f'{prefix}{key}', f'there is no such key; {hint}')
+                self.refuse(f'{prefix}{key}', f'unknown key; {hint}')
 
 
 def read_document(path: Path) -> Document:
@@ -59,7 +59,7 @@ def read_document(path: Path) -> Document:
 
 
 def parse_document(name: str, text: str) -> Document:
-    """Parse a YAML mapping; duplicate keys are refused."""
+    """Parse a YAML mapping; duplicate keys are rejected."""
     document = Document(name, {})
     try:
         root = yaml.compose(text, Loader=yaml.SafeLoader)
@@ -77,22 +77,22 @@ def parse_document(name: str, text: str) -> Document:
 
 
 def values_of(text: str) -> Any:
-    """Return what YAML from a stranger holds. Raises YAMLError, ValueError or RecursionError."""
+    """Return the value of untrusted YAML. Raises YAMLError, ValueError or RecursionError."""
     check_size(yaml.compose(text, Loader=yaml.SafeLoader))
     return yaml.safe_load(text)
 
 
 def check_size(root: yaml.Node | None) -> None:
-    """Raise ValueError where aliases make much out of little, or a value holds itself."""
+    """Raise ValueError where aliases expand to too many values, or a value contains itself."""
     sizes: dict[int, int] = {}
 
     def size(node: yaml.Node) -> int:
         if id(node) not in sizes:
-            sizes[id(node)] = MOST_VALUES + 1       # of a value that holds itself
+            sizes[id(node)] = MOST_VALUES + 1       # for a value that contains itself
             sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
     if root is not None and size(root) > MOST_VALUES:
-        raise ValueError(f'with its aliases written out it has more than {MOST_VALUES} values')
+        raise ValueError(f'with its aliases expanded it has more than {MOST_VALUES} values')
 
 
 def _below(node: yaml.Node) -> list[yaml.Node]:
@@ -102,7 +102,7 @@ def _below(node: yaml.Node) -> list[yaml.Node]:
 
 
 def _collect(document: Document, node: yaml.MappingNode, prefix: str) -> None:
-    """Note the line of each key below ``node``."""
+    """Record the line of each key below ``node``."""
     for key, value in node.value:
         dotted = f'{prefix}{key.value}'
         place = f'{document.name}:{key.start_mark.line + 1}'

@@ -2,6 +2,7 @@
 import pytest
 
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
@@ -10,7 +11,7 @@ from dragon_ros.messages.encode import encoders
 SCENE = Scene(run=Run(412, 412.5))
 
 
-def _write_bag(path, ticks=range(SCENE.last_tick + 1)):
+def _write_bag(path, ticks=range(compile_scene(SCENE).last_tick + 1)):
     encode = encoders(SCENE)
     with BagWriter(path) as bag:
         for name, row in channels().items():

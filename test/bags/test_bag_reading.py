@@ -1,4 +1,4 @@
-"""Bags in folders, out of order, with gaps; frames out of them; strangers' YAML."""
+"""Bags in folders, out of order and with gaps; the frames in them; untrusted YAML."""
 from array import array
 from io import BytesIO
 

@@ -1,4 +1,4 @@
-"""What is written can be read by others, is never overwritten unasked, and is whole even where the disk is full."""
+"""Bags can be read by others, are never overwritten unasked, and are complete even where the disk is full."""
 import resource
 from contextlib import contextmanager, suppress
 
@@ -13,6 +13,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.mcap import CHUNK_BYTES
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import DiskError, InputError, MissingError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
@@ -23,7 +24,7 @@ SCENE = Scene(run=Run(412, 412.5))
 TOPICS = ['/dragon/handles', '/dragon/benches', '/dragon/velocities']
 
 
-def fill(bag, ticks=range(SCENE.last_tick + 1)):
+def fill(bag, ticks=range(compile_scene(SCENE).last_tick + 1)):
     """Write ticks and return what was written."""
     encode, out = encoders(SCENE), []
     for name in encode:
@@ -151,7 +152,7 @@ def test_a_bag_is_never_overwritten_unasked(tmp_path, write_bag):
         BagWriter(tmp_path / 'no' / 'folder.mcap')
 
 
-def test_a_directory_is_replaced_only_when_told_and_only_what_is_of_the_bag(tmp_path):
+def test_a_directory_is_replaced_only_on_request_and_only_the_files_of_the_bag(tmp_path):
     options = BagOptions(compression='none', split_size_mb=0.5)
     with BagWriter(tmp_path / 'run', options=options) as bag:
         fill(bag)
@@ -215,7 +216,7 @@ def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compre
     assert kept == written[:len(kept)]
     assert len(kept) == bag.kept
     assert (bag.kept < 78) == bool(errors)
-    assert all('a.mcap: cannot be written on: File too large' in error for error in errors)
+    assert all('a.mcap: cannot be continued: File too large' in error for error in errors)
     assert (tmp_path / 'a.mcap').stat().st_size <= size
     bag.close()
 
@@ -261,7 +262,7 @@ def test_a_bag_that_vanishes_is_noticed(tmp_path, remove):
     else:
         (tmp_path / 'a.mcap').rename(tmp_path / 'b.mcap')
     fill(bag, [1])
-    with pytest.raises(DiskError, match='no longer there'):
+    with pytest.raises(DiskError, match='no longer exists'):
         bag.flush()
     bag.close()
     assert remove or len(read(tmp_path / 'b.mcap')) == 6

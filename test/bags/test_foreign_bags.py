@@ -1,4 +1,4 @@
-"""Bags that other libraries wrote: read if they can be, told for what they are, never a traceback."""
+"""Bags written by other libraries: read where possible, otherwise reported, never with a traceback."""
 import pytest
 
 from dragon_ros.__main__ import main
@@ -43,7 +43,7 @@ def robot_of_rosbags(path, compression=None, storage='MCAP'):
 @pytest.mark.parametrize('make', [robot_of_mcap_ros2, robot_of_rosbags,
                                   lambda path: robot_of_rosbags(path, 'STORAGE')],
                          ids=['mcap-ros2-support', 'rosbags', 'rosbags compressed'])
-def test_another_robots_bag_is_read_and_told_to_hold_no_dragon(tmp_path, capsys, make):
+def test_the_bag_of_another_robot_is_read_and_reported_to_hold_no_dragon(tmp_path, capsys, make):
     path = make(tmp_path / 'robot.mcap')
     with BagReader(path) as bag:
         chatter = [(m.t_ns, m.data[8:12]) for m in bag.messages(['/chatter'])]

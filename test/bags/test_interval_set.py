@@ -1,4 +1,4 @@
-"""IntervalSet hold exactly what came, in any order."""
+"""An interval set contains exactly the numbers added, in any order."""
 from hypothesis import given
 from hypothesis import strategies as st
 

@@ -1,4 +1,4 @@
-"""What is missing is told: by the publisher's numbers, and by the ticks of the run."""
+"""Losses are reported: from the publisher's numbers, and from the ticks of the run."""
 import pytest
 
 from dragon_ros.bags.record.loss_accounting import LossAccount
@@ -63,7 +63,7 @@ def test_what_one_topic_lacks_at_the_end_is_missing_once_the_run_has_ended():
     assert account.complete(ended=False)
 
 
-def test_where_no_scene_is_known_the_numbers_and_the_spacing_tell():
+def test_without_a_scene_losses_show_in_the_numbers_and_the_spacing():
     account = account_of([0, 1, 2, 5, 6], [1, 2, 3, 6, 7], scene=None)
     assert account.missing(ended=True) == {}
     assert not account.complete(ended=True)

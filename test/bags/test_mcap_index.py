@@ -1,4 +1,4 @@
-"""The packed parts of a file: what is noted comes back, finds its messages, and takes little memory."""
+"""The packed parts of a file: what is stored is returned, finds its messages, and takes little memory."""
 import gc
 import io
 import threading

@@ -79,7 +79,7 @@ def test_rosbags_decodes_every_message_by_the_schemas_in_the_bag(bag):
         assert profile.durability.name == 'TRANSIENT_LOCAL'
 
 
-def test_ros2_bag_tells_what_is_in_it(bag):
+def test_ros2_bag_lists_its_contents(bag):
     if shutil.which('ros2') is None or subprocess.run(['ros2', 'bag', '--help'], capture_output=True).returncode:
         pytest.skip('ros2 bag is not installed')
     done = subprocess.run(['ros2', 'bag', 'info', str(bag)], capture_output=True, text=True, check=True)

@@ -1,4 +1,4 @@
-"""Jobs on a thread: in order, at most one behind, an error told once."""
+"""Jobs on a thread: in order, at most one pending, an error raised once."""
 import threading
 
 import pytest
@@ -24,7 +24,7 @@ def test_jobs_are_done_in_order_and_never_more_than_one_waits():
     assert done == [True, *range(100)]
 
 
-def test_an_error_is_told_once_and_what_comes_with_it_is_not_started():
+def test_an_error_is_raised_once_and_the_job_submitted_with_it_is_not_started():
     thread, done = Worker('x'), []
     thread.start(fail)
     with pytest.raises(DiskError, match='no room'):

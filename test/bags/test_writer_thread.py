@@ -1,4 +1,4 @@
-"""The bag on its own thread: everything in order, bounded, and an error told once."""
+"""The writer thread: everything in order, bounded memory, and an error reported once."""
 import threading
 
 import pytest

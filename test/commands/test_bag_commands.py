@@ -84,7 +84,7 @@ def test_simulate_that_is_interrupted_leaves_a_whole_bag(tmp_path):
     assert counts['/dragon/handles'] == counts['/dragon/benches'] > 10
 
 
-def test_inspect_tells_topics_scene_contact_and_clearance(capsys, bag):
+def test_inspect_shows_topics_scene_contact_and_clearance(capsys, bag):
     code, out, _ = run(capsys, 'inspect', bag, '--format', 'json', '--looks', '0')
     values = json.loads(out)
     assert code == 0
@@ -120,7 +120,7 @@ def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_
     assert '1 dragon (/dragon); none in --namespace left' in err
 
 
-def test_inspect_looks_at_no_more_ticks_than_it_is_told_to(capsys, bag):
+def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):
     found = json.loads(run(capsys, 'inspect', bag, '--format', 'json', '--looks', '5')[1])['clearance']
     assert (found['looks'], found['ticks'], len(found['gap_m'])) == (5, TICKS, 5)
     assert (found['t_s'][0], found['t_s'][-1]) == (412.2, 412.7)
@@ -139,7 +139,7 @@ def changed(bag, path, change):
     return path
 
 
-def test_inspect_tells_which_ticks_are_missing_and_doubled(capsys, tmp_path, bag):
+def test_inspect_names_the_ticks_that_are_missing_and_doubled(capsys, tmp_path, bag):
     def change(m):
         k = round((m.t_ns / 1e9 - 412.2) * 50)
         return [] if m.topic == '/dragon/handles' and k in (3, 4, 9) else [m.data] * (1 + (k == 12))
@@ -172,7 +172,7 @@ def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
     assert '6 keep the promise' in out
 
 
-def test_check_tells_other_bits_within_the_promise_from_wrong_values(capsys, tmp_path, bag):
+def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(capsys, tmp_path, bag):
     def moved(by_m):
         def change(m):
             if m.topic != '/dragon/handles' or m.t_ns != 412_300_000_000:
@@ -196,15 +196,15 @@ def test_check_tells_other_bits_within_the_promise_from_wrong_values(capsys, tmp
 def test_check_of_a_bag_without_a_scene_is_refused(capsys):
     code, _, err = run(capsys, 'inspect', CORPUS / 'good_none.mcap', '--check')
     assert code == 2
-    assert 'says of no scene' in err
+    assert 'does not contain its scene' in err
 
 
-def test_a_cut_bag_is_told_and_repaired(capsys, tmp_path, bag):
+def test_a_truncated_bag_is_reported_and_repaired(capsys, tmp_path, bag):
     cut = tmp_path / 'cut.mcap'
     cut.write_bytes(bag.read_bytes()[:-5000])
     code, out, _ = run(capsys, 'inspect', cut)
     assert code == 1
-    assert 'cut off' in out
+    assert 'is truncated and has no index' in out
     assert run(capsys, 'inspect', cut, '--repair', tmp_path / 'whole.mcap')[0] == 0
     assert run(capsys, 'inspect', tmp_path / 'whole.mcap')[0] == 0
     assert set(messages(tmp_path / 'whole.mcap')) <= set(messages(bag))
@@ -223,7 +223,7 @@ def test_inspect_shows_the_scene_of_a_cut_bag(capsys, tmp_path, bag, messages_ar
     code, out, _ = run(capsys, 'inspect', cut)
     assert code == 1
     assert 'scene: 223 benches, pitch 0.55 m, 50 Hz from 412.2 s' in out
-    assert 'was cut off before its end' in out
+    assert 'is truncated and has no index' in out
     values = json.loads(run(capsys, 'inspect', cut, '--format', 'json')[1])
     assert values['about']['tier'] == 'exact'
     assert ('start_s' in values) == messages_are_left
@@ -250,7 +250,7 @@ def test_bags_of_one_bench_and_of_triangles_are_simulated_inspected_and_checked(
      '7 mixed benches, pitch 0.55'),
     (('dragon.benches=4', 'track.kind=joined', 'track.pieces=[{kind: line, length_m: 500}]'),
      '4 benches, 1 pieces of track')])
-def test_bags_of_mixed_benches_and_of_joined_tracks_are_told_and_checked(capsys, tmp_path, overrides, says):
+def test_bags_of_mixed_benches_and_of_composite_tracks_are_described_and_checked(capsys, tmp_path, overrides, says):
     path = tmp_path / 'run.mcap'
     changes = [part for one in overrides for part in ('--set', one)]
     assert run(capsys, 'simulate', *SCENE, *changes, '--output', path)[0] == 0

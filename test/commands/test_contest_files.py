@@ -107,7 +107,7 @@ def test_without_the_library_text_files_are_written_and_a_line_says_what_is_miss
     ['--contest', 'a', '--times', '0'], ['--contest', 'a', '--output', 'b'], ['--contest', 'a', '--paper'],
     ['--paper', '--scene', 'long'], ['--paper', '--handles', '0'], ['a.mcap', '--scene', 'long'],
     ['a.mcap', '--contest', 'a'], ['--times', '0', '--namespace', 'b']], ids=' '.join)
-def test_what_a_table_would_not_look_at_is_refused(capsys, tmp_path, monkeypatch, options):
+def test_options_that_a_table_would_ignore_are_rejected(capsys, tmp_path, monkeypatch, options):
     monkeypatch.chdir(tmp_path)
     assert main(['table', *options]) == 2
     out, err = capsys.readouterr()

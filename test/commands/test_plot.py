@@ -46,7 +46,7 @@ def test_the_same_picture_has_the_same_bytes(capsys, tmp_path, short, suffix):
     assert paths[0].read_bytes() == paths[1].read_bytes()
 
 
-def test_a_bag_tells_what_its_scene_tells(scene, bag):
+def test_a_bag_shows_what_its_scene_shows(scene, bag):
     model = SceneSource('winding', scene)
     with BagReader(bag) as opened:
         recorded = dragon_in(opened)

@@ -1,4 +1,4 @@
-"""The page on bags: its figures follow from what was measured, and its bags are whole."""
+"""The page on bags: its figures follow from the measurements, and its bags are complete."""
 import csv
 import io
 

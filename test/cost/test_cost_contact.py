@@ -40,7 +40,7 @@ def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     assert 'N^1.00' in contacts.summary(rows)
 
 
-def test_every_way_of_checking_finds_the_same_smallest_gap():
+def test_every_method_of_checking_finds_the_same_smallest_gap():
     for size in (10, 223):
         assert [check.right for check in growth.checks_of(size, 0.0)] == [True] * 4
 

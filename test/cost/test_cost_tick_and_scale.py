@@ -34,7 +34,7 @@ def tick_rows():
             ticks.Row('march', 'exact', 'bytes', stages)]
 
 
-def test_the_tick_page_tells_how_many_times_faster_than_before(tmp_path):
+def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
     with np.errstate(all='warn'):
         paths = ticks.write(tick_rows(), tmp_path, figures.save)
     assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']

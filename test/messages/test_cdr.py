@@ -70,7 +70,7 @@ def test_the_real_serialiser_reads_and_writes_the_same(benches, name, markers, f
     assert serialization.deserialize_message(again, kind) == message
 
 
-def test_markers_of_uneven_strings_are_walked_and_agree():
+def test_markers_with_strings_of_unequal_length_decode_to_the_same():
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import MarkerArray
     data = frame_and_bytes(9)[1]['benches']
@@ -165,13 +165,13 @@ def edit(name, benches=5, **changes):
     (lambda m: setattr(m.markers[1].scale, 'y', 0.0), 'positive'),
     (lambda m: setattr(m.markers[1], 'id', 7), '0, 1, 2'),
     (lambda m: m.markers.pop(), 'expected one less'),
-    (lambda m: m.markers.clear(), 'no CUBE'),
+    (lambda m: m.markers.clear(), 'neither CUBEs nor a TRIANGLE_LIST'),
     (lambda m: setattr(m.markers[0].header, 'frame_id', 'map'), "'map'"),
     (lambda m: setattr(m.markers[2].pose.orientation, 'w', 0.0) or setattr(m.markers[2].pose.orientation, 'z', 0.0),
      'orientation'),
     (lambda m: setattr(m.markers[1].scale, 'x', 1e300), 'finite'),
 ])
-def test_benches_that_nobody_can_use_are_refused_by_field(change, says):
+def test_unusable_benches_are_rejected_by_field(change, says):
     handles = frame_and_bytes(5)[1]['handles']
     with pytest.raises(MessageError, match=says):
         seen(handles, edit('benches', change=change))
@@ -182,7 +182,7 @@ def test_benches_that_nobody_can_use_are_refused_by_field(change, says):
     (lambda m: m.poses.clear(), '0 poses'),
     (lambda m: [m.poses.pop() for _ in range(5)], '1 poses'),
 ])
-def test_handles_that_nobody_can_use_are_refused_by_field(change, says):
+def test_unusable_handles_are_rejected_by_field(change, says):
     with pytest.raises(MessageError, match=says):
         seen(edit('handles', change=change), frame_and_bytes(5)[1]['benches'])
 
@@ -218,7 +218,7 @@ def test_a_message_that_is_held_stays_as_it_was(markers):
 
 
 @pytest.mark.parametrize('name', ['handles', 'benches', 'velocities'])
-def test_a_message_that_nobody_holds_is_not_copied(name):
+def test_a_message_that_is_not_held_is_not_copied(name):
     scene = Scene(dragon=Dragon(2000), run=Run(400, 413))
     frame, encode = tick(scene, 0), encoders(scene)[name]
     size = len(encode(frame))

@@ -1,4 +1,4 @@
-"""The topics of effects: there only where the effect is on, decodable, and the same whatever else is on."""
+"""The topics of effects: present only where the effect is on, decodable, and the same whatever else is on."""
 from dataclasses import replace
 
 import numpy as np
@@ -64,7 +64,7 @@ def test_a_trail_is_one_line_through_its_points():
     assert np.array_equal(line['points'][:, :2], FRAME.trail_m)
 
 
-def test_diagnostics_tell_ok_or_the_worst_link():
+def test_diagnostics_report_ok_or_the_worst_link():
     (status,) = read_diagnostics(BYTES['model/diagnostics'])
     assert status.level == 0
     bad = replace(FRAME, health=replace(FRAME.health, off_m=1.0))

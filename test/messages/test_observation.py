@@ -121,20 +121,20 @@ def second_list(message):
 
 @pytest.mark.parametrize(('change', 'says'), [
     (lambda m: setattr(m.markers[0].points[9], 'x', float('nan')), 'point 9'),
-    (lambda m: setattr(m.markers[0].points[9], 'x', 100.0), 'bench 1 are no rectangle'),
-    (lambda m: setattr(m.markers[0].points[9], 'y', m.markers[0].points[9].y + 1e-3), 'bench 1 are no rectangle'),
-    (lambda m: m.markers[0].points.__setitem__(9, m.markers[0].points[10]), 'bench 1 are no rectangle'),
-    (lambda m: [setattr(p, 'x', 0.0) or setattr(p, 'y', 0.0) for p in m.markers[0].points], 'no rectangle'),
+    (lambda m: setattr(m.markers[0].points[9], 'x', 100.0), 'bench 1 are not a rectangle'),
+    (lambda m: setattr(m.markers[0].points[9], 'y', m.markers[0].points[9].y + 1e-3), 'bench 1 are not a rectangle'),
+    (lambda m: m.markers[0].points.__setitem__(9, m.markers[0].points[10]), 'bench 1 are not a rectangle'),
+    (lambda m: [setattr(p, 'x', 0.0) or setattr(p, 'y', 0.0) for p in m.markers[0].points], 'are not a rectangle'),
     (lambda m: m.markers[0].points.pop(), '29 points; expected six'),
     (lambda m: [m.markers[0].points.pop() for _ in range(6)], '4 for 6 handles'),
     (lambda m: m.markers[0].points.clear(), '0 for 6 handles'),
-    (lambda m: m.markers.pop(0), 'no CUBE and no TRIANGLE_LIST'),
+    (lambda m: m.markers.pop(0), 'neither CUBEs nor a TRIANGLE_LIST'),
     (second_list, 'CUBEs or one TRIANGLE_LIST'),
     (lambda m: setattr(m.markers[0].pose.orientation, 'w', 0.0), 'no orientation'),
     (lambda m: setattr(m.markers[0].scale, 'x', 0.0), 'no size'),
     (lambda m: setattr(m.markers[0].header, 'frame_id', 'map'), "'map'"),
     (lambda m: setattr(m.markers[0].header.stamp, 'sec', -1), 'stamp'),
 ])
-def test_triangles_that_nobody_can_use_are_refused_by_field(change, says):
+def test_unusable_triangles_are_rejected_by_field(change, says):
     with np.errstate(all='raise'), pytest.raises(MessageError, match=says):
         seen(edited(change)[1])

@@ -26,7 +26,7 @@ def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
     assert pairs.take_unmatched() == []
 
 
-def test_a_run_that_starts_afresh_while_one_topic_lags_costs_no_pair():
+def test_a_run_that_restarts_while_one_topic_lags_costs_no_pair():
     pairs = Synchronizer()
     for first in (poses(1), poses(2), again := poses(1)):
         pairs.add_handles(first, 0.0)

@@ -1,4 +1,4 @@
-"""The views show every topic that can be seen, under its name, with the QoS that reaches it."""
+"""The views show every topic that can be displayed, under its name, with a matching QoS."""
 import json
 
 import yaml

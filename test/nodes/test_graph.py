@@ -1,4 +1,4 @@
-"""The proof of the whole, and each node's part of it."""
+"""All nodes together, and each node's part."""
 import signal
 
 import pytest
@@ -80,7 +80,7 @@ def test_the_recorder_ends_with_the_run(start, tmp_path):
 
 
 @pytest.mark.parametrize('scene', ['turning', 'unwinding'])
-def test_a_dance_is_published_as_the_model_says(start, tmp_path, scene):
+def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene):
     bag = tmp_path / 'run.mcap'
     record = start('record', '--output', bag)
     short = ('run.start_s=100', 'run.stop_s=101')
@@ -176,7 +176,7 @@ def test_a_signal_closes_the_bag_properly(start, node, tmp_path, number):
     assert max(counts.values()) - min(counts.values()) <= 2
 
 
-def test_the_sim_stands_in_any_namespace_and_publishes_what_its_effects_ask_for(start, node):
+def test_the_sim_runs_in_any_namespace_and_publishes_the_topics_of_its_effects(start, node):
     start('sim', '--set', 'effects=[]', '--ros-args', '-r', '__ns:=/another', '-p', 'rate_hz:=20')
     node.until(lambda: node.count_publishers('/another/handles') == 1)
     assert node.count_publishers('/another/benches') == 0
@@ -237,7 +237,7 @@ def test_replay_of_a_truncated_bag_is_refused(start, tmp_path, recorded):
     (tmp_path / 'cut.mcap').write_bytes(data[:len(data) // 2])
     process = start('replay', tmp_path / 'cut.mcap')
     assert process.end() == 2
-    assert 'cut off' in process.text
+    assert 'is truncated and has no index' in process.text
 
 
 @pytest.mark.parametrize(('options', 'says'), [(['--rate', '-1'], '--rate'), (['--start', '9'], '--start'),
@@ -256,14 +256,14 @@ def test_record_never_overwrites_unasked(start, tmp_path):
     assert (tmp_path / 'mine.mcap').read_bytes() == b'precious'
 
 
-def test_record_writes_to_a_dated_file_unless_told(start, tmp_path):
+def test_record_writes_to_a_dated_file_by_default(start, tmp_path):
     process = start('record')
-    process.wait_for('records to dragon_')
+    process.wait_for('recording to dragon_')
     assert process.stop() == 0
     assert len(list(tmp_path.glob('dragon_20*.mcap'))) == 1
 
 
-def test_the_monitor_survives_every_message_that_nobody_can_use(start, node):
+def test_the_monitor_survives_every_unusable_message(start, node):
     from geometry_msgs.msg import Pose, PoseArray
     from visualization_msgs.msg import Marker, MarkerArray
     monitor = start('monitor')
@@ -345,7 +345,7 @@ def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
     for _ in range(2):
         demo = start('demo', '--output', tmp_path / 'demo', '--pace', '5')
         assert demo.end() == 0, demo.text
-        assert '1953 messages are bit for bit what the model says, 0 are not' in demo.text
+        assert '1953 messages are bit for bit those of the model, 0 are not' in demo.text
         assert 'the same bytes, the same event' in demo.text
     assert {'first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg'} <= {
         path.name for path in (tmp_path / 'demo').iterdir()}

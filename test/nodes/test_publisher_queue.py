@@ -1,4 +1,4 @@
-"""What nobody hears is not encoded: real publishers and real subscribers over DDS."""
+"""Unsubscribed topics are never encoded: real publishers and real subscribers over DDS."""
 import pytest
 
 pytest.importorskip('rclpy')

@@ -1,4 +1,4 @@
-"""A reader that was busy takes all that has come, in order, each once: real publishers over DDS."""
+"""A busy reader then takes all messages that arrived, in order, each once: real publishers over DDS."""
 import pytest
 
 pytest.importorskip('rclpy')

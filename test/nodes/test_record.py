@@ -1,4 +1,4 @@
-"""Recorders that are killed, starved of disk or of messages: what was recorded stays, and what is missing is told."""
+"""Recorders that are killed, starved of disk or of messages: what was recorded stays, and losses are reported."""
 import resource
 import signal
 import time
@@ -135,7 +135,7 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
         (tmp_path / 'bags').rename(tmp_path / 'moved')
         bag = tmp_path / 'moved' / 'run.mcap'
     assert record.end() == 1, record.text
-    says = {'full': 'File too large', 'limit': '--max-size-mb', 'gone': 'no longer there'}[how]
+    says = {'full': 'File too large', 'limit': '--max-size-mb', 'gone': 'no longer exists'}[how]
     assert says in record.text
     assert 'Traceback' not in record.text
     with bag.open('rb') as file:
@@ -145,7 +145,7 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
     assert publisher.stop() == 0, publisher.text        # it was still there
 
 
-def test_lost_and_missing_ticks_are_told_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
+def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
     from geometry_msgs.msg import PoseArray
     from std_msgs.msg import String
 

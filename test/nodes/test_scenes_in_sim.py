@@ -4,6 +4,7 @@ import pytest
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.flags import Effect, known
+from dragon_ros.core.model import compile_scene
 from dragon_ros.messages.channels import live
 from dragon_ros.scenes.load import load_scene, scene_names
 
@@ -25,7 +26,7 @@ def recorded(start, bag, scene, changes):
     with BagReader(bag) as run:
         result = compare_with_model(run, loaded)
         assert result.faults == []
-        assert result.equal == len(topics) * (loaded.last_tick + 1)
+        assert result.equal == len(topics) * (compile_scene(loaded).last_tick + 1)
         # track and scene are latched and told once
         return {topic.name.removeprefix('/dragon/') for topic in run.topics} - {'track', 'scene'}
 

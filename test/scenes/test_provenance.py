@@ -1,4 +1,4 @@
-"""A bag tells its run: the scene file in it makes the same scene again, and says what made it."""
+"""A bag documents its run: the scene file in it reproduces the scene, and says what wrote it."""
 import numpy as np
 import pytest
 import yaml

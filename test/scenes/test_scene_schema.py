@@ -1,4 +1,4 @@
-"""The published schema of scene files is current, and says yes and no where the reader does."""
+"""The published schema of scene files is current, and accepts and rejects what the reader does."""
 import json
 
 import pytest

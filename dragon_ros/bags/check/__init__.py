@@ -1,1 +1,1 @@
-"""What a bag is worth: integrity, gaps, repair, comparison with the model."""
+"""How far a bag can be trusted: integrity, gaps, repair, and comparison with the model."""

@@ -1,4 +1,4 @@
-"""Compare a bag with the model, tick for tick and bit for bit; where bits differ, to the promise of its tier."""
+"""Compare a bag with the model tick by tick: bit for bit, or to the promise of its tier where bits differ."""
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
 from itertools import groupby
@@ -27,10 +27,10 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], Array]] = {
 
 @dataclass
 class Comparison:
-    """How many messages were equal bit for bit, how many only ``close``, and a line for each stretch of faults.
+    """How many messages are equal bit for bit, how many only ``close``, and a line for each range of faults.
 
     ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
-    difference of a position among them. ``fault_count`` counts messages that are lost, extra or different.
+    position difference among them. ``fault_count`` counts messages that are lost, extra or different.
     """
 
     equal: int = 0
@@ -41,7 +41,7 @@ class Comparison:
     _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
 
     def note(self, name: str, k: int, what: str) -> None:
-        """Count a fault of a tick; those of ticks in a row are one line."""
+        """Count a fault of a tick; consecutive ticks with the same fault share a line."""
         self.fault_count += 1
         before = self._last.get(name)
         if before and before[0] == what and before[2] == k - 1:
@@ -56,7 +56,7 @@ class Comparison:
         self._last[name] = what, first, k, line
 
     def stray(self, name: str, t_ns: int, count: int) -> None:
-        """Count messages that belong to no tick."""
+        """Count messages whose log time is not a tick."""
         self.fault_count += count
         if len(self.faults) < MOST_FAULTS:
             self.faults.append(f'{name} at {t_ns} ns belongs to no tick')
@@ -86,7 +86,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 
 def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
-    """Yield the messages of each log time by the names of their topics in a namespace."""
+    """Yield (log time, messages by topic name) for the topics of a namespace."""
     topics = [f'{namespace}/{name}' for name in names]
     for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):
         recorded: dict[str, list[bytes]] = {}
@@ -101,7 +101,7 @@ def _missing(result: Comparison, names: Iterable[str], k: int) -> None:
 
 
 def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: list[bytes], scene: Scene) -> None:
-    """Count one topic's messages of one tick."""
+    """Compare one topic's messages of one tick and count the result."""
     k = frame.k
     assert k is not None
     if found == [wanted]:
@@ -116,15 +116,16 @@ def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: 
 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
-    """Return twice the promise, for each side may be off by it; 0 for a tier that promises nothing."""
-    promise_m = position_promise_m(compile_scene(scene).tier, compile_scene(scene).size_m, conditioning(frame.chain))
+    """Return twice the promise, since each side may be off by it; 0 for a tier without a promise."""
+    compiled = compile_scene(scene)
+    promise_m = position_promise_m(compiled.tier, compiled.size_m, conditioning(frame.chain))
     return 2 * promise_m if promise_m < inf else 0.0
 
 
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -> float:
-    """Return how far a message is off in metres; inf where it differs in anything but its numbers.
+    """Return how far a message is off in metres; inf where anything but its numbers differs.
 
-    Quaternions count times the shortest link, speeds as the metres that promise them (``speed_promise_m_s``).
+    Quaternions are scaled by the shortest link, speeds by the promise for speeds (``speed_promise_m_s``).
     """
     if name not in _VIEWS:
         return inf
@@ -136,14 +137,15 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -
     if expected.shape != got.shape or not np.all(np.abs(got) < _HUGE):
         return inf
     off = np.abs(got - expected)
-    expected[...], got[...] = 0.0, 0.0      # views: what is left of the bytes is everything else
+    expected[...], got[...] = 0.0, 0.0      # these are views: what remains in the bytes is everything else
     if ours != theirs:
         return inf
-    if not np.any(off):         # at rest a speed is 0 or -0
+    if not np.any(off):         # a speed of 0 may be -0
         return 0.0
     if name == 'velocities':
-        one = speed_promise_m_s(compile_scene(scene).tier, compile_scene(scene).size_m, compile_scene(scene).model.length_m / scene.dragon.benches,
+        compiled = compile_scene(scene)
+        one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                                 conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
-        return float(np.max(off)) / one * compile_scene(scene).promise_m if one else inf
+        return float(np.max(off)) / one * compiled.promise_m if one else inf
     turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)

@@ -1,4 +1,4 @@
-"""Read every byte of a bag once: what is in it, how far it can be trusted, and what can be saved of it."""
+"""Read every byte of a bag once: contents, integrity, and gaps in its topics."""
 import zlib
 from array import array
 from collections.abc import Callable
@@ -15,10 +15,10 @@ from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
     MAGIC,
     BagError,
+    Batch,
     Index,
     McapFile,
-    Piece,
-    Row,
+    StoredMessage,
     chunk_head,
     scanned_index,
     summary_index,
@@ -29,13 +29,13 @@ from dragon_ros.core.scene import NS, Run
 MOST_TIMES = 10_000_000     # messages whose times are kept, for rates and gaps
 _BLOCK = 2**20
 _MOST_RANGES = 20
-_REGULAR = 0.8      # a topic has ticks if so many of its steps are the usual one, to a tenth
+_REGULAR = 0.8      # a topic has ticks if this part of its steps lies within a tenth of the median
 _LEAST = 3
 
 
 @dataclass
 class TopicSeen:
-    """A topic as it was found: type, encoding, messages and their bytes, and their log times in the bag's order."""
+    """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order."""
 
     type: str
     encoding: str
@@ -46,7 +46,7 @@ class TopicSeen:
 
 @dataclass
 class Contents:
-    """What is in the files of a bag; ``problems`` are in words, with offsets; ``notes`` are none."""
+    """What the files of a bag contain; ``problems`` name offsets, ``notes`` are harmless."""
 
     files: list[Path]
     size: int = 0
@@ -59,7 +59,7 @@ class Contents:
 
 
 def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -> Contents:
-    """Return what is in a bag, damaged or not. Raises BagError where it is no bag at all, MissingError."""
+    """Return the contents of a bag, damaged or not. Raises BagError where it is not a bag, MissingError."""
     contents = Contents(files_of(path))
     for each in contents.files:
         with closing(McapFile(each)) as file:
@@ -69,20 +69,20 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
 
 def _examine(contents: Contents, file: McapFile, progress: Callable[[int], object]) -> None:
     contents.size += file.size
-    walked = scanned_index(file)
-    if walked.damage:
-        contents.problems.note(walked.damage)
+    scanned = scanned_index(file)
+    if scanned.damage:
+        contents.problems.note(scanned.damage)
     contents.writers.append(_writer(file))
-    for piece in walked.pieces:
-        _survey(contents, walked, piece)
-        progress(piece.place.end - piece.place.offset)
-    _hold_summary(contents, file, walked)
-    if walked.data_end:
-        _check_data_crc(contents, file, walked)
+    for batch in scanned.batches:
+        _survey(contents, scanned, batch)
+        progress(batch.place.end - batch.place.offset)
+    _hold_summary(contents, file, scanned)
+    if scanned.data_end:
+        _check_data_crc(contents, file, scanned)
 
 
 def _writer(file: McapFile) -> str:
-    """Return profile and library, as the header says."""
+    """Return profile and library from the header."""
     try:
         place = file.place(len(MAGIC))
         header = file.fields(place, Header.read) if place.opcode == Opcode.HEADER else Header('', '')
@@ -91,22 +91,22 @@ def _writer(file: McapFile) -> str:
         return ''
 
 
-def _survey(contents: Contents, index: Index, piece: Piece) -> None:
-    """Take one piece's messages in."""
+def _survey(contents: Contents, index: Index, batch: Batch) -> None:
+    """Count the messages of one batch."""
     try:
-        if piece.place.opcode == Opcode.CHUNK:
-            name = chunk_head(piece.file, piece.place).compression or 'none'
+        if batch.place.opcode == Opcode.CHUNK:
+            name = chunk_head(batch.file, batch.place).compression or 'none'
             contents.compressions[name] = contents.compressions.get(name, 0) + 1
-        for row, _ in index.survey(piece):
+        for row, _ in index.survey(batch):
             _count(contents, index, row)
     except BagError as error:
         contents.problems.note(error)
 
 
-def _count(contents: Contents, index: Index, row: Row) -> None:
+def _count(contents: Contents, index: Index, row: StoredMessage) -> None:
     channel = index.channels.get(row.channel)
     if channel is None:
-        contents.problems.note(f'{index.file.path}: a message on channel {row.channel}, which nothing declares')
+        contents.problems.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
         return
     seen = contents.topics.get(channel.topic)
     if seen is None:
@@ -120,9 +120,9 @@ def _count(contents: Contents, index: Index, row: Row) -> None:
         seen.times_ns.append(row.t_ns)
 
 
-def _hold_summary(contents: Contents, file: McapFile, walked: Index) -> None:
-    """Note where the summary says something else than the records."""
-    if walked.damage and not file.closed_properly:
+def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
+    """Report where the summary contradicts the records."""
+    if scanned.damage and not file.closed_properly:
         return
     try:
         summary = summary_index(file)
@@ -130,21 +130,21 @@ def _hold_summary(contents: Contents, file: McapFile, walked: Index) -> None:
         contents.problems.note(error)
         return
     if summary is None:
-        contents.notes.note(f'{file.path}: has no complete summary; readers have to walk through the whole file')
+        contents.notes.note(f'{file.path}: has no complete summary; readers have to scan the whole file')
         return
-    places = {piece.place for piece in walked.pieces}
-    for piece in summary.pieces:
-        if piece.place not in places:
-            contents.problems.note(file.fault(piece.place.offset, 'the index has a chunk there, which it is not'))
-    if summary.counts != walked.counts and not walked.damage:
+    places = {batch.place for batch in scanned.batches}
+    for batch in summary.batches:
+        if batch.place not in places:
+            contents.problems.note(file.fault(batch.place.offset, 'the index expects a chunk there, and there is none'))
+    if summary.counts != scanned.counts and not scanned.damage:
         contents.problems.note(f'{file.path}: the summary counts {sum(summary.counts.values())} messages, the chunks '
-                               f'hold {sum(walked.counts.values())}')
+                               f'hold {sum(scanned.counts.values())}')
 
 
-def _check_data_crc(contents: Contents, file: McapFile, walked: Index) -> None:
-    """Hold the CRC of the whole data section, where a writer gave one."""
-    assert walked.data_end is not None
-    wanted, crc, end = file.fields(walked.data_end, DataEnd.read).data_section_crc, 0, walked.data_end.offset
+def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
+    """Check the CRC of the whole data section, if the writer stored one."""
+    assert scanned.data_end is not None
+    wanted, crc, end = file.fields(scanned.data_end, DataEnd.read).data_section_crc, 0, scanned.data_end.offset
     for at in range(0, end if wanted else 0, _BLOCK):
         crc = zlib.crc32(file.read(at, min(_BLOCK, end - at)), crc)
     if wanted and crc != wanted:
@@ -153,10 +153,10 @@ def _check_data_crc(contents: Contents, file: McapFile, walked: Index) -> None:
 
 @dataclass(frozen=True)
 class Gaps:
-    """Messages a second, and for a topic with ticks: how many are missing, which, and how many are there twice.
+    """Messages per second, and for a topic with ticks: how many are missing, which, and how many are doubled.
 
-    Ticks are numbered as the run of the scene numbers them, else from the first message; ``ranges`` has the first
-    missing ones as (first, last). All but ``rate_hz`` are None where the messages come at no regular times.
+    Ticks are numbered as in the run of the scene, or from the first message if there is none; ``ranges`` holds the
+    first missing ones as (first, last). All but ``rate_hz`` are None where the spacing of messages is irregular.
     """
 
     rate_hz: float | None
@@ -168,7 +168,7 @@ class Gaps:
 
 
 def gaps_of(times_ns: 'array[int]', run: Run | None) -> Gaps:
-    """Return what is missing among the log times of a topic, given in any order."""
+    """Return the gaps among the log times of a topic, given in any order."""
     times = np.sort(np.frombuffer(times_ns, np.uint64)).astype(np.float64) if times_ns else np.empty(0)
     span_s = (times[-1] - times[0]) / NS if times.size else 0.0
     rate_hz = float((times.size - 1) / span_s) if span_s > 0 else None

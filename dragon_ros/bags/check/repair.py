@@ -1,4 +1,4 @@
-"""A whole bag out of what a cut or damaged one still holds."""
+"""Rescue a complete bag from a truncated or damaged one."""
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager
 from dataclasses import dataclass, field
@@ -14,11 +14,11 @@ from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
     BagError,
+    Batch,
     Index,
+    Location,
     McapFile,
-    Piece,
-    Place,
-    Row,
+    StoredMessage,
     chunk_head,
     first_bytes,
     records_in,
@@ -31,14 +31,14 @@ from dragon_ros.core.errors import MissingError
 
 @dataclass
 class Repaired:
-    """How many messages were saved, and a line for each part that could not be."""
+    """How many messages were rescued, and a line for each part that was not."""
 
     messages: int = 0
     lost: CappedLog = field(default_factory=CappedLog)
 
 
 class _Sink:
-    """Writes what is found, with channels as they were; channel numbers are its own."""
+    """Writes the rescued messages; channels keep their contents and get new numbers."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self.writer = Writer(file, compression=CompressionType.ZSTD)
@@ -47,7 +47,7 @@ class _Sink:
         self._schemas: dict[tuple[object, ...], int] = {}
 
     def channel(self, index: Index, channel: Channel) -> int:
-        """Return the number of a channel; the same channel of another file of the bag is the same."""
+        """Return the number of a channel; equal channels of several files share one."""
         schema = index.schemas.get(channel.schema_id)
         named = (schema.name, schema.encoding, schema.data) if schema else ('', '', b'')
         if schema and named not in self._schemas:
@@ -60,7 +60,7 @@ class _Sink:
 
 
 def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda size: None) -> Repaired:
-    """Write what can be read of a bag as one whole file, in the order it has there. Raises BagError, MissingError."""
+    """Write what can be read of a bag to one complete file, in file order. Raises BagError, MissingError."""
     done, parts = Repaired(), files_of(path)
     with _created(output) as out:
         sink = _Sink(out)
@@ -73,7 +73,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
 
 @contextmanager
 def _created(output: Path) -> Iterator[IO[bytes]]:
-    """Create a file; what was not written to its end is removed."""
+    """Create a file; an incomplete one is removed."""
     try:
         with whole_or_none(output, overwrite=False) as out:
             yield out
@@ -84,50 +84,50 @@ def _created(output: Path) -> Iterator[IO[bytes]]:
 
 
 def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int], object]) -> None:
-    walked = scanned_index(file)
-    if walked.damage:
-        done.lost.note(walked.damage)
-    for place in (*walked.metadata, *walked.attachments):
+    scanned = scanned_index(file)
+    if scanned.damage:
+        done.lost.note(scanned.damage)
+    for place in (*scanned.metadata, *scanned.attachments):
         _copy(done, sink, file, place)
-    for piece in (*walked.pieces, *_beyond(file, walked)):
+    for batch in (*scanned.batches, *_beyond(file, scanned)):
         try:
-            for row, data in walked.survey(piece):
-                _put(done, sink, walked, row, data)
+            for row, data in scanned.survey(batch):
+                _put(done, sink, scanned, row, data)
         except BagError as error:
             done.lost.note(error)
-        progress(piece.place.end - piece.place.offset)
-    for row, data in _first(walked):
-        _put(done, sink, walked, row, data)
+        progress(batch.place.end - batch.place.offset)
+    for row, data in _first(scanned):
+        _put(done, sink, scanned, row, data)
 
 
-def _put(done: Repaired, sink: _Sink, index: Index, row: Row, data: bytes) -> None:
+def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
     channel = index.channels.get(row.channel)
     if channel is None:
-        done.lost.note(f'{index.file.path}: a message on channel {row.channel}, which nothing declares')
+        done.lost.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
         return
     sink.writer.add_message(sink.channel(index, channel), row.t_ns, data[row.start:row.end], row.publish_ns,
                             row.sequence)
     done.messages += 1
 
 
-def _beyond(file: McapFile, walked: Index) -> list[Piece]:
-    """Return chunks that the walk did not come to, because of damage before them, and that the summary knows."""
-    if not walked.damage:
+def _beyond(file: McapFile, scanned: Index) -> list[Batch]:
+    """Return chunks behind the damage, which the scan did not reach, from the summary."""
+    if not scanned.damage:
         return []
     try:
         summary = summary_index(file)
     except BagError:
         return []
-    seen = {piece.place.offset for piece in walked.pieces}
+    seen = {batch.place.offset for batch in scanned.batches}
     for channel in summary.channels.values() if summary else ():
-        walked.channels.setdefault(channel.id, channel)
+        scanned.channels.setdefault(channel.id, channel)
     for schema in summary.schemas.values() if summary else ():
-        walked.schemas.setdefault(schema.id, schema)
-    return [piece for piece in summary.pieces if piece.place.offset not in seen] if summary else []
+        scanned.schemas.setdefault(schema.id, schema)
+    return [batch for batch in summary.batches if batch.place.offset not in seen] if summary else []
 
 
-def _first(index: Index) -> Iterator[tuple[Row, bytes]]:
-    """Yield the whole messages of the chunk in which the file ends."""
+def _first(index: Index) -> Iterator[tuple[StoredMessage, bytes]]:
+    """Yield the complete messages of the chunk in which the file ends."""
     file = index.file
     try:
         head = chunk_head(file, index.cut) if index.cut else None
@@ -138,15 +138,15 @@ def _first(index: Index) -> Iterator[tuple[Row, bytes]]:
     data = first_bytes(file.read(head.offset, file.size - head.offset), head.compression)
     try:
         for record in records_in(data):
-            if isinstance(record, Row):
+            if isinstance(record, StoredMessage):
                 yield record, data
             else:
                 index.learn(record.opcode, data[record.start:record.end])
     except ValueError:
-        return      # the last one is not whole
+        return      # the last record is incomplete
 
 
-def _copy(done: Repaired, sink: _Sink, file: McapFile, place: Place) -> None:
+def _copy(done: Repaired, sink: _Sink, file: McapFile, place: Location) -> None:
     """Copy a metadata record or an attachment."""
     try:
         if place.opcode == Opcode.METADATA:

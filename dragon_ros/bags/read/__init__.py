@@ -1,1 +1,1 @@
-"""Bags, read in bounded memory, damaged ones too."""
+"""Reading bags in bounded memory, damaged ones too."""

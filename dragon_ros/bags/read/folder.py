@@ -14,8 +14,8 @@ _LARGEST = 2**20        # bytes of metadata.yaml that are parsed
 def files_of(path: Path) -> list[Path]:
     """Return the .mcap files of a bag in their order. Raises MissingError or BagError.
 
-    ``path`` is a file, a folder, or the metadata.yaml in it. A folder without metadata.yaml, as a recorder that was
-    killed leaves it, has the parts that are in it.
+    ``path`` is a file, a folder, or the metadata.yaml in it. A folder without metadata.yaml, as a
+    killed recorder leaves it, consists of the parts in it.
     """
     folder = path.parent if path.name == METADATA else path
     if not folder.is_dir():
@@ -36,7 +36,7 @@ def _found(folder: Path) -> list[Path]:
 
 
 def _listed(path: Path) -> list[Path]:
-    """Return what metadata.yaml lists; nothing outside of its folder."""
+    """Return what metadata.yaml lists; paths outside its folder are rejected."""
     if path.stat().st_size > _LARGEST:
         raise BagError(f'{path}: has {path.stat().st_size} bytes; the largest that is read has {_LARGEST}')
     section = read_document(path).values.get(_ROOT)
@@ -45,7 +45,7 @@ def _listed(path: Path) -> list[Path]:
     if not isinstance(names, list) or not all(isinstance(name, str) for name in names):
         raise BagError(f'{path}: has no list {_ROOT}.relative_file_paths; it is not the metadata of a bag')
     if str(section.get('compression_mode')).lower() == 'message':
-        raise BagError(f'{path}: its messages are compressed one by one, which is not read; compress the storage '
+        raise BagError(f'{path}: its messages are compressed one by one, which is not supported; compress the storage '
                        'instead (`ros2 bag convert`)')
     for name in names:
         if not name.endswith('.mcap') or Path(name).name != name:

@@ -1,4 +1,4 @@
-"""Dragons out of a bag, tick by tick: handles, benches and velocities as arrays, read only as they are asked for."""
+"""The frames of a recorded dragon: handles, benches and velocities as arrays, read lazily, tick by tick."""
 from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -22,13 +22,13 @@ from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
 from dragon_ros.scenes.yaml import parse_document
 
 _LONGEST_SCENE = 2**16          # characters of a scene that are parsed
-_MOST_WAITING = 128             # handles that wait for their benches
+_MOST_WAITING = 128             # handles that wait for their benches at most
 _TOPICS = ('handles', 'benches', 'velocities')
 
 
 @dataclass(frozen=True)
 class BagFrame:
-    """One tick of a bag: stamp, handles (N+1, 2) in m; benches and velocities (N+1, 2) in m/s, None where not there."""
+    """One tick of a bag: stamp, handles (N+1, 2) in m; benches and velocities (N+1, 2) in m/s, None if not recorded."""
 
     t_ns: int
     handles_m: Floats
@@ -54,9 +54,9 @@ class _Parts:
 
 
 def namespace_of(bag: BagReader, asked: str | None = None) -> str:
-    """Return the namespace of the dragon that is asked for, or of the only one that has messages (or a topic at all).
+    """Return the namespace of the requested dragon, or of the only one that has messages (or a topic at all).
 
-    Raises InputError where it is not there, or not clear which.
+    Raises InputError where it is missing or ambiguous.
     """
     topics = [topic for topic in bag.topics
               if topic.name.endswith('/handles') and topic.type == 'geometry_msgs/msg/PoseArray']
@@ -72,7 +72,7 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
 
 
 def scene_of_bag(bag: BagReader) -> Scene | None:
-    """Return the scene that a bag says it holds; None where it says nothing. Raises InputError."""
+    """Return the scene that is stored in a bag; None if there is none. Raises InputError."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
@@ -87,10 +87,10 @@ def scene_of_bag(bag: BagReader) -> Scene | None:
 
 def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,
            end_ns: int | None = None) -> Iterator[BagFrame]:
-    """Yield the ticks of a bag whose messages were logged in start_ns <= t < end_ns, in order.
+    """Yield the ticks of a bag with log times in start_ns <= t < end_ns, in order.
 
     Handles and benches are paired by their stamps; velocities, which have none, belong to the handles of the same log
-    time. Handles whose benches do not come are yielded without. Raises InputError, naming topic and time.
+    time. Handles without benches are yielded alone. Raises InputError, naming topic and time.
     """
     root = namespace_of(bag) if namespace is None else namespace
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
@@ -105,10 +105,10 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
 
 
 class _Ticks:
-    """Puts the messages of each tick together, in bounded memory."""
+    """Groups messages by tick, in bounded memory."""
 
     def __init__(self, alone: bool) -> None:
-        """``alone``: there are no benches to wait for."""
+        """``alone``: the bag has no benches to wait for."""
         self._alone = alone
         self._waiting: OrderedDict[int, _Parts] = OrderedDict()
         self._early: OrderedDict[int, BenchMarkers] = OrderedDict()
@@ -140,7 +140,7 @@ class _Ticks:
                 parts.velocity_m_s = velocity
 
     def ready(self, now_ns: int) -> Iterator[_Parts]:
-        """Yield the ticks that are complete once the log has come to ``now_ns``, in order."""
+        """Yield, in order, the ticks that are complete at log time ``now_ns``."""
         while self._waiting:
             first = next(iter(self._waiting.values()))
             hopeless = now_ns == END_OF_TIME_NS or len(self._waiting) > _MOST_WAITING
@@ -149,7 +149,7 @@ class _Ticks:
             yield self._waiting.popitem(last=False)[1]
 
     def _overtaken(self) -> bool:
-        """Return whether the benches of a later tick are there."""
+        """Return whether the benches of a later tick have been read."""
         return any(parts.shown for parts in self._waiting.values())
 
 
@@ -167,5 +167,5 @@ def _frame(parts: _Parts) -> BagFrame:
     if parts.shown is None:
         handles = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
         return BagFrame(poses.t_ns, handles, None, velocity, poses.frame_id)
-    sight = observation_of(poses, parts.shown)
-    return BagFrame(sight.t_ns, sight.p, sight.benches, velocity, sight.frame_id)
+    observation = observation_of(poses, parts.shown)
+    return BagFrame(observation.t_ns, observation.p, observation.benches, velocity, observation.frame_id)

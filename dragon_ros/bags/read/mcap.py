@@ -1,7 +1,11 @@
-"""MCAP records by their offsets; no length is believed before it is held against the file.
+"""A bounded MCAP reader: no length in a file is trusted before it is checked against the file.
+
+It is written by hand because the library's reader allocates what a file claims, decompresses without a bound and
+stops at the first damage; here every allocation is bounded, damage is reported with its offset, and what precedes or
+follows it can be rescued.
 
 The layout is that of the MCAP specification, version 0: a magic, then records of opcode (1 byte), length (8 bytes) and
-content, then the magic again. The fields of small records are read by the ``mcap`` package, each from its own bytes.
+content, then the magic again. The ``mcap`` package parses the fields of small records, each from its own bytes.
 """
 import struct
 import zlib
@@ -26,20 +30,20 @@ HEAD = struct.Struct('<BQ')
 FOOTER_BYTES = HEAD.size + 20
 MOST_RECORD = 16 * 2**20        # bytes of records that are read whole: schemas, indexes, metadata
 T = TypeVar('T')
-MOST_CHUNK = 128 * 2**20        # bytes of a chunk, decompressed: what one message and its neighbours may take
+MOST_CHUNK = 128 * 2**20        # bytes of a chunk after decompression, and of a message
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
-_LONGEST_NAME = 32              # of a compression
-MOST_SUMMARY = 64 * 2**20   # bytes, and as much for all schemas and channels
-_RUN = 4 * 2**20            # messages outside of chunks are taken together up to so many bytes
+_LONGEST_NAME = 32              # of the name of a compression
+MOST_SUMMARY = 64 * 2**20   # bytes, and as many for all schemas and channels
+_RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
 
 
 class BagError(InputError):
-    """The file is not a bag that can be read."""
+    """The file is not a readable bag."""
 
 
 @dataclass(frozen=True)
-class Place:
+class Location:
     """Where a record stands: opcode, offset of its first byte, and the length of its content."""
 
     opcode: int
@@ -86,20 +90,20 @@ class McapFile:
             raise self.fault(offset, f'{length} bytes should follow, {len(data)} do')
         return data
 
-    def place(self, offset: int, end: int | None = None) -> Place:
-        """Return the record at an offset. Raises BagError where it does not fit before ``end`` (the file's end)."""
+    def place(self, offset: int, end: int | None = None) -> Location:
+        """Return the record at an offset. Raises BagError where it does not end before ``end`` (the file's end)."""
         end = self.size if end is None else min(end, self.size)
         if offset + HEAD.size > end:
             raise self.fault(offset, f'a record should begin, {max(0, end - offset)} bytes are left')
-        place = Place(*_at(HEAD.unpack(self.read(offset, HEAD.size)), offset))
+        place = Location(*_at(HEAD.unpack(self.read(offset, HEAD.size)), offset))
         if place.opcode == 0:
-            raise self.fault(offset, 'a record of kind 0; there is no such kind')
+            raise self.fault(offset, 'a record with opcode 0, which does not exist')
         if place.end > end:
-            raise self.fault(offset, f'a record of kind {place.opcode} claims {place.length} bytes, '
+            raise self.fault(offset, f'a record with opcode {place.opcode} claims {place.length} bytes, '
                              f'{end - place.content} are left')
         return place
 
-    def places(self, offset: int, end: int | None = None) -> Iterator[Place]:
+    def places(self, offset: int, end: int | None = None) -> Iterator[Location]:
         """Yield the records from ``offset`` on, up to exactly ``end`` (the file's end)."""
         end = self.size if end is None else end
         while offset < end:
@@ -107,29 +111,29 @@ class McapFile:
             yield place
             offset = place.end
 
-    def fields(self, place: Place, parse: Callable[[ReadDataStream], T]) -> T:
+    def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
         """Return the fields of a small record, read by ``parse``, one of the ``mcap.records`` readers."""
         if place.length > MOST_RECORD:
-            raise self.fault(place.offset, f'a record of kind {place.opcode} has {place.length} bytes; '
+            raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
                              f'the largest that is read is {MOST_RECORD}')
         try:
             return parse_fields(self.read(place.content, place.length), parse)
         except ValueError as error:
-            raise self.fault(place.offset, f'a record of kind {place.opcode}: {error}') from None
+            raise self.fault(place.offset, f'a record with opcode {place.opcode}: {error}') from None
 
     @property
     def closed_properly(self) -> bool:
-        """Whether the file ends as a bag does that was closed."""
+        """Whether the file ends like a bag that was closed."""
         tail = FOOTER_BYTES + len(MAGIC)
         return self.size >= len(MAGIC) + tail and self.read(self.size - len(MAGIC), len(MAGIC)) == MAGIC
 
-    def footer(self) -> tuple[Place, Footer]:
-        """Return the footer. Raises BagError where the file was cut off or something else stands there."""
+    def footer(self) -> tuple[Location, Footer]:
+        """Return the footer. Raises BagError where the file is truncated or has no footer."""
         if not self.closed_properly:
-            raise BagError(f'{self.path}: was cut off before its end; it has no index ({self.size} bytes)')
+            raise BagError(f'{self.path}: is truncated and has no index ({self.size} bytes)')
         place = self.place(self.size - len(MAGIC) - FOOTER_BYTES, self.size - len(MAGIC))
         if place.opcode != Opcode.FOOTER or place.end != self.size - len(MAGIC):
-            raise self.fault(place.offset, 'the footer should stand there')
+            raise self.fault(place.offset, 'expected the footer')
         return place, self.fields(place, Footer.read)
 
     def close(self) -> None:
@@ -138,7 +142,7 @@ class McapFile:
 
 
 class _Exact(ReadDataStream):
-    """A stream that never returns less than it was asked for."""
+    """A stream that raises where fewer bytes are left than requested."""
 
     def __init__(self, data: bytes) -> None:
         super().__init__(BytesIO(data))
@@ -152,7 +156,7 @@ class _Exact(ReadDataStream):
 
 
 def parse_fields(data: bytes, parse: Callable[[ReadDataStream], T]) -> T:
-    """Return the fields in the content of a record. Raises ValueError where they do not fit."""
+    """Return the fields of a record's content. Raises ValueError where they exceed it."""
     return parse(_Exact(data))
 
 
@@ -162,7 +166,7 @@ def _at(head: tuple[int, int], offset: int) -> tuple[int, int, int]:
 
 def _open(path: Path) -> IO[bytes]:
     try:
-        if path.exists() and not path.is_file():    # opening a pipe would wait for ever
+        if path.exists() and not path.is_file():    # opening a pipe would block forever
             raise MissingError(f'{path}: is not a file')
         return path.open('rb')
     except OSError as error:
@@ -171,7 +175,7 @@ def _open(path: Path) -> IO[bytes]:
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """What a chunk says of itself: times of its messages in ns, size and CRC of its records, and where they are."""
+    """The head of a chunk: message times in ns, size and CRC of its records, and where they are."""
 
     start_ns: int
     end_ns: int
@@ -182,7 +186,7 @@ class ChunkHead:
     length: int
 
 
-class Row(NamedTuple):
+class StoredMessage(NamedTuple):
     """One message in a chunk; its data are the bytes from ``start`` to ``end``."""
 
     t_ns: int
@@ -193,22 +197,22 @@ class Row(NamedTuple):
     publish_ns: int
 
 
-class Inner(NamedTuple):
-    """A record that is no message: its opcode and where its content is."""
+class OtherRecord(NamedTuple):
+    """A record other than a message: its opcode and where its content is."""
 
     opcode: int
     start: int
     end: int
 
 
-def chunk_head(file: McapFile, place: Place) -> ChunkHead:
-    """Return what a chunk says of itself. Raises BagError where that cannot be."""
+def chunk_head(file: McapFile, place: Location) -> ChunkHead:
+    """Return the head of a chunk. Raises BagError where it contradicts the record's length."""
     if place.length < _FIXED.size + 8:
         raise file.fault(place.offset, f'a chunk of {place.length} bytes')
     start_ns, end_ns, size, crc, name = _FIXED.unpack(file.read(place.content, _FIXED.size))
     fixed = _FIXED.size + name + 8
     if name > _LONGEST_NAME or fixed > place.length:
-        raise file.fault(place.offset, f'a chunk whose compression has a name of {name} bytes')
+        raise file.fault(place.offset, f'a chunk whose compression name has {name} bytes')
     text = file.read(place.content + _FIXED.size, name + 8)
     length = int.from_bytes(text[name:], 'little')
     if length != place.length - fixed:
@@ -216,15 +220,16 @@ def chunk_head(file: McapFile, place: Place) -> ChunkHead:
     return ChunkHead(start_ns, end_ns, size, crc, text[:name].decode(errors='replace'), place.content + fixed, length)
 
 
-def chunk_data(file: McapFile, place: Place) -> bytes:
-    """Return a chunk's records, decompressed and held against size and CRC. Raises BagError."""
+def chunk_data(file: McapFile, place: Location) -> bytes:
+    """Return a chunk's records, decompressed and checked against size and CRC. Raises BagError."""
     head = chunk_head(file, place)
     if max(head.size, head.length) > MOST_CHUNK:
         raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the largest that is read has '
                          f'{MOST_CHUNK}')
     unpack = _UNPACK.get(head.compression)
     if unpack is None:
-        raise file.fault(place.offset, f'a chunk in compression {head.compression!r}; known are zstd, lz4 and none')
+        raise file.fault(place.offset, f'a chunk with compression {head.compression!r}; supported are zstd, lz4 and '
+                         'none')
     try:
         data = unpack(file.read(head.offset, head.length), head.size)
     except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
@@ -236,7 +241,7 @@ def chunk_data(file: McapFile, place: Place) -> bytes:
     return data
 
 
-def message_time_ns(file: McapFile, place: Place) -> int:
+def message_time_ns(file: McapFile, place: Location) -> int:
     """Return the time of a message outside of chunks. Raises BagError."""
     if place.length < _MESSAGE.size:
         raise file.fault(place.offset, f'a message has {place.length} bytes')
@@ -244,8 +249,8 @@ def message_time_ns(file: McapFile, place: Place) -> int:
     return t_ns
 
 
-def records_in(data: bytes) -> Iterator[Row | Inner]:
-    """Yield what stands in the records of a chunk. Raises ValueError with the offset where they end early."""
+def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
+    """Yield the records of a chunk. Raises ValueError with the offset where they are truncated."""
     at, size = 0, len(data)
     while at < size:
         if at + HEAD.size > size:
@@ -255,9 +260,9 @@ def records_in(data: bytes) -> Iterator[Row | Inner]:
         if end > size:
             raise ValueError(f'its record at {at} claims {length} bytes, {size - start} are left')
         if opcode == 0:
-            raise ValueError(f'a record of kind 0 at {at}; there is no such kind')
+            raise ValueError(f'a record with opcode 0 at {at}, which does not exist')
         if opcode != Opcode.MESSAGE:
-            yield Inner(opcode, start, end)
+            yield OtherRecord(opcode, start, end)
         elif length < _MESSAGE.size:
             raise ValueError(f'its message at {at} has {length} bytes')
         else:
@@ -265,14 +270,14 @@ def records_in(data: bytes) -> Iterator[Row | Inner]:
         at = end
 
 
-def row_of(data: bytes, start: int, end: int) -> Row:
+def row_of(data: bytes, start: int, end: int) -> StoredMessage:
     """Return the message whose data are the bytes from ``start`` to ``end``."""
     channel, sequence, t_ns, publish_ns = _MESSAGE.unpack_from(data, start - _MESSAGE.size)
-    return Row(t_ns, start, end, channel, sequence, publish_ns)
+    return StoredMessage(t_ns, start, end, channel, sequence, publish_ns)
 
 
 def first_bytes(data: bytes, compression: str) -> bytes:
-    """Return what can be decompressed of a chunk that was cut off, at most MOST_CHUNK bytes."""
+    """Return what can be decompressed of a truncated chunk, at most MOST_CHUNK bytes."""
     if compression == 'zstd':
         return _first_of_zstd(data)
     if compression == 'lz4':
@@ -281,7 +286,7 @@ def first_bytes(data: bytes, compression: str) -> bytes:
 
 
 def _first_of_zstd(data: bytes) -> bytes:
-    # In small steps: what was decompressed before the damage stays.
+    # In small steps: what was decompressed before the damage is kept.
     reader, out = zstandard.ZstdDecompressor(max_window_size=MOST_CHUNK).stream_reader(data), bytearray()
     try:
         while len(out) < MOST_CHUNK and (part := reader.read(2**17)):
@@ -308,7 +313,7 @@ def _plain(data: bytes, size: int) -> bytes:
 
 
 def _zstd(data: bytes, size: int) -> bytes:
-    """Decompress; the frame's own claim must be the chunk's before anything is allocated for it."""
+    """Decompress; the frame must claim the same size as the chunk before anything is allocated."""
     claimed = zstandard.frame_content_size(data)
     if claimed not in (-1, size):
         raise ValueError(f'its zstd frame claims {claimed} bytes, the chunk {size}')
@@ -324,11 +329,11 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 
 
 @dataclass(frozen=True)
-class Piece:
-    """A chunk, or a run of messages outside of chunks: where it stands, and the times of its messages in ns."""
+class Batch:
+    """A chunk, or consecutive messages outside chunks: where it is, and the times of its messages in ns."""
 
     file: McapFile
-    place: Place
+    place: Location
     start_ns: int
     end_ns: int
 
@@ -338,11 +343,11 @@ class Piece:
         if place.opcode != Opcode.CHUNK:
             return self.file.read(place.offset, place.end - place.offset)
         if self.file.place(place.offset) != place:
-            raise self.file.fault(place.offset, 'the index has a chunk there, which it is not')
+            raise self.file.fault(place.offset, 'the index expects a chunk there, and there is none')
         return chunk_data(self.file, place)
 
-    def inside(self, data: bytes) -> Iterator[Row | Inner]:
-        """Yield what stands in its records. Raises BagError with the chunk's offset."""
+    def inside(self, data: bytes) -> Iterator[StoredMessage | OtherRecord]:
+        """Yield its records. Raises BagError with the chunk's offset."""
         try:
             yield from records_in(data)
         except ValueError as error:
@@ -353,25 +358,25 @@ class Piece:
 class Index:
     """Contents of one file.
 
-    ``damage`` is where and why a walk over it ended early, ``cut`` the chunk that it ended in. ``data_end`` is where
-    the records end that the summary is about, None where that is not known.
+    ``damage`` is where and why a scan ended early, ``cut`` the chunk in which it ended. ``data_end`` is the end of
+    the data section, None where it is unknown.
     """
 
     file: McapFile
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)
-    pieces: list[Piece] = field(default_factory=list)
-    metadata: list[Place] = field(default_factory=list)
-    attachments: list[Place] = field(default_factory=list)
+    batches: list[Batch] = field(default_factory=list)
+    metadata: list[Location] = field(default_factory=list)
+    attachments: list[Location] = field(default_factory=list)
     statistics: Statistics | None = None
     damage: BagError | None = None
-    cut: Place | None = None
-    data_end: Place | None = None
+    cut: Location | None = None
+    data_end: Location | None = None
     _learned: int = 0
 
     def learn(self, opcode: int, content: bytes) -> None:
-        """Take a schema or a channel in. Raises ValueError where its fields do not fit, or all of them are too much."""
+        """Register a schema or a channel. Raises ValueError where it is malformed, or where they exceed their limit."""
         self._learned += len(content) if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) else 0
         if self._learned > MOST_SUMMARY:
             raise ValueError(f'its schemas and channels are more than {MOST_SUMMARY} bytes')
@@ -382,22 +387,22 @@ class Index:
             channel = parse_fields(content, Channel.read)
             self.channels.setdefault(channel.id, channel)
 
-    def survey(self, piece: Piece) -> Iterator[tuple[Row, bytes]]:
-        """Yield the messages of a piece and its records; count them, learn schemas and channels. Raises BagError."""
-        data = piece.records()
-        for record in piece.inside(data):
-            if isinstance(record, Row):
+    def survey(self, batch: Batch) -> Iterator[tuple[StoredMessage, bytes]]:
+        """Yield (message, records) of a batch; count messages, register schemas and channels. Raises BagError."""
+        data = batch.records()
+        for record in batch.inside(data):
+            if isinstance(record, StoredMessage):
                 self.counts[record.channel] += 1
                 yield record, data
                 continue
             try:
                 self.learn(record.opcode, data[record.start:record.end])
             except ValueError as error:
-                raise piece.file.fault(piece.place.offset, f'a chunk: its record at {record.start}: {error}') from None
+                raise batch.file.fault(batch.place.offset, f'a chunk: its record at {record.start}: {error}') from None
 
 
 def summary_index(file: McapFile) -> Index | None:
-    """Return what the summary says; None where there is none or it is not complete. Raises BagError."""
+    """Return the index from the summary; None where there is no complete one. Raises BagError."""
     at, footer = file.footer()
     if footer.summary_start == 0:
         return None
@@ -418,7 +423,7 @@ def _summary(file: McapFile, start: int, data: bytes) -> Index:
     index, at = Index(file), 0
     try:
         for record in records_in(data):
-            if isinstance(record, Inner):
+            if isinstance(record, OtherRecord):
                 at = record.start
                 _take(index, record.opcode, data[record.start:record.end])
     except ValueError as error:
@@ -427,7 +432,7 @@ def _summary(file: McapFile, start: int, data: bytes) -> Index:
 
 
 def _take(index: Index, opcode: int, content: bytes) -> None:
-    """Take one record of the summary in."""
+    """Add one record of the summary to the index."""
     index.learn(opcode, content)
     if opcode == Opcode.STATISTICS:
         index.statistics = parse_fields(content, Statistics.read)
@@ -435,43 +440,43 @@ def _take(index: Index, opcode: int, content: bytes) -> None:
     elif opcode == Opcode.CHUNK_INDEX:
         chunk = parse_fields(content, ChunkIndex.read)
         place = _indexed(index.file, Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length)
-        index.pieces.append(Piece(index.file, place, chunk.message_start_time, chunk.message_end_time))
+        index.batches.append(Batch(index.file, place, chunk.message_start_time, chunk.message_end_time))
     elif opcode == Opcode.METADATA_INDEX:
         metadata = parse_fields(content, MetadataIndex.read)
         index.metadata.append(_indexed(index.file, Opcode.METADATA, metadata.offset, metadata.length))
     elif opcode == Opcode.ATTACHMENT_INDEX:
-        # Only the first two fields matter here: offset and length of the attachment.
+        # Only the first two fields are needed: offset and length of the attachment.
         offset, length = (parse_fields(content[at:at + 8], lambda fields: fields.read8()) for at in (0, 8))
         index.attachments.append(_indexed(index.file, Opcode.ATTACHMENT, offset, length))
 
 
-def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Place:
+def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
     if not len(MAGIC) <= offset <= file.size - length or length < HEAD.size:
         raise ValueError(f'it puts a record of {length} bytes at {offset}; the file has {file.size}')
-    return Place(opcode, offset, length - HEAD.size)
+    return Location(opcode, offset, length - HEAD.size)
 
 
 def _complete(index: Index) -> Index | None:
-    """Return the index if it says all that a reader needs; writers may leave parts of a summary out."""
+    """Return the index if it has all that a reader needs; writers may omit parts of a summary."""
     said = index.statistics
-    places = {piece.place.offset for piece in index.pieces}
-    if said is None or len(places) != len(index.pieces):
+    places = {batch.place.offset for batch in index.batches}
+    if said is None or len(places) != len(index.batches):
         return None
-    found = len(index.pieces), len(index.channels), len(index.metadata), len(index.attachments)
+    found = len(index.batches), len(index.channels), len(index.metadata), len(index.attachments)
     wanted = said.chunk_count, said.channel_count, said.metadata_count, said.attachment_count
     whole = found == wanted and (bool(said.chunk_count) or not said.message_count)
     return index if whole and all(known(index, channel) for channel in index.channels.values()) else None
 
 
 def known(index: Index, channel: Channel) -> bool:
-    """Return whether the schema of a channel is there."""
+    """Return whether the index has the schema of a channel."""
     return channel.schema_id == 0 or channel.schema_id in index.schemas
 
 
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
-    """Return what stands in the file, record by record, up to its end or the first damage; chunks stay closed."""
+    """Return the index from a scan of all records, up to the first damage; chunks are not decompressed."""
     index = Index(file)
-    run: list[tuple[Place, int]] = []
+    run: list[tuple[Location, int]] = []
     try:
         for place in file.places(len(MAGIC)):
             progress(place.end)
@@ -487,15 +492,15 @@ def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda off
         index.cut = _cut(file, error.fields.get('offset'))
     _end_run(index, run)
     if index.data_end is None and index.damage is None:
-        index.damage = file.fault(file.size, 'the recording was cut off there')
+        index.damage = file.fault(file.size, 'the recording is truncated there')
     return index
 
 
-def _note(index: Index, place: Place) -> None:
-    """Take one record of the data section in."""
+def _note(index: Index, place: Location) -> None:
+    """Add one record of the data section to the index."""
     if place.opcode == Opcode.CHUNK:
         head = chunk_head(index.file, place)
-        index.pieces.append(Piece(index.file, place, head.start_ns, head.end_ns))
+        index.batches.append(Batch(index.file, place, head.start_ns, head.end_ns))
     elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
         index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length)))
     elif place.opcode == Opcode.METADATA:
@@ -504,8 +509,8 @@ def _note(index: Index, place: Place) -> None:
         index.attachments.append(place)
 
 
-def _grow(index: Index, run: list[tuple[Place, int]], place: Place) -> list[tuple[Place, int]]:
-    """Add a message to the run before it, or end that run and start another."""
+def _grow(index: Index, run: list[tuple[Location, int]], place: Location) -> list[tuple[Location, int]]:
+    """Add a message to the batch before it, or end that batch and start another."""
     if place.length > MOST_CHUNK:
         raise index.file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
                                f'{MOST_CHUNK}')
@@ -517,17 +522,17 @@ def _grow(index: Index, run: list[tuple[Place, int]], place: Place) -> list[tupl
     return run
 
 
-def _end_run(index: Index, run: list[tuple[Place, int]]) -> None:
+def _end_run(index: Index, run: list[tuple[Location, int]]) -> None:
     if run:
         first, last, times = run[0][0], run[-1][0], [t_ns for _, t_ns in run]
-        whole = Place(Opcode.MESSAGE, first.offset, last.end - first.content)
-        index.pieces.append(Piece(index.file, whole, min(times), max(times)))
+        whole = Location(Opcode.MESSAGE, first.offset, last.end - first.content)
+        index.batches.append(Batch(index.file, whole, min(times), max(times)))
 
 
-def _cut(file: McapFile, offset: int | None) -> Place | None:
-    """Return the chunk that begins at an offset if its end is not in the file."""
+def _cut(file: McapFile, offset: int | None) -> Location | None:
+    """Return the chunk at an offset if it extends beyond the file."""
     if offset is None or offset + HEAD.size > file.size:
         return None
     opcode, length = HEAD.unpack(file.read(offset, HEAD.size))
-    place = Place(opcode, offset, length)
+    place = Location(opcode, offset, length)
     return place if opcode == Opcode.CHUNK and place.end > file.size else None

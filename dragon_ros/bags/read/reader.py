@@ -1,4 +1,4 @@
-"""Bags, read: single MCAP files and rosbag2 folders, whatever their compression."""
+"""Reads bags, single MCAP files or rosbag2 folders, in the order of time and in bounded memory."""
 from array import array
 from bisect import bisect_left
 from collections import OrderedDict, deque
@@ -14,13 +14,22 @@ import yaml
 from mcap.records import Attachment, Channel, Metadata
 
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.mcap import BagError, Index, McapFile, Piece, Row, row_of, scanned_index, summary_index
+from dragon_ros.bags.read.mcap import (
+    BagError,
+    Batch,
+    Index,
+    McapFile,
+    StoredMessage,
+    row_of,
+    scanned_index,
+    summary_index,
+)
 from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
 _LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
-_KEEP = 64 * 2**20      # bytes of open chunks; one that is needed again is opened again
+_KEEP = 64 * 2**20      # bytes of open chunks; beyond them the least recently used one is closed
 
 
 @dataclass(frozen=True)
@@ -36,7 +45,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag: full name, type, encoding, QoS as rosbag2 writes it, and how many messages there are."""
+    """One topic of a bag: full name, type, encoding, QoS as rosbag2 writes it, and number of messages."""
 
     name: str
     type: str
@@ -46,7 +55,7 @@ class Topic:
 
 
 class BagReader:
-    """Reads a bag that was closed properly, in bounded memory; of a ``damaged`` one what still holds."""
+    """Reads a complete bag; of a ``damaged`` one, the batches that are intact."""
 
     def __init__(self, path: Path, damaged: bool = False) -> None:
         """Open a bag and read its index. Raises MissingError or BagError."""
@@ -61,7 +70,7 @@ class BagReader:
             raise
 
     def _take(self) -> None:
-        """Keep what the indexes say."""
+        """Collect topics and times from the indexes."""
         rows = {index.file: index for index in self._indexes}
         self._names = {file: {number: channel.topic for number, channel in index.channels.items()}
                        for file, index in rows.items()}
@@ -73,7 +82,7 @@ class BagReader:
         spans = [span for index in self._indexes for span in _spans(index)]
         self.empty = not sum(topic.messages for topic in self.topics) or not spans
         if self.empty and not self._damaged:
-            raise BagError(f'{self.path}: is empty, there is no message in it')
+            raise BagError(f'{self.path}: is empty: it has no messages')
         self.start_ns = min((start for start, _ in spans), default=0)
         self.end_ns = max((end for _, end in spans), default=0)
 
@@ -84,25 +93,25 @@ class BagReader:
 
     def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
                  end_ns: int | None = None) -> Iterator[Message]:
-        """Yield messages with start_ns <= t < end_ns in order of time. Raises BagError at damage."""
+        """Yield messages with start_ns <= t < end_ns, by log time. Raises BagError at damage."""
         wanted = None if topics is None else set(topics)
 
-        def choose(piece: Piece, row: Row) -> bool:
-            return wanted is None or self._name(piece, row) in wanted
-        pieces = [piece for index in self._indexes for piece in index.pieces]
+        def choose(batch: Batch, row: StoredMessage) -> bool:
+            return wanted is None or self._name(batch, row) in wanted
+        batches = [batch for index in self._indexes for batch in index.batches]
         last_ns = END_OF_TIME_NS if end_ns is None else end_ns
-        for piece, row, data in InOrder(pieces, choose).between(start_ns or 0, last_ns):
-            yield Message(self._name(piece, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
+        for batch, row, data in TimeOrder(batches, choose).between(start_ns or 0, last_ns):
+            yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
 
-    def _name(self, piece: Piece, row: Row) -> str:
+    def _name(self, batch: Batch, row: StoredMessage) -> str:
         try:
-            return self._names[piece.file][row.channel]
+            return self._names[batch.file][row.channel]
         except KeyError:
-            raise piece.file.fault(piece.place.offset, f'a message on channel {row.channel}, which nothing '
-                                   'declares') from None
+            raise batch.file.fault(batch.place.offset, f'a message on channel {row.channel}, which is '
+                                   'not declared') from None
 
     def metadata(self, name: str) -> dict[str, str]:
-        """Return the first metadata record of a name; {} where there is none. Raises BagError."""
+        """Return the first metadata record with a name; {} if there is none. Raises BagError."""
         for index in self._indexes:
             for place in index.metadata:
                 record = index.file.fields(place, Metadata.read)
@@ -111,7 +120,7 @@ class BagReader:
         return {}
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the first attachment of a name that is small enough to be read. Raises BagError."""
+        """Return the first attachment with a name that is small enough to read. Raises BagError."""
         for index in self._indexes:
             for place in index.attachments:
                 with suppress(BagError):
@@ -135,50 +144,50 @@ class BagReader:
 
 
 def _index_of(file: McapFile) -> Index:
-    """Return the index of a whole file; one without a complete summary is walked through."""
+    """Return the index of a complete file; one without a complete summary is scanned."""
     try:
         index = summary_index(file)
-        return _walked(file) if index is None else index
+        return _scanned(file) if index is None else index
     except BagError as error:
-        readable = scanned_index(file).pieces
+        readable = scanned_index(file).batches
         reach = readable[-1].place.end if readable else 0
         file.close()
         raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
-                       'makes a whole bag of them', **error.fields) from None
+                       'writes them to a complete bag', **error.fields) from None
 
 
-def _walked(file: McapFile) -> Index:
+def _scanned(file: McapFile) -> Index:
     index = scanned_index(file)
     if index.damage:
         raise index.damage
-    for piece in index.pieces:
-        for _ in index.survey(piece):
+    for batch in index.batches:
+        for _ in index.survey(batch):
             pass
     return index
 
 
 def _readable(file: McapFile) -> Index:
-    """Return what can be read of a damaged file: the chunks before the damage, but for those that do not hold."""
+    """Return what is readable in a damaged file: the intact batches before the damage."""
     index = scanned_index(file)
-    pieces, index.pieces = index.pieces, []
-    for piece in pieces:
+    batches, index.batches = index.batches, []
+    for batch in batches:
         with suppress(BagError):
-            for _ in index.survey(piece):
+            for _ in index.survey(batch):
                 pass
-            index.pieces.append(piece)
+            index.batches.append(batch)
     return index
 
 
 def _spans(index: Index) -> list[tuple[int, int]]:
-    """Return the times in ns between which the messages of a file lie, as its summary says, or else its chunks."""
+    """Return the time ranges of a file's messages in ns, from its summary or from its batches."""
     said = index.statistics
     if said is None:
-        return [(piece.start_ns, piece.end_ns) for piece in index.pieces]
+        return [(batch.start_ns, batch.end_ns) for batch in index.batches]
     return [(said.message_start_time, said.message_end_time)] if said.message_count else []
 
 
 def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
-    """Return the topics of all channels; those of one name are one topic."""
+    """Return the topics of all channels; channels with the same name are one topic."""
     out: dict[str, Topic] = {}
     for index, channel in channels:
         schema = index.schemas.get(channel.schema_id)
@@ -190,7 +199,7 @@ def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
 
 
 def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
-    """Return the first QoS profile of a channel; {} where there is none that can be read."""
+    """Return the first QoS profile of a channel; {} if there is no readable one."""
     text = metadata.get('offered_qos_profiles', '')
     try:
         profiles = values_of(text) if len(text) <= _LONGEST_QOS else None
@@ -199,16 +208,16 @@ def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
         return {}
 
 
-class Chosen(NamedTuple):
-    """A message and the records that it stands in."""
+class ChosenMessage(NamedTuple):
+    """A message and the records that contain it."""
 
-    piece: Piece
-    row: Row
+    batch: Batch
+    row: StoredMessage
     data: bytes
 
 
-class _Open(NamedTuple):
-    """Records of a piece, and the times and places of its chosen messages, by time."""
+class _OpenBatch(NamedTuple):
+    """The records of a batch, and times and offsets of its chosen messages, by time."""
 
     data: bytes
     times: 'array[int]'
@@ -220,18 +229,18 @@ class _Open(NamedTuple):
         return len(self.data) + 24 * len(self.times)
 
 
-class InOrder:
-    """Yields the messages that ``choose`` wants, by time and then by their place in the bag."""
+class TimeOrder:
+    """Yields the messages that ``choose`` accepts, by time and then in file order, however the batches overlap."""
 
-    def __init__(self, pieces: Sequence[Piece], choose: Callable[[Piece, Row], bool]) -> None:
-        """Take the pieces in the order of the bag."""
-        self._pieces, self._choose = pieces, choose
-        self._open: OrderedDict[int, _Open] = OrderedDict()
+    def __init__(self, batches: Sequence[Batch], choose: Callable[[Batch, StoredMessage], bool]) -> None:
+        """``batches`` are in file order."""
+        self._pieces, self._choose = batches, choose
+        self._open: OrderedDict[int, _OpenBatch] = OrderedDict()
 
-    def between(self, start_ns: int, end_ns: int) -> Iterator[Chosen]:
+    def between(self, start_ns: int, end_ns: int) -> Iterator[ChosenMessage]:
         """Yield messages with start_ns <= t < end_ns. Raises BagError where a chunk is damaged."""
-        waiting = deque(sorted((piece.start_ns, number) for number, piece in enumerate(self._pieces)
-                               if piece.end_ns >= start_ns and piece.start_ns < end_ns))
+        waiting = deque(sorted((batch.start_ns, number) for number, batch in enumerate(self._pieces)
+                               if batch.end_ns >= start_ns and batch.start_ns < end_ns))
         heap: list[tuple[int, int, int]] = []
         while waiting or heap:
             while waiting and (not heap or waiting[0][0] <= heap[0][0]):
@@ -240,7 +249,7 @@ class InOrder:
             if heap:
                 _, number, position = heappop(heap)
                 opened = self._opened(number)
-                yield Chosen(self._pieces[number],
+                yield ChosenMessage(self._pieces[number],
                              row_of(opened.data, opened.starts[position], opened.ends[position]), opened.data)
                 self._push(heap, number, position + 1, end_ns)
 
@@ -249,8 +258,8 @@ class InOrder:
         if position < len(times) and times[position] < end_ns:
             heappush(heap, (times[position], number, position))
 
-    def _opened(self, number: int) -> _Open:
-        """Return an open piece; where they get too much, those that were not used for longest are closed."""
+    def _opened(self, number: int) -> _OpenBatch:
+        """Return an open batch; the least recently used ones are closed where they exceed the limit."""
         if number in self._open:
             self._open.move_to_end(number)
             return self._open[number]
@@ -259,16 +268,16 @@ class InOrder:
             self._open.popitem(last=False)
         return opened
 
-    def _read(self, piece: Piece) -> _Open:
-        data, times, starts, ends = piece.records(), array('Q'), array('Q'), array('Q')
-        for row in piece.inside(data):
-            if isinstance(row, Row) and self._choose(piece, row):
+    def _read(self, batch: Batch) -> _OpenBatch:
+        data, times, starts, ends = batch.records(), array('Q'), array('Q'), array('Q')
+        for row in batch.inside(data):
+            if isinstance(row, StoredMessage) and self._choose(batch, row):
                 times.append(row.t_ns)
                 starts.append(row.start)
                 ends.append(row.end)
-        if times and not piece.start_ns <= min(times) <= max(times) <= piece.end_ns:
-            raise piece.file.fault(piece.place.offset, f'a chunk claims messages from {piece.start_ns} to '
-                                   f'{piece.end_ns} ns and has some from {min(times)} to {max(times)} ns')
+        if times and not batch.start_ns <= min(times) <= max(times) <= batch.end_ns:
+            raise batch.file.fault(batch.place.offset, f'a chunk claims messages from {batch.start_ns} to '
+                                   f'{batch.end_ns} ns and has some from {min(times)} to {max(times)} ns')
         order = np.argsort(np.frombuffer(times, np.uint64), kind='stable')
-        return _Open(data, *(array('Q', np.frombuffer(column, np.uint64)[order].tobytes())
+        return _OpenBatch(data, *(array('Q', np.frombuffer(column, np.uint64)[order].tobytes())
                              for column in (times, starts, ends)))

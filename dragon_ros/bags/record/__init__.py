@@ -1,1 +1,1 @@
-"""What a recorder needs besides the bag: a thread that writes, times, and an account of losses."""
+"""What a recorder needs besides the bag: a writer thread, simulation times, loss accounting."""

@@ -1,4 +1,4 @@
-"""Sets of whole numbers that come almost in order, kept as intervals."""
+"""Sets of integers that arrive almost in order, stored as intervals."""
 from bisect import bisect_right
 from collections.abc import Iterable
 
@@ -8,16 +8,16 @@ _MOST_SHOWN = 20
 
 
 class IntervalSet:
-    """Which numbers came; the memory grows with the gaps, and no further than 10,000 of them."""
+    """The numbers seen so far; memory grows with the number of gaps, up to 10,000 of them."""
 
     def __init__(self) -> None:
-        """Start with none."""
+        """Start empty."""
         self._lows: list[int] = []
         self._highs: list[int] = []
-        self.forgotten = 0      # gaps at the front that were given up to bound the memory
+        self.forgotten = 0      # numbers in gaps at the front that were dropped to bound the memory
 
     def add(self, k: int) -> None:
-        """Note a number; twice does no harm."""
+        """Add a number; adding it twice is harmless."""
         if self._highs and k == self._highs[-1] + 1:
             self._highs[-1] = k
             return
@@ -33,22 +33,22 @@ class IntervalSet:
             del self._lows[1], self._highs[0]
 
     def _join(self, at: int) -> None:
-        """Make one of a span and its next neighbour, where they touch."""
+        """Merge an interval with the next one where they touch."""
         if 0 <= at < len(self._lows) - 1 and self._highs[at] + 1 == self._lows[at + 1]:
             del self._highs[at], self._lows[at + 1]
 
     @property
     def first(self) -> int | None:
-        """The smallest number that came."""
+        """The smallest number."""
         return self._lows[0] if self._lows else None
 
     @property
     def last(self) -> int | None:
-        """The largest number that came."""
+        """The largest number."""
         return self._highs[-1] if self._highs else None
 
     def gaps(self, last: int | None = None) -> list[Interval]:
-        """Return the gaps between the first and the last that came (or a later ``last``), both ends included."""
+        """Return the gaps between the first and the last number (or a later ``last``), both ends included."""
         found = [(high + 1, low - 1) for high, low in zip(self._highs, self._lows[1:], strict=False)]
         if last is not None and self.last is not None and last > self.last:
             found.append((self.last + 1, last))
@@ -56,11 +56,11 @@ class IntervalSet:
 
 
 def count(intervals: Iterable[Interval]) -> int:
-    """Return how many numbers are in the intervals."""
+    """Return how many numbers the intervals contain."""
     return sum(high - low + 1 for low, high in intervals)
 
 
 def text(intervals: list[Interval]) -> str:
-    """Return intervals for people: 7, 12-15; a long list ends in how many more."""
-    told = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in intervals[:_MOST_SHOWN])
-    return told + (f' and {len(intervals) - _MOST_SHOWN} more gaps' if len(intervals) > _MOST_SHOWN else '')
+    """Return intervals as text: 7, 12-15; a long list is abbreviated."""
+    shown = ', '.join(str(low) if low == high else f'{low}-{high}' for low, high in intervals[:_MOST_SHOWN])
+    return shown + (f' and {len(intervals) - _MOST_SHOWN} more gaps' if len(intervals) > _MOST_SHOWN else '')

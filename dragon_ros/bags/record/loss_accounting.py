@@ -1,7 +1,7 @@
-"""Counts what a recorder got, and compares with what was published: nothing is lost silently.
+"""Loss accounting: compares what a recorder received with what was published, so that no loss is silent.
 
-Two numbers tell. A publisher counts its messages (the publication sequence number of DDS), so a gap is a message that
-was lost on the way. And where the scene is known a stamp is a tick, so a gap is a tick that is missing, lost or never
+There are two sources. A publisher numbers its messages (the publication sequence number of DDS): a gap is a message
+that was lost on the way. And where the scene is known a stamp is a tick: a gap is a missing tick, lost or never
 published.
 """
 from collections import Counter
@@ -18,17 +18,17 @@ _MOST_STEPS = 1000
 
 @dataclass
 class TopicCount:
-    """What is known of one topic."""
+    """The account of one topic."""
 
     received: int = 0
-    lost: int = 0               # of publishers that have been followed by another
+    lost: int = 0               # by publishers that have been replaced by another
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
-    shared: bool = False        # several publishers at a time: their numbers cannot be told apart
+    shared: bool = False        # several publishers at a time: their numbers cannot be separated
 
     def number(self, sequence: int) -> None:
-        """Note a publisher's number; it starts again at 1 with the next publisher. 0 is unknown."""
+        """Count a sequence number; it restarts at 1 with the next publisher. 0 is unknown."""
         if sequence == 1 and self.sequence.last is not None:
             self.lost += interval_set.count(self.sequence.gaps())
             self.sequence = IntervalSet()
@@ -37,20 +37,20 @@ class TopicCount:
 
     @property
     def lost_on_the_way(self) -> int:
-        """How many messages were published after the first that came, and did not come."""
+        """How many messages after the first received one were published and not received."""
         return 0 if self.shared else self.lost + interval_set.count(self.sequence.gaps()) + self.sequence.forgotten
 
     @property
     def before(self) -> int:
-        """How many messages the publisher had sent before the first that came."""
+        """How many messages were published before the first received one."""
         return 0 if self.shared else (self.sequence.first or 1) - 1
 
 
 class LossAccount:
-    """Counts by topic; ``report`` says what is missing."""
+    """Counts messages by topic; ``report`` says what is missing."""
 
     def __init__(self) -> None:
-        """Start with nothing."""
+        """Start without topics."""
         self.topics: dict[str, TopicCount] = {}
         self._run: Run | None = None
         self._each_tick: set[str] = set()
@@ -58,7 +58,7 @@ class LossAccount:
         self._last_ns: int | None = None
 
     def scene(self, scene: Scene | None, namespace: str) -> None:
-        """Learn which run is recorded, and with it the tick of each stamp. Another run starts the ticks again."""
+        """Set the run that is recorded, which gives each stamp its tick. Another run resets the ticks."""
         run = None if scene is None else scene.run
         if run != self._run:
             for row in self.topics.values():
@@ -68,7 +68,7 @@ class LossAccount:
         self._each_tick = {f'{namespace}/{row.name}' for row in rows}
 
     def share(self, topics: Iterable[str]) -> None:
-        """Learn that topics have several publishers at a time."""
+        """Mark topics that have several publishers at a time."""
         for topic in topics:
             self.topics.setdefault(topic, TopicCount()).shared = True
 
@@ -85,7 +85,7 @@ class LossAccount:
                 row.off_ticks += 1
 
     def stamp(self, t_ns: int) -> None:
-        """Note the stamp of handles, for their spacing where no scene is known."""
+        """Record the stamp of handles, whose spacing is reported where no scene is known."""
         if self._last_ns is not None and (len(self._steps) < _MOST_STEPS or t_ns - self._last_ns in self._steps):
             self._steps[t_ns - self._last_ns] += 1
         self._last_ns = t_ns
@@ -93,7 +93,7 @@ class LossAccount:
     def missing(self, ended: bool) -> dict[str, list[Interval]]:
         """Return the missing ticks by topic, between its first and its last.
 
-        Where the run has ``ended``, that is the last tick of any topic: what one lacks at the end is missing too.
+        Where the run has ``ended``, its last tick is that of any topic: what others lack at the end is missing too.
         """
         ticks = {topic: row.ticks for topic, row in self.topics.items() if row.ticks.last is not None}
         last = max((row.last or 0 for row in ticks.values()), default=None) if ended else None
@@ -106,11 +106,11 @@ class LossAccount:
 
     @property
     def received(self) -> int:
-        """How many messages came, of all topics."""
+        """How many messages were received on all topics."""
         return sum(row.received for row in self.topics.values())
 
     def report(self, ended: bool) -> dict[str, str]:
-        """Return all that is known, as a metadata record."""
+        """Return the whole account as a metadata record."""
         out, missing = {'complete': str(self.complete(ended)).lower(), 'spacing': self.spacing()}, self.missing(ended)
         for topic, row in self.topics.items():
             out[f'{topic} received'] = str(row.received)
@@ -123,7 +123,7 @@ class LossAccount:
         return out
 
     def lines(self, ended: bool) -> list[str]:
-        """Return what a person must know: a line for each topic that lacks anything."""
+        """Return a line for each topic that lacks anything."""
         out = [f'{topic}: {interval_set.count(gaps)} ticks are missing: {interval_set.text(gaps)}'
                for topic, gaps in self.missing(ended).items()]
         out += [f'{topic}: {row.lost_on_the_way} messages were lost on the way, of '
@@ -132,7 +132,7 @@ class LossAccount:
         return out
 
     def spacing(self) -> str:
-        """Return what the stamps alone say: how far apart they are, and how many are not."""
+        """Return the usual spacing of the stamps, and how many deviate from it."""
         if not self._steps:
             return 'too few stamps'
         (usual, _), = self._steps.most_common(1)

@@ -1,4 +1,4 @@
-"""A bag written on a thread of its own, behind a queue that is bounded in bytes."""
+"""A thread that writes a bag, fed by a queue that is bounded in bytes."""
 import threading
 import time
 from collections import deque
@@ -8,14 +8,14 @@ from functools import partial
 from dragon_ros.bags.write.writer import MB, BagWriter
 from dragon_ros.core.errors import DragonError
 
-_Job = tuple[int, Callable[[], object]]      # bytes, and what writes them
+_Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 
 
 class WriterThread:
-    """Takes messages at once and writes them in order; each second (``flush_s``) what was taken is in the file.
+    """Accepts messages immediately and writes them in order; every second (``flush_s``) the file is up to date.
 
-    A full queue makes ``write`` wait, and that is counted: nothing is dropped here. After an error of the disk nothing
-    more is written; ``error`` tells it.
+    A full queue makes ``write`` wait, which is counted: nothing is dropped here. After a disk error nothing more is
+    written; ``error`` holds it.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
@@ -55,11 +55,11 @@ class WriterThread:
 
     @property
     def fullest(self) -> float:
-        """How full the queue was at most; 1 is full."""
+        """The largest fill level of the queue; 1 is full."""
         return self.fullest_bytes / self._room
 
     def stop(self) -> None:
-        """Write what is queued and end the thread; the bag stays open. Twice does no harm."""
+        """Write what is queued and end the thread; the bag stays open. Repeated calls are harmless."""
         with self._changed:
             self._closing = True
             self._changed.notify_all()
@@ -79,7 +79,7 @@ class WriterThread:
                     self._changed.wait(max(0.0, due - time.monotonic()))
                 jobs, self._jobs = self._jobs, deque()
             while jobs:
-                size, write = jobs.popleft()        # what is written is no longer held
+                size, write = jobs.popleft()        # release each message once it is written
                 self._do(write)
                 with self._changed:
                     self._waiting -= size
@@ -89,7 +89,7 @@ class WriterThread:
                 due = time.monotonic() + self._flush_s
 
     def _do(self, write: Callable[[], object]) -> None:
-        """Write something; an error ends all writing."""
+        """Do one write; an error ends all writing."""
         if self.error is not None:
             return
         start = time.monotonic()

@@ -1,1 +1,1 @@
-"""Bags, written: MCAP files and rosbag2 folders."""
+"""Writing bags: MCAP files and rosbag2 folders."""

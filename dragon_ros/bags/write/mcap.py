@@ -1,8 +1,9 @@
-"""One MCAP file, chunk by chunk: a chunk reaches the disk whole or is taken back, so that the file can be closed.
+"""Writes one MCAP file chunk by chunk: a chunk reaches the disk whole or not at all, so that the file can be closed.
 
-The library's writer ends a chunk by its size alone and cannot take back what a full disk cut off. Here its records are
-put together so that a chunk ends when it should; only the Message record, that of the hot path, is packed by hand.
-A full chunk is compressed and written on a thread, while the next one is filled; two buffers take turns.
+It is written by hand because the library's writer ends a chunk by its size alone, without a flush on demand, and
+cannot undo a chunk that a full disk cut short. The records are the library's; only the Message record, on the hot
+path, is packed here. A full chunk is compressed and written on a thread while the next one is filled; two buffers
+alternate.
 """
 import os
 import struct
@@ -27,8 +28,8 @@ from dragon_ros import __version__
 from dragon_ros.core.errors import DiskError, MissingError
 
 _CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, channels
-_COUNT = struct.Struct('<HQ')           # channel, messages; of each channel, before the chunk's own row
-_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without its compression's name), MessageIndex
+_COUNT = struct.Struct('<HQ')           # channel, messages; one per channel, before the chunk's own row
+_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without the compression name), MessageIndex
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
@@ -38,19 +39,19 @@ _Bytes = bytes | memoryview
 
 
 class Worker:
-    """Is at most one job behind its caller, so that what waits is bounded."""
+    """Runs jobs on a thread, in order; at most one is pending, so that memory is bounded."""
 
     def __init__(self, name: str) -> None:
-        """``name`` is that of the thread, which starts with the first job."""
+        """``name`` names the thread, which starts with the first job."""
         self._pool = ThreadPoolExecutor(1, name)
         self._job: Future[None] | None = None
 
     def start(self, job: Callable[[], None]) -> None:
-        """Start a job behind the one before. Raises what that one raised; the new one is not started then.
+        """Start a job after the previous one. Raises what that one raised, without starting the new one.
 
-        Returns when the job first gives the interpreter away. A thread that only asks for it waits until its holder
-        has nothing to do, when that one gives it away and takes it back all the time, as numpy does: the job would
-        run while the caller waits for its end, and not before.
+        Returns when the job first releases the interpreter lock. A thread that merely requests the lock can starve
+        while its holder releases and retakes it all the time, as numpy does: the job would only run once the caller
+        waits for it.
         """
         self.settle()
         begun = Lock()
@@ -59,7 +60,7 @@ class Worker:
         begun.acquire()
 
     def settle(self) -> None:
-        """Wait until all is done. Raises what the job raised, once."""
+        """Wait until the job is done. Raises what it raised, once."""
         if self._job is None:
             return
         error = self._job.exception()
@@ -73,18 +74,18 @@ class Worker:
 
 
 def _after(begun: Lock, job: Callable[[], None]) -> None:
-    """Do a job; whoever waits for its begin goes on as soon as this thread gives the interpreter away."""
+    """Do a job; the caller, who waits for its start, resumes when this thread releases the interpreter lock."""
     begun.release()
     job()
 
 
 def packed_bytes(topics: int) -> int:
-    """Return what is kept of a chunk with messages of so many topics."""
+    """Return the bytes kept for a chunk with messages of this many topics."""
     return _CHUNK.size + topics * _COUNT.size
 
 
 class Stored(NamedTuple):
-    """A chunk in a file: where it starts, bytes of its data and before compression, log times, (channel, messages)."""
+    """A chunk in a file: offset, compressed and raw bytes, first and last log time, (channel, messages)."""
 
     start: int
     size: int
@@ -94,7 +95,7 @@ class Stored(NamedTuple):
     counts: tuple[tuple[int, int], ...]
 
     def found_by(self, compression: str) -> records.ChunkIndex:
-        """Return its index record: after the chunk, each channel has a MessageIndex, in order."""
+        """Return its index record; the MessageIndex of each channel follows the chunk, in order."""
         length = _CHUNK_HEAD + len(compression) + self.size
         offsets, end = {}, self.start + length
         for channel, messages in self.counts:
@@ -107,20 +108,20 @@ class Stored(NamedTuple):
 
 
 class Parts:
-    """The parts of a file by place: many chunks and the few others."""
+    """The parts of a file in order, packed, since a long recording has many chunks: chunks and a few others."""
 
     def __init__(self) -> None:
-        """Start with none."""
+        """Start empty."""
         self._rows = bytearray()
         self._chunks = 0
         self.others: list[tuple[int, records.MetadataIndex | records.AttachmentIndex]] = []
 
     def __len__(self) -> int:
-        """Return how many there are."""
+        """Return the number of parts."""
         return self._chunks + len(self.others)
 
     def add(self, chunk: Stored) -> None:
-        """Note a chunk behind all others."""
+        """Append a chunk."""
         for count in chunk.counts:
             self._rows += _COUNT.pack(*count)
         self._rows += _CHUNK.pack(*chunk[:-1], len(chunk.counts))
@@ -137,7 +138,7 @@ class Parts:
             yield Stored(start, size, raw_size, first_ns, last_ns, counts)
 
     def pop(self) -> int:
-        """Forget the last part and return where it starts."""
+        """Remove the last part and return its offset."""
         chunk = next(self.chunks(), None)
         if chunk is None or (self.others and self.others[-1][0] > chunk.start):
             return self.others.pop()[0]
@@ -147,15 +148,15 @@ class Parts:
 
 
 class OpenChunk:
-    """Messages as records, and where they are: ``index`` has (log time, offset) by channel."""
+    """The chunk being filled: messages as records in a reused buffer; ``index`` has (log time, offset) by channel."""
 
     def __init__(self) -> None:
-        """Start with no message."""
+        """Start empty."""
         self._buffer = _memory(_BUFFER_BYTES)
         self.clear()
 
     def clear(self) -> None:
-        """Forget the messages; memory that an unusually large one took is given back."""
+        """Remove the messages; memory of an unusually large one is freed."""
         if len(self._buffer) > _BUFFER_BYTES:
             self._buffer = _memory(_BUFFER_BYTES)
         self.size = 0
@@ -184,17 +185,17 @@ class OpenChunk:
         return min(times), max(times)
 
     def counts(self) -> tuple[tuple[int, int], ...]:
-        """Return (channel, messages) of each channel that has any."""
+        """Return (channel, messages) for each channel with messages."""
         return tuple((channel, len(entries)) for channel, entries in self.index.items())
 
 
 def _memory(size: int) -> memoryview:
-    """Return so many bytes; those that are never written take no memory."""
+    """Return a buffer; pages that are never written take no memory."""
     return np.empty(size, np.uint8).data
 
 
 def record_bytes(*rows: records.McapRecord) -> bytes:
-    """Return records as they stand in a file."""
+    """Return the bytes of records."""
     builder = RecordBuilder()
     for row in rows:
         row.write(builder)
@@ -202,10 +203,10 @@ def record_bytes(*rows: records.McapRecord) -> bytes:
 
 
 def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
-    """Return what stands before and after the data of a chunk.
+    """Return the bytes before and after the data of a chunk.
 
-    ``chunk`` has no data itself, to copy none: ``size`` bytes follow. ``messages`` has (log time, offset in the
-    chunk) by channel.
+    ``chunk`` itself has no data, which saves a copy: ``size`` bytes follow. ``messages`` has (log time, offset in
+    the chunk) by channel.
     """
     assert not chunk.data
     head = record_bytes(chunk)
@@ -216,7 +217,7 @@ def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, 
 
 def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: Parts, compression: str,
             end: int) -> bytes:
-    """Return all that follows the last part of a file, which is at ``end``: data end, index, footer."""
+    """Return everything after the last part of a file, which ends at ``end``: data end, index, footer."""
     data_end = record_bytes(records.DataEnd(data_section_crc=0))
     start = end + len(data_end)
     chunks = [record_bytes(chunk.found_by(compression)) for chunk in parts.chunks()]
@@ -256,9 +257,9 @@ def _taken(builder: RecordBuilder) -> bytes:
 
 
 class McapWriter:
-    """Writes one file. What fails to reach the disk raises DiskError and leaves the file as it was before.
+    """Writes one file. A failed write raises DiskError and leaves the file as it was.
 
-    The error of a chunk comes with the next call that writes; what was put into the file since is lost with it.
+    The error of a chunk is raised by the next call that writes; messages added in between are lost with it.
     """
 
     def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False) -> None:
@@ -270,7 +271,7 @@ class McapWriter:
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self.parts = Parts()        # of what has reached the file
+        self.parts = Parts()        # the parts that have reached the file
         self._open, self._other = OpenChunk(), OpenChunk()
         self._thread = Worker('chunk')
         self._end = 0
@@ -278,7 +279,7 @@ class McapWriter:
 
     @property
     def size(self) -> int:
-        """Bytes of the file as if it were ended now, not counting the index: the open chunk counts uncompressed."""
+        """Bytes of the file without its index; the open chunk counts uncompressed."""
         self._settle()
         return self._end + self._open.size
 
@@ -311,14 +312,14 @@ class McapWriter:
             self._end_chunk()
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
-        """Write a metadata record behind what came before."""
+        """Append a metadata record."""
         self.flush()
         data = record_bytes(records.Metadata(name=name, metadata=values))
         start = self._append([data])
         self.parts.others.append((start, records.MetadataIndex(offset=start, length=len(data), name=name)))
 
     def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
-        """Write an attachment behind what came before."""
+        """Append an attachment."""
         self.flush()
         row = records.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
         data = record_bytes(row)
@@ -333,7 +334,7 @@ class McapWriter:
         self._settle()
 
     def _end_chunk(self) -> None:
-        """Have the open chunk written, if there is anything in it."""
+        """Hand the open chunk over for writing unless it is empty."""
         if self._open.size:
             self._settle()
             done, self._open = self._open, self._other
@@ -342,7 +343,7 @@ class McapWriter:
             self._thread.start(partial(self._write_chunk, done, zlib.crc32(done.data)))
 
     def _settle(self) -> None:
-        """Wait until the ended chunks are in the file. Behind one that is lost nothing may follow: there was a gap."""
+        """Wait until the ended chunks are in the file. After a lost chunk the open one is dropped, to leave no gap."""
         try:
             self._thread.settle()
         except DiskError:
@@ -350,7 +351,7 @@ class McapWriter:
             raise
 
     def _write_chunk(self, done: OpenChunk, crc: int) -> None:
-        """Write a chunk. Few calls on large buffers: each gives the interpreter away and waits to have it back."""
+        """Write a chunk in few calls on large buffers: each releases the interpreter lock and waits to retake it."""
         data, times_ns = self._compress(done.data), done.times_ns()
         chunk = records.Chunk(compression=self._compression, data=b'', message_start_time=times_ns[0],
                               message_end_time=times_ns[1], uncompressed_crc=crc, uncompressed_size=done.size)
@@ -362,9 +363,9 @@ class McapWriter:
         self._check_there()
 
     def finish(self) -> None:
-        """Write the index and close. Where the disk has no room for it, the last chunks give theirs.
+        """Write the index and close. Where the disk is full, the last chunks are removed to make room for it.
 
-        Raises DiskError where messages are lost by that; the file is whole all the same.
+        Raises DiskError where messages are lost this way; the file is complete nevertheless.
         """
         try:
             try:
@@ -395,21 +396,21 @@ class McapWriter:
             raise full
 
     def _append(self, data: list[_Bytes]) -> int:
-        """Write at the end, whole or not at all; return where it starts."""
+        """Append all or nothing; return the offset."""
         try:
             self._write(data)
         except OSError as error:
             with suppress(OSError):
                 self._file.truncate(self._end)
                 self._file.seek(self._end)
-            raise DiskError(f'{self.path}: cannot be written on: {error.strerror}; what was written before is kept'
+            raise DiskError(f'{self.path}: cannot be continued: {error.strerror}; what was written before is kept'
                             ) from None
         start = self._end
         self._end += sum(map(len, data))
         return start
 
     def _write(self, data: list[_Bytes]) -> None:
-        """Write buffers where the file stands; a disk that is almost full takes only a part at first."""
+        """Write buffers at the current position; an almost full disk may take only part of them at first."""
         done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
         if done < whole:
             rest = memoryview(b''.join(data))[done:]
@@ -421,17 +422,17 @@ class McapWriter:
             os.fdatasync(self._file.fileno())
 
     def _check_there(self) -> None:
-        """Notice that the file was moved or removed: writing into it goes on without an error."""
+        """Raise DiskError where the file was moved or removed, which writing alone does not notice."""
         try:
             same = os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
         except OSError:
             same = False
         if not same:
-            raise DiskError(f'{self.path}: is no longer there; it was moved or removed while it was written')
+            raise DiskError(f'{self.path}: no longer exists; it was moved or removed during recording')
 
 
 def _compressor(name: str) -> Callable[[memoryview], _Bytes]:
-    """Return what compresses a chunk. Level 1 of zstd makes dragons as small as level 3 does."""
+    """Return the function that compresses a chunk. For dragons zstd's level 1 compresses as well as level 3."""
     if name == 'none':
         return lambda raw: raw
     if name == 'lz4':
@@ -445,7 +446,7 @@ def _create(path: Path, overwrite: bool) -> FileIO:
     try:
         if overwrite and path.exists() and not path.stat().st_mode & 0o222:
             raise MissingError(f'{path}: is read-only; give another --output')
-        # An existing file is emptied only once it is known that nobody else writes it.
+        # An existing file is emptied only under a lock: no other process is writing it then.
         file = FileIO(path, 'r+' if overwrite and path.exists() else 'x')
         flock(file, LOCK_EX | LOCK_NB)
         file.truncate(0)

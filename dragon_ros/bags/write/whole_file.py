@@ -1,4 +1,4 @@
-"""Files that are whole or not there."""
+"""Files that are either complete or absent."""
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -7,7 +7,7 @@ from typing import IO
 
 @contextmanager
 def whole_or_none(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
-    """Create a file; one that was not written to its end is removed. Raises OSError."""
+    """Create a file; an incomplete one is removed. Raises OSError."""
     with path.open('wb' if overwrite else 'xb') as file:
         try:
             yield file

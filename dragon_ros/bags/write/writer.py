@@ -1,6 +1,7 @@
-"""Bags in rosbag2's profile, written: ros2msg schemas, CDR bytes, QoS and type hash for each channel.
+"""Writes bags in rosbag2's profile: ros2msg schemas, CDR bytes, QoS and type hash for each channel.
 
-A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one file or more.
+A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one or more
+files.
 """
 import os
 from collections import Counter
@@ -28,7 +29,7 @@ _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, me
 class BagOptions:
     """How a bag is written; None is no limit, a megabyte is 10^6 bytes, durations are of log time.
 
-    ``fsync`` asks the disk to have each chunk before the next: against a power cut, not only against a killed process.
+    ``fsync`` waits for the disk after each chunk: this protects against power cuts, not only against killed processes.
     """
 
     compression: str = 'zstd'
@@ -38,7 +39,7 @@ class BagOptions:
     fsync: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse what makes no sense."""
+        """Check the values."""
         if self.compression not in COMPRESSIONS:
             raise FieldError('compression', self.compression, f'it is one of {", ".join(COMPRESSIONS)}', 'give one')
         for row in fields(self):
@@ -69,14 +70,14 @@ class BagPart(NamedTuple):
 
 @dataclass
 class _Extras:
-    """What stands in every file of a bag, so that each one alone tells its run."""
+    """What every file of a bag contains, so that each one alone documents its run."""
 
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
 
 
 class BagWriter:
-    """Writes messages as they are. Close it (or use ``with``): a bag without its end has no index."""
+    """Writes messages unchanged. Close it (or use ``with``): a bag that is not closed has no index."""
 
     def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None) -> None:
         """Create the bag. Raises MissingError where it cannot be written or would overwrite another."""
@@ -97,24 +98,24 @@ class BagWriter:
         self._file = self._new_file()
 
     def add_channel(self, topic: str, channel: Channel) -> None:
-        """Make a topic known by its full name, with the type and QoS of a channel; its first message announces it."""
+        """Register a topic by its full name, with type and QoS of a channel; it is written with its first message."""
         self._channels[topic] = channel
         self.counts.setdefault(topic, 0)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
-        """Write a metadata record, in this file and in those that follow."""
+        """Write a metadata record to this file and those that follow."""
         self._extras.metadata.append((name, values))
         self._file.add_metadata(name, values)
 
     def attach(self, name: str, media_type: str, content: bytes) -> None:
-        """Write an attachment, in this file and in those that follow."""
+        """Write an attachment to this file and those that follow."""
         self._extras.attachments.append((name, media_type, content))
         self._file.add_attachment(name, media_type, content)
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int | None = None) -> None:
-        """Append one message: ``t_ns`` is simulation time, ``publish_ns`` when it was published (None: at ``t_ns``).
+        """Append one message with its simulation time and the time of its publication (None: ``t_ns``).
 
-        Raises DiskError where it cannot be, or where the bag is as large as it may become.
+        Raises DiskError where it cannot be written, or where the bag reaches its size limit.
         """
         if self._limited:
             self._make_room(len(data), t_ns)
@@ -124,11 +125,11 @@ class BagWriter:
         self.counts[topic] += 1
 
     def flush(self) -> None:
-        """Bring what was written so far to the file: a process that is killed then loses nothing of it."""
+        """Flush to the file everything written so far: a killed process loses nothing of it."""
         self._file.flush()
 
     def close(self) -> None:
-        """Write the index and close the file; twice does no harm. Raises DiskError where anything is lost by it."""
+        """Write the index and close the file; repeated calls are harmless. Raises DiskError where messages are lost."""
         if self._file.closed:
             return
         try:
@@ -165,7 +166,7 @@ class BagWriter:
         self._ids[topic] = self._file.add_channel(topic, self._schemas[channel.type], metadata)
 
     def _make_room(self, more: int, t_ns: int) -> None:
-        """Start the next file where this one is full; refuse what would exceed the limit of all."""
+        """Start the next file where this one is full. Raises DiskError where the bag would exceed its limit."""
         limit, options = self.options.max_size_mb, self.options
         size = self._file.size + more
         whole = size + sum(file.size for file in self._files) + self._index_bytes()
@@ -179,7 +180,7 @@ class BagWriter:
             self._file, self._start_ns = self._new_file(), t_ns
 
     def _index_bytes(self) -> int:
-        """Return what the index may take, roughly and on the safe side."""
+        """Return a safe estimate of the size of the index."""
         return _INDEX_BYTES * (len(self._files) + 1) + _INDEX_BYTES_A_CHUNK * len(self._file.parts)
 
     def _end_file(self) -> None:
@@ -190,7 +191,7 @@ class BagWriter:
 
     @property
     def kept(self) -> int:
-        """How many messages are in the files, once it is closed: all, unless the disk was full."""
+        """How many messages the files of a closed bag contain: all, unless the disk was full."""
         return sum(file.messages for file in self._files)
 
     def _summary(self) -> BagPart:
@@ -201,7 +202,7 @@ class BagWriter:
                             self._file.size)
 
     def _write_metadata(self) -> None:
-        """Write metadata.yaml, which rosbag2 wants beside the files."""
+        """Write metadata.yaml, which rosbag2 requires beside the files."""
         profiles = {topic: (channel.type, qos_text(channel), type_hash(channel.type))
                     for topic, channel in self._channels.items()}
         custom = {key: value for _, values in self._extras.metadata for key, value in values.items()}
@@ -220,7 +221,7 @@ def qos_text(channel: Channel) -> str:
 
 
 def _make_folder(path: Path, replace: bool) -> None:
-    """Make the directory of a bag; replacing one takes only files away that a bag has."""
+    """Create the directory of a bag; replacing one removes only the files of a bag."""
     try:
         if replace and path.is_dir():
             for old in (*path.glob(f'{path.resolve().name}_*.mcap'), path / 'metadata.yaml'):
@@ -252,7 +253,7 @@ def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str
 
 
 def _write_metadata_file(folder: Path, text: str) -> None:
-    """Replace metadata.yaml in one step: a reader finds the old one or the new one. Raises DiskError."""
+    """Replace metadata.yaml atomically. Raises DiskError."""
     new = folder / 'metadata.yaml.new'
     try:
         new.write_text(text, encoding='utf-8')
@@ -260,7 +261,7 @@ def _write_metadata_file(folder: Path, text: str) -> None:
     except OSError as error:
         new.unlink(missing_ok=True)
         raise DiskError(f'{folder / "metadata.yaml"}: cannot be written: {error.strerror}; the .mcap files beside it '
-                        'are whole') from None
+                        'are complete') from None
 
 
 def _times(start_ns: int, end_ns: int) -> dict[str, Any]:

@@ -1,1 +1,1 @@
-"""The contest problem behind the paper: its tables and its result files."""
+"""The contest problem behind the paper: the paper's tables and the contest's result files."""

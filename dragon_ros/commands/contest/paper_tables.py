@@ -19,7 +19,7 @@ TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
 
 @dataclass(frozen=True)
 class Cell:
-    """One printed number beside what it should be; ``printed`` has the signs that the print lost restored."""
+    """One printed number beside its true value; in ``printed`` the signs lost in print are restored."""
 
     table: int
     handle: int
@@ -47,7 +47,7 @@ def cells() -> list[Cell]:
 
 
 def text(rows: list[Cell]) -> str:
-    """Return the tables in the paper's layout, four lines a row: printed, reproduced, true, error."""
+    """Return the tables in the paper's layout, with four lines per row: printed, reproduced, true, error."""
     out = []
     for table, group in groupby(rows, lambda cell: cell.table):
         columns = list(group)

@@ -22,7 +22,7 @@ _BEFORE_S = 100
 
 @dataclass(frozen=True)
 class Sheet:
-    """One sheet: its title, the heads of its columns and the names of its rows, and values (rows, columns)."""
+    """One sheet: title, names of columns and rows, and values (rows, columns)."""
 
     title: str
     file: str
@@ -72,7 +72,7 @@ def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[S
 
 
 def _speed_row(name: str) -> str:
-    """Return a row's name in the sheet of speeds: one space after the names of the ends, and two after all others."""
+    """Return a row's name in the sheet of speeds: one space after the names of the two ends, two after all others."""
     return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
 
 

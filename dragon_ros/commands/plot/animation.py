@@ -1,4 +1,4 @@
-"""A run as moving pictures: GIF, or MP4 where ffmpeg is installed."""
+"""Animations of a run: GIF, or MP4 where ffmpeg is installed."""
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
 from functools import lru_cache
@@ -23,7 +23,7 @@ _HAIR_S = 1e-9
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
-    """Return the time of each frame. Raises InputError for spans outside the source and for too many frames."""
+    """Return the time of each frame. Raises InputError for times outside the source and for too many frames."""
     for name, value in (('--pace', pace), ('--fps', fps)):
         if not 0 < value <= 1e6:
             raise FieldError(name, value, 'it must be positive', 'try --pace 20 --fps 20')
@@ -59,7 +59,7 @@ def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, pro
 
 @contextmanager
 def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractMovieWriter]:
-    """Write frames beside the path and put them there at the end; where that is broken off, leave nothing."""
+    """Write frames to a temporary file and rename it at the end; an interrupted animation leaves nothing."""
     writer, part = _writer(path, fps), path.with_name(f'.{path.stem}.part{path.suffix}')
     try:
         writer.setup(figure, str(part), dpi)
@@ -69,7 +69,7 @@ def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractM
     except OSError as error:
         raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
     except KeyboardInterrupt:
-        with suppress(Exception):       # whatever is left to close
+        with suppress(Exception):       # the writer may already be closed
             writer.finish()
         raise
     finally:
@@ -77,7 +77,7 @@ def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractM
 
 
 def _show_touch(benches: Any, one: Moment, bench: int) -> None:
-    """Colour the bench that was touched."""
+    """Colour the bench in contact."""
     colours = benches.get_facecolor()
     if len(colours) == len(one.benches.centre):
         colours[bench] = to_rgba(TOUCHED)
@@ -85,21 +85,21 @@ def _show_touch(benches: Any, one: Moment, bench: int) -> None:
 
 
 def _writer(path: Path, fps: int) -> AbstractMovieWriter:
-    """Return what writes the format of the path's suffix. Raises InputError, MissingError."""
+    """Return the writer for the path's suffix. Raises InputError, MissingError."""
     kind = path.suffix.lower()
     if kind not in ('.gif', '.mp4'):
         raise InputError(f'--output {path}: an animation is {FORMATS}')
     if kind == '.mp4' and not FFMpegWriter.isAvailable():
-        raise MissingError(f'--output {path}: MP4 takes ffmpeg, which is not installed; install it, or write .gif or '
+        raise MissingError(f'--output {path}: MP4 needs ffmpeg, which is not installed; install it, or write .gif or '
                            '.html')
     return _GifWriter(fps=fps) if kind == '.gif' else FFMpegWriter(fps=fps)
 
 
 class _GifWriter(PillowWriter):
-    """Writes frames in few colours without dithering: a sixth of the size, and no grain."""
+    """Writes frames with few colours and without dithering, which takes a sixth of the size."""
 
     def grab_frame(self, **options: Any) -> None:
-        """Take a frame."""
+        """Add a frame."""
         super().grab_frame(**options)
         frames: list[Any] = self._frames  # type: ignore[attr-defined]
         frames[-1] = frames[-1].convert('RGB').quantize(palette=_palette(), dither=0)
@@ -107,7 +107,7 @@ class _GifWriter(PillowWriter):
 
 @lru_cache
 def _palette() -> Any:
-    """Return an image with greys, and our colours mixed with white and with black."""
+    """Return an image of the palette: greys, and our colours mixed with white and with black."""
     from PIL import Image
     mixed = [np.array(to_rgb(colour)) * part + end * (1 - part) for colour in (BODY, HEAD, TOUCHED)
              for part in (1.0, 0.75, 0.5, 0.25) for end in (0.0, 1.0)]

@@ -18,10 +18,10 @@ if TYPE_CHECKING:
 _COMMAND = 'python -m dragon_ros plot'
 _KINDS = {      # what each draws, and an example
     'dragon': ('the dragon at one time, or up to six side by side', '--time 60,240 --output dragon.png'),
-    'contact': ('the first contact, with a closer look', '--bag run.mcap --output contact.svg'),
+    'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
     'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
     'speeds': ('the speed along the chain at some times', '--time 0,60,120,180,240,300'),
-    'animation': ('the run as moving pictures: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
+    'animation': ('the run as an animation: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
                   '--start 400 --stop 412 --pace 2 --output run.html'),
 }
 
@@ -33,7 +33,7 @@ def main(argv: list[str]) -> int:
 
 def options() -> argparse.ArgumentParser:
     """Return the parser."""
-    parser = command_line.parser('plot', 'Draw a scene or a bag. `plot KIND --help` tells more.',
+    parser = command_line.parser('plot', 'Draw a scene or a bag. For more: `plot KIND --help`.',
                                  f'{_COMMAND} dragon {_KINDS["dragon"][1]}')
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
     for kind, (text, example) in _KINDS.items():
@@ -45,7 +45,7 @@ def options() -> argparse.ArgumentParser:
         one.add_argument('--output', type=Path, action='append', metavar='FILE',
                                   help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
-        one.add_argument('--dpi', type=int, default=130, help='dots an inch (130)')
+        one.add_argument('--dpi', type=int, default=130, help='dots per inch (130)')
         if kind in ('dragon', 'speeds'):
             one.add_argument('--time', metavar='T,...', help='seconds (the start of the run)')
     _add_animation_options(kinds.choices['animation'])
@@ -55,8 +55,8 @@ def options() -> argparse.ArgumentParser:
 def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--start', type=float, metavar='S', help='first time (of the run)')
     parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
-    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run for each second (20)')
-    parser.add_argument('--fps', type=int, default=20, help='frames a second (20)')
+    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (20)')
+    parser.add_argument('--fps', type=int, default=20, help='frames per second (20)')
 
 
 def _run(arguments: Namespace) -> int:
@@ -101,7 +101,7 @@ def _contact(arguments: Namespace, source: 'Source') -> 'Figure':
     from dragon_ros.commands.plot.dragon import contact_picture
     touch = source.first_touch(_shown('ticks'))
     if touch is None:
-        raise InputError(f'{source.name}: no benches touch; there is no contact to draw')
+        raise InputError(f'{source.name}: no benches touch, so there is no contact to draw')
     return contact_picture(source, touch)
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a dragon: its benches on their track, and the contact with a closer look."""
+"""Pictures of a dragon: its benches on their track, and the contact with a close-up."""
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
@@ -12,14 +12,14 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
 _MOST_PANELS = 6
-_CLOSE_LENGTHS = 0.62       # half the side of the closer look, in bench lengths
+_CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
 _LEGEND_IN = 0.35
 
 
 def dragon_picture(source: Source, times_s: list[float]) -> Figure:
     """Return a figure with one panel for each time (figure 7 of the paper has 60 s and 240 s).
 
-    Raises InputError for times outside the source, and for more than a page can hold.
+    Raises InputError for times outside the source, and for more than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
         raise InputError(f'--time: {len(times_s)} times; a picture has room for {_MOST_PANELS}')
@@ -39,7 +39,7 @@ def dragon_picture(source: Source, times_s: list[float]) -> Figure:
 
 
 def contact_picture(source: Source, touch: Touch) -> Figure:
-    """Return a figure of the whole dragon at the contact beside a closer look (figure 8 of the paper)."""
+    """Return a figure of the whole dragon at the contact beside a close-up (figure 8 of the paper)."""
     one = moment(source, touch.t_s)
     figure = Figure(figsize=(12.4, 6.4 + _LEGEND_IN))
     whole, close = figure.subplots(1, 2, gridspec_kw={'wspace': 0.06})
@@ -72,12 +72,12 @@ def draw(axes: Axes, track: Floats | None, one: Moment, touched: int | None = No
 
 
 def frame(axes: Axes, size: float) -> None:
-    """Give both axes one scale, ``size`` metres to each side of the centre, and their labels."""
+    """Set one scale for both axes, ``size`` metres to each side of the centre, and their labels."""
     axes.set(aspect='equal', xlim=(-size, size), ylim=(-size, size), xlabel='x (m)', ylabel='y (m)')
 
 
 def extent(one: Moment) -> float:
-    """Return how far from the centre a picture of a dragon has to reach."""
+    """Return how far from the centre a picture of a dragon must extend."""
     return 1.04 * float(np.max(np.abs(one.benches.corners)))
 
 

@@ -1,4 +1,4 @@
-"""Pictures of a run in numbers: clearance over time, and speed along the chain."""
+"""Curves of a run: clearance over time, and speed along the chain."""
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -8,7 +8,7 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_t
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
-MOST_POINTS = 1500          # of one curve: more than a screen has
+MOST_POINTS = 1500          # points of one curve: more than a screen resolves
 _CLOSE_S = 15.0             # before the contact
 
 
@@ -34,7 +34,7 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
 
 
 def _shade_overlap(axes: Axes) -> None:
-    """Mark where benches are in each other."""
+    """Mark where benches overlap."""
     low, high = axes.get_ylim()
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
     if low < 0:

@@ -1,4 +1,4 @@
-"""``view``: a scene or a bag in the browser, served on this host alone, without ROS."""
+"""``view``: shows a scene or a bag in the browser, served on this host only, without ROS."""
 import argparse
 import os
 import signal
@@ -54,5 +54,5 @@ def _run(arguments: Namespace) -> int:
 
 
 def _has_screen() -> bool:
-    """Return whether a browser would open a window; one in this terminal would be in the way."""
+    """Return whether a browser would open a window; a text browser would take over this terminal."""
     return sys.platform != 'linux' or bool(os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'))

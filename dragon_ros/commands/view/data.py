@@ -1,4 +1,4 @@
-"""What the web view asks for: a description of the run, and frames as plain numbers, in chunks."""
+"""The data of the web view: a description of the run, and frames as plain numbers, in chunks."""
 import threading
 from functools import cached_property
 from typing import Any
@@ -9,17 +9,17 @@ from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearan
 from dragon_ros.core.numerics.types import Floats, Ints
 
 MOST_TICKS = 100_000
-MOST_BENCHES = 2000         # drawn as rectangles, from the head on; the rest is a line
-MOST_POINTS = 1500          # of a line
-_CURVE_BENCHES = 4_000_000   # that are looked at for the clearance over time: some seconds
-_CHUNK_VALUES = 250_000     # so that a chunk is about a megabyte
+MOST_BENCHES = 2000         # benches drawn as rectangles, from the head on; the rest is a line
+MOST_POINTS = 1500          # points of a line
+_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed: this takes some seconds
+_CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
 
 
 class ViewData:
-    """A source as a browser sees it; one thread at a time computes."""
+    """The data of a source for a browser; one thread at a time computes."""
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
-        """Look at the source once; it is shown at its ticks unless other times are given."""
+        """Describe a source; it is shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
         self.times_s = source.ticks_s(*source.span_s, MOST_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
@@ -74,7 +74,7 @@ class ViewData:
         return out.tobytes()
 
     def contact_frame(self) -> bytes:
-        """Return the frame of the contact itself; empty if there is none."""
+        """Return the frame at the contact; empty if there is none."""
         if self._touch is None:
             return b''
         with self._lock:
@@ -87,7 +87,7 @@ class ViewData:
                                speed[self._handles]))
 
     def _note(self) -> str:
-        """Say what was left out."""
+        """Return notes about what is omitted."""
         notes = []
         if self._rest.size:
             notes.append(f'benches from {self._drawn} on are drawn as a line')

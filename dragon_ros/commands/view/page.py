@@ -1,4 +1,4 @@
-"""The web view of a run as one file that needs nothing else: neither a server nor a network."""
+"""The web view of a run as a single file, which needs neither a server nor a network."""
 import json
 from base64 import b64encode
 from pathlib import Path
@@ -12,7 +12,7 @@ WEB = Path(__file__).with_name('web')
 
 
 def write_page(source: Source, times_s: Floats, pace: float, path: Path, progress: Progress) -> Path:
-    """Write a page that plays the run at these times, at a pace in seconds of the run for each second."""
+    """Write a page that plays the run at these times, at a pace in seconds of the run per second."""
     data = ViewData(source, progress, times_s)
     answers = {'run.json': json.dumps({**data.run, 'pace': pace}).encode(),
                'clearance.json': json.dumps(data.clearance()).encode(), 'frames/contact': data.contact_frame()}
@@ -26,7 +26,7 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
 
 
 def _page(data: str) -> str:
-    """Return the page with everything that it refers to in place; scripts stand last, for they are not deferred."""
+    """Return the page with everything that it refers to inlined; scripts are last, since they are not deferred."""
     def web(name: str) -> str:
         return (WEB / name).read_text(encoding='utf-8')
     scripts = ''.join(f'<script>{script}</script>\n' for script in (data, web('plotly-basic.min.js'), web('view.js')))

@@ -1,4 +1,4 @@
-"""The web view's server: a page, a viewer library and data, on this host alone."""
+"""The server of the web view: a page, a plotting library and data, on this host only."""
 import json
 import sys
 from http import HTTPStatus
@@ -15,7 +15,7 @@ _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
-# Only what this server sends may be used; plotly.js writes styles into the page.
+# The page may only use what this server sends; plotly.js writes styles into it.
 _POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'"
 
 
@@ -34,13 +34,13 @@ class ViewServer(ThreadingHTTPServer):
             raise MissingError(f'--port {port}: cannot be used: {reason}; leave it out to take any free one') from None
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """Say nothing of a page that was closed while it was being answered."""
+        """Ignore a page that was closed during its request."""
         if not isinstance(sys.exc_info()[1], ConnectionError):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
     @property
     def url(self) -> str:
-        """Where the page is."""
+        """The address of the page."""
         return f'http://{HOST}:{self.server_address[1]}/'
 
 
@@ -51,9 +51,9 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = 'HTTP/1.1'
 
     def do_GET(self) -> None:
-        """Answer, with an error in words where there is none."""
+        """Answer, with an error as text where that fails."""
         host = urlsplit(f'//{self.headers.get("Host", "")}').hostname
-        if host not in (HOST, 'localhost'):     # a foreign page that calls this host by a name of its own
+        if host not in (HOST, 'localhost'):     # a foreign page that gave this host a name of its own
             self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
             return
         try:
@@ -91,4 +91,4 @@ class _Handler(BaseHTTPRequestHandler):
         self.wfile.write(body)
 
     def log_message(self, *args: object) -> None:
-        """Stay quiet: the terminal is for what matters."""
+        """Log nothing: the terminal is for messages to the user."""

@@ -143,10 +143,9 @@ class Chain:
         The leader's speed (one, or one an instant) is positive in its own way: outwards where a tail leads.
         """
         speed = -self.direction * leader_speed_m_s
-        if self.p.ndim == 2:
-            out = np.empty(self.p.size)
-        else:
-            out, speed = np.empty(self.p.shape), np.broadcast_to(np.asarray(speed, np.float64), self.p.shape[:1])
+        out: Floats = np.empty(self.p.size)
+        if self.p.ndim > 2:
+            out, speed = out.reshape(self.p.shape), np.broadcast_to(np.asarray(speed, np.float64), self.p.shape[:1])
         for part in self.parts:
             speed = part.velocities(self, speed, out)
         out = out.reshape(self.p.shape)
@@ -217,8 +216,8 @@ class MarchedLink(NamedTuple):
 
     def places(self) -> Places:
         """Return the places."""
-        segment, u = zip(self.near, self.far, strict=True)
-        return np.array(segment), np.array([one.hi for one in u]), np.array([one.lo for one in u])
+        (k, u), (k_2, u_2) = self.near, self.far
+        return np.array([k, k_2]), np.array([u.hi, u_2.hi]), np.array([u.lo, u_2.lo])
 
     def _numbers(self, chain: Chain) -> tuple[int, int]:
         """Return where both handles begin in the numbers of a chain."""

@@ -130,8 +130,8 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
     """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
 
-    ``segment`` and ``u`` (..., N+1) are the handles' places. A handle that stands on a joint to within ``within_m``, the
-    error that its position may have, is taken to be on the segment that it moves into. A handle at rest keeps its own:
+    ``segment`` and ``u`` (..., N+1) are the handles' places. A handle that stands on a joint to within ``within_m``,
+    the error that its position may have, is taken to be on the segment that it moves into. A handle at rest keeps its own:
     its curvature counts times the square of its speed.
     """
     if not track.joints_m:

@@ -1,14 +1,18 @@
-"""How near any two benches can come while the leader goes on: a Lipschitz bound over a step of the whole chain.
+"""How near any two benches can come while the leader goes on, over a step of the whole chain: the larger of two bounds.
 
-It holds where no link can lock. Handles then only move on as the leader does, so between two states handle i goes the
+Both hold where no link can lock. Handles then only move on as the leader does, so between two states handle i goes the
 way D_i between its places at both, and no more. A point of a bench that is t of the way between its handles goes
 (1 - t) D_i + t D_(i+1) at most; one that is e beside or beyond them goes e times the bench's turning more, which is at
 most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between, the same two points of
 theirs would have been apart by their gaps at both states: they would have gone at least the sum of both gaps.
-docs/contact.md has the proof.
+
+That bound shrinks with the way that benches go, also where they go together. The other one, for pairs that it does not
+clear, shrinks with the square of the step, and with how little benches move as seen from each other: over a step h no
+corner leaves the line between its places at both ends by more than B h^2 / 8, B of ``relative_motion``. docs/contact.md
+has the proofs.
 """
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
 
@@ -16,8 +20,9 @@ from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import swept_pairs
 from dragon_ros.core.contact.certificate import ALL, Interval
 from dragon_ros.core.contact.interval_clearing import Judgement, clear
+from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
-from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.contact.signed_distance import gaps, placement
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.tracks.segments import BEHIND
@@ -27,7 +32,7 @@ _SPACING = 0.3          # of the longest bench, between the first states: a pair
 _MOST = 2_000_000       # of them: some hours
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
 _SHARE = 0.9            # of the room for a step: gaps shrink on the way
-_MOST_PARTS = 10        # that an interval is cut into at once: the room is known at its ends alone
+_MOST_PARTS = 3         # that an interval is cut into at once: shorter ones have more room than that of a long one says
 _REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
 _SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
 _FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
@@ -38,23 +43,27 @@ _STILL_M = 1e-200       # two states may round to one place
 
 @dataclass(frozen=True)
 class ChainSamples:
-    """States of a chain with N benches at M places: handles' distances (M, N+1) along the track, and rectangles.
+    """States of a chain with N benches at M places: handles (M, N+1), and rectangles.
 
-    ``beyond`` (M,) are the benches whose front handles lie beyond the first segment of the track.
+    ``along_m`` are distances along the track, ``headings`` its headings there, ``curvature`` its curvatures in 1/m, and
+    ``segment`` the numbers of its segments.
     """
 
     places: Floats
+    p: Floats
     along_m: Floats
+    headings: Floats
+    curvature: Floats
+    segment: Ints
     centre: Floats
     axis: Floats
-    beyond: Ints
 
     def rows(self, index: Ints) -> 'ChainSamples':
         """Return some of the states."""
         return ChainSamples(*(getattr(self, name)[index] for name in _FIELDS))
 
 
-_FIELDS = ('places', 'along_m', 'centre', 'axis', 'beyond')
+_FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _Space:
@@ -84,8 +93,8 @@ class _Space:
         benches = benches_of(chain, domain.dragon, axes_of(chain))
         along_m = domain.track.distances(chain.segment, chain.u)
         self._heads_m.update(zip(places.tolist(), along_m[:, 0].tolist(), strict=True))
-        return ChainSamples(places, along_m, benches.centre, benches.axis,
-                            np.sum(chain.segment[:, :-1] > 0, axis=1))
+        return ChainSamples(places, chain.p, along_m, chain.headings, domain.track.curvatures(chain.segment, chain.u),
+                            chain.segment, benches.centre, benches.axis)
 
     def joined(self, parts: list[ChainSamples]) -> ChainSamples:
         """Return several samples as one."""
@@ -106,7 +115,7 @@ class _Space:
         half_length, half_width = self._half
         benches = Benches(samples.centre[rows], samples.axis[rows], half_length, half_width)
         i, j = swept_pairs(benches.corners, reach_m)
-        keep = i < np.max(samples.beyond[rows]) if self._only_beyond else slice(None)
+        keep = np.any(samples.segment[rows][:, i] > 0, axis=0) if self._only_beyond else slice(None)
         return i[keep], j[keep]
 
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
@@ -116,26 +125,65 @@ class _Space:
         return out
 
     def judge(self, a: ChainSamples, b: ChainSamples, root: Ints) -> Judgement:
-        """Judge intervals by what gaps leave of the ways of benches; they are cut as the room asks for."""
+        """Judge intervals by what gaps leave of the ways of benches, or of how far they bend; cut as the room asks for.
+
+        Room is how many times as long an interval might have been.
+        """
         moved_m, size = self._moved(a, b), self._count[root]
         row = np.repeat(np.arange(root.size), size)
         at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[root], size)
         i, j = self._pairs[0][at], self._pairs[1][at]
         gap_a, gap_b, moving_m = self._gaps(a, row, i, j), self._gaps(b, row, i, j), moved_m[row, i] + moved_m[row, j]
-        bound_m, room = self._others_m[root], np.full(root.size, 1.0)
-        np.minimum.at(bound_m, row, 0.5 * (gap_a + gap_b - moving_m))
-        np.minimum.at(room, row, (gap_a + gap_b) / np.maximum(moving_m, _STILL_M))
+        low_m, room = 0.5 * (gap_a + gap_b - moving_m), (gap_a + gap_b) / np.maximum(moving_m, _STILL_M)
+        left = np.flatnonzero(low_m <= self.tolerance_m)
+        if left.size:
+            bent_m, bent_room = self._bent(a, b, row[left], i[left], j[left])
+            low_m[left], room[left] = np.maximum(low_m[left], bent_m), np.maximum(room[left], bent_room)
+        bound_m, least = self._others_m[root], np.full(root.size, 1.0)
+        np.minimum.at(bound_m, row, low_m)
+        np.minimum.at(least, row, room)
         touching = np.zeros((2, root.size), dtype=bool)
         for end, gap in enumerate((gap_a, gap_b)):
             touching[end, row[gap <= 0]] = True
-        parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
+        parts = np.ceil(1 / (_SHARE * np.maximum(least, 0.5 / _MOST_PARTS)))
         return Judgement(bound_m, touching, np.clip(parts, 2, _MOST_PARTS).astype(np.int64))
 
+    def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
+        """Return second-order bounds of pairs' gaps, and the room."""
+        domain = self._domain
+        used, row = np.unique(row, return_inverse=True)
+        a, b = a.rows(used), b.rows(used)
+        one, two = (Handles(each.along_m, each.curvature, each.segment, each.headings) for each in (a, b))
+        moving = kinematics(one, two, (a.axis, b.axis), domain.dragon.link_lengths_m, domain.track.bends,
+                            0 if domain.leader.direction == BEHIND else -1)
+        gone_m = np.abs(b.places - a.places)[row]
+        seen = [views(each.p, each.axis, each.headings, row, i, j) for each in (a, b)]
+        most = second_derivatives(moving, seen[0], seen[1], row, i, j, gone_m, np.hypot(*self._half))
+        sag = [each * (gone_m * gone_m / 8) for each in most]
+        apart = [self._apart(each, row, i, j) for each in (a, b)]
+        low_m, room = np.full(i.size, -np.inf), np.zeros(i.size)
+        for frame in (0, 1):
+            for at_a, at_b in zip(apart[0][frame], apart[1][frame], strict=True):
+                least = np.minimum(at_a, at_b)
+                low_m = np.maximum(low_m, least - sag[frame])
+                with np.errstate(divide='ignore'):
+                    room = np.maximum(room, np.sqrt(np.maximum(least, 0.0) / np.maximum(sag[frame], _STILL_M)))
+        return low_m, room
+
+    def _apart(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[list[Floats], list[Floats]]:
+        """Return separations (K,) from the four edges of one bench of each pair, and from those of the other."""
+        view = placement(*self._rectangles(samples, row, i, j))
+        return view.from_edges(), view.mirrored().from_edges()
+
     def _gaps(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> Floats:
+        return gaps(*self._rectangles(samples, row, i, j))
+
+    def _rectangles(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Benches, Ints, Ints]:
+        """Return the benches of all states as of one, and pairs of them."""
         states, count = samples.places.size, self._domain.dragon.benches
         half_length, half_width = (np.tile(half, states) for half in self._half)
         benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
-        return gaps(benches, row * count + i, row * count + j)
+        return benches, row * count + i, row * count + j
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
         """Return the leader's ways."""

@@ -34,6 +34,12 @@ class Placement:
         return Placement(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
                          self.cos, -self.sin, self.b, self.a)
 
+    def from_edges(self) -> list[Floats]:
+        """Return how far all of B lies beyond each of A's edges (front, rear, left, right); negative if it does not."""
+        (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
+        along, aside = a_x + half * c + side * s, a_y + half * s + side * c
+        return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
+
     def separations(self) -> tuple[Floats, Floats]:
         """Return the larger separation along A's two axes (negative where both overlap), and B's distance squared.
 

@@ -200,7 +200,7 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Search, side: int
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
     t_s, scene = ranges.when_s(bench, along_m), ranges.scene
-    chain = compile_scene(scene).model.leader.chain(scene.head.travelled_m(t_s), compile_scene(scene).model.effort)
+    chain = compile_scene(scene).model.place(scene.head.travelled_m(t_s))
     x, y = benches_of(chain, scene.dragon, axes_of(chain)).corners[bench, corner].tolist()
     low_m = (x, -x, y, -y)[side]
     high_m = max(low_m, float(search.best[side]), float(search.high[side]))
@@ -265,7 +265,7 @@ class SweptBench:
         segment = np.array([[place.segment for place in places] for places in (fronts, rears)])
         u = np.array([[place.u for place in places] for places in (fronts, rears)])
         q, r = _complex(track.points(segment, u[..., 0], u[..., 1]))
-        to, to_rear = _complex(track.headings(segment, u[..., 0]))
+        to, to_rear = _complex(track.headings(segment, u[..., 0], u[..., 1]))
         axis = (q - r) / link if link else to
         cos = np.stack([(axis.conj() * heading).real for heading in (to, to_rear)])
         one, two = self._shares

@@ -105,7 +105,7 @@ class _Search:
         self._looks, self._tell = 0, progress
         self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
         leader = self._leader
-        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # at least, of each handle behind the head
+        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # at least, behind the head
         self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
 
     def run(self) -> MaxSpeed:
@@ -124,7 +124,8 @@ class _Search:
         leader, gone = self._leader, self._scene.head.travelled_m(t_s)
         with np.errstate(over='ignore'):
             ratio, bound = (float(np.exp(log)) for log in (top, max(self._bound, top)))
-        return MaxSpeed(ratio, handle if leader.direction == BEHIND else leader.links_m.size - handle, float(gone[0]) + 0.0,
+        number = handle if leader.direction == BEHIND else leader.links_m.size - handle
+        return MaxSpeed(ratio, number, float(gone[0]) + 0.0,
                         leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
 
     def _first(self) -> Floats:
@@ -164,7 +165,7 @@ class _Search:
 
     def _links(self, gone_m: float) -> int:
         """Return how many links from the leader on have rear handles that may be faster than all before them."""
-        if self._leader.way != BEHIND:
+        if self._leader.direction != BEHIND:
             return self._leader.links_m.size
         beyond = self._leader.start_m + gone_m - self._sure_m
         return int(np.searchsorted(self._behind_m[:-1], beyond))
@@ -200,7 +201,8 @@ class _Search:
         self._tell(times_s.size)
         leader, gone = self._leader, self._scene.head.travelled_m(times_s)
         links = leader.links_m[:self._links(float(np.max(gone[0])))]
-        return states_of(marched_many(leader.track, links, leader.places(gone), leader.direction, _PRECISE), gone[0], leader.direction)
+        chains = marched_many(leader.track, links, leader.places(gone), leader.direction, _PRECISE)
+        return states_of(chains, gone[0], leader.direction)
 
     def _note(self, log: Floats, times_s: Floats) -> None:
         tops = np.max(log, axis=1)

@@ -1,15 +1,17 @@
 """How far corners of benches can leave straight lines while a spiral's pitch changes and the head's radius does not.
 
-In units of b (see ``winding``) the chain then grows: it is ``scale`` times as large, with handle 0 at theta = scale r.
-A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0, and the leading
-handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle, F = c^2 / 2 gives
+In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at
+theta = scale r. A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0,
+and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle,
+F = c^2 / 2 gives
 
     delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
     m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,
     delta'' = d1 a + (delta^2 + 2 (1 - cos delta) (theta delta + m (2 theta - m)) - 2 F_td p delta' - F_dd delta'^2)
               / F_delta,
 
-where nothing large cancels: c^2 was replaced by 2 F. The link's direction is theta + psi, and as in ``bending``
+where nothing large cancels: c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
+``second_order_bounds``
 
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
     psi'' = delta'' / 2 + (N' - 2 N) / c^2.
@@ -31,7 +33,7 @@ from dragon_ros.core.numerics.types import Floats
 
 
 def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
-    """Return bounds as ``bending.bend`` does, (M, K-2, 2) in units of b, of scale^2 times second derivatives by it."""
+    """Return bounds (M, K-2, 2) as ``bend`` does, in units of b, of scale^2 times second derivatives by the scale."""
     with np.errstate(all='ignore'):
         return corners(_motion(theta, delta, chord), arm, growth=1.0)
 

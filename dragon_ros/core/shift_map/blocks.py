@@ -114,7 +114,8 @@ class TabulatedStates:
         """Fill in velocities."""
         some = out[:, chain.slice_of(self)]
         self.fill(some, True, speed / self._each(lambda spots: spots.tile.paces(spots)))
-        return np.copysign(np.hypot(*some[:, -1 if self.direction == BEHIND else 0].T), speed)
+        after: Floats = np.copysign(np.hypot(*some[:, -1 if self.direction == BEHIND else 0].T), speed)
+        return after
 
     def headings(self, chain: Chain, out: Floats) -> None:
         """Fill in unit tangents."""
@@ -170,7 +171,8 @@ class Placement:
         Raises TrackEndError where there is no track, ChainLockError where a link finds no place.
         """
         track, count, direction = self.track, self.links_m.size, self.direction
-        flat, parts, here, spent, filled = np.empty(2 * count + 2), [], leader, 0, False
+        parts: list[Part] = []
+        flat, here, spent, filled = np.empty(2 * count + 2), leader, 0, False
         for (i, stop, link_m), shift in self.blocks:
             tries = _TRIES
             while i < stop:

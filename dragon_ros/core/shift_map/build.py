@@ -1,4 +1,5 @@
 """Building the table of a tile: where to cut the span, its images, row after row, and the series of what they met."""
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf
@@ -20,12 +21,12 @@ _MOST_BYTES = 256_000_000   # of the series of one table
 _ROUNDS = 5                 # of cutting parts in two
 _NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
-_WIDEST_RAD = 1.0           # about what a link may span on a spiral from afar: further in it is marched
+_WIDEST_RAD = 1.3           # about what a link may span on a spiral from afar: further in it is marched
 
 
 @dataclass(frozen=True, eq=False)
 class Table:
-    """R rows of S parts of a span of places, for links of one length; leaders of blocks are in L rows from ``first`` on.
+    """R rows of S parts of a span of places, for links of one length; leaders are in L rows from ``first`` on.
 
     Part s of row r lies on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
     (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. ``slack`` (L, S) is how far |x| may be
@@ -97,15 +98,17 @@ class _Rows:
     segment: Ints                     # (R, S)
     origin: tuple[Floats, Floats]     # (R, S)
     leading: slice                    # rows in which leaders can be
+    error_m: Floats                   # (R,): where series are cut
     coordinates: Floats
     places: Floats
     motions: Floats
 
 
-def build(track: Track, link_m: float, stretch: Stretch, error_m: float) -> Table | None:
-    """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch, its series cut at ``error_m``.
+def build(track: Track, link_m: float, stretch: Stretch, series_m: Callable[[Floats], Floats]) -> Table | None:
+    """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
 
-    None where no table serves: the links have no length, it would be too large, or series do not end.
+    ``series_m`` tells from how far out the places of each row (R,) are where the series of that row are cut. None where
+    no table serves: the links have no length, it would be too large, or series do not end.
     """
     if not link_m:
         return None
@@ -116,7 +119,7 @@ def build(track: Track, link_m: float, stretch: Stretch, error_m: float) -> Tabl
         if front_m <= low_m or 8 * 5 * _NODES * count > _MOST_BYTES:
             return None
         parts = _parts(track, link_m, front, front_m - count * reach_m(min(track.bend, 1 / link_m), link_m))
-        return _built(track, link_m, parts, count, stretch, error_m) if parts else None
+        return _built(track, link_m, parts, count, stretch, series_m) if parts else None
     except (TrackEndError, ChainLockError):
         return None
 
@@ -170,26 +173,27 @@ def _halves(part: _Part) -> list[_Part]:
 
 
 def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
-           error_m: float) -> Table | None:
+           series_m: Callable[[Floats], Floats]) -> Table | None:
     """Return the table, once all series end; parts whose do not are cut in two."""
     for _ in range(_ROUNDS):
         if 8 * 5 * _NODES * len(parts) * count > _MOST_BYTES:
             return None
-        rows = _series(track, link_m, parts, count, stretch)
+        rows = _series(track, link_m, parts, count, stretch, series_m)
         x, middle, scale = _scaled(rows)
         leading = x[:, :, rows.leading]
         if not leading.shape[2]:
             return None
         inverse = _by_part(inverse_series(leading.transpose(1, 0, 2).reshape(_NODES, -1)), len(parts))
-        left = _left_m(rows, x, inverse, link_m)
-        if np.max(left) <= _NOISE * error_m:
-            return _table(rows, (x, middle, scale), inverse, link_m, error_m)
+        left = _left(rows, x, inverse, link_m)
+        if np.max(left) <= _NOISE:
+            return _table(rows, (x, middle, scale), inverse, link_m)
         parts = [one for part, over in zip(parts, left, strict=True)
-                 for one in (_halves(part) if over > _NOISE * error_m else [part])]
+                 for one in (_halves(part) if over > _NOISE else [part])]
     return None
 
 
-def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch) -> _Rows:
+def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
+            series_m: Callable[[Floats], Floats]) -> _Rows:
     """Push the nodes of all parts back through ``count`` rows, as far as there is track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
     matrix, rows, several = transform(_NODES)[1], segment.shape[0], segment[..., None]
@@ -204,10 +208,12 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch
                for values in (p, speed[..., None] * heading)]
     # Nodes run from the rear of a part to its front.
     along = track.distances(each[..., [0, -1]], u[..., [0, -1]])
-    reached = np.flatnonzero(np.any((along[..., 1] > stretch.low_m - link_m) & (along[..., 0] < stretch.high_m + link_m),
-                                    axis=1))
+    low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
+    reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
-    return _Rows(segment, origin, leading, matrix @ from_origin.transpose(1, 2, 0),
+    # A row near the origin is as exact as the dragon is large: about as a spiral of its length, one turn a link apart.
+    size_m = np.maximum(np.max(np.abs(p), axis=(1, 2, 3)), link_m * np.sqrt(stretch.links))
+    return _Rows(segment, origin, leading, series_m(size_m), matrix @ from_origin.transpose(1, 2, 0),
                  *(matrix @ values for values in by_part))
 
 
@@ -221,8 +227,8 @@ def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tupl
         return _together(track, places) if len(track.segments) > 1 else places
 
     rows, _ = forward_many(track, (Block(0, count - 1, link_m),), first, BEHIND, Effort(), settle)
-    segment, u, lo = (values.reshape(-1, len(parts), _NODES) for values in rows)
-    return segment[..., 0], u, lo
+    shape = -1, len(parts), _NODES
+    return rows[0].reshape(shape)[..., 0], rows[1].reshape(shape), rows[2].reshape(shape)
 
 
 def _together(track: Track, places: Places) -> Places:
@@ -249,11 +255,11 @@ def _scaled(rows: _Rows) -> tuple[Floats, Floats, Floats]:
     return x, middle, scale
 
 
-def _left_m(rows: _Rows, x: Floats, inverse: Floats, link_m: float) -> Floats:
-    """Return about what the series of each part (S,) leave out, in metres: their last terms."""
-    half_m = _half_widths_m(rows)
-    last = (rows.places[:, -2:], link_m * rows.motions[:, -2:], half_m * x[:, -2:],
-            half_m[:, :, rows.leading] * inverse[:, -2:])
+def _left(rows: _Rows, x: Floats, inverse: Floats, link_m: float) -> Floats:
+    """Return about what the series of each part (S,) leave out, in units of the rows' errors: their last terms."""
+    half, twice = _half_widths_m(rows) / rows.error_m, np.repeat(rows.error_m, 2)
+    last = (rows.places[:, -2:] / twice, link_m * rows.motions[:, -2:] / twice, half * x[:, -2:],
+            half[:, :, rows.leading] * inverse[:, -2:])
     out: Floats = np.max([np.max(np.abs(values), axis=(1, 2)) for values in last], axis=0)
     out[~np.isfinite(out)] = inf
     return out
@@ -271,27 +277,27 @@ def _by_part(inverse: Floats, parts: int) -> Floats:
     return out
 
 
-def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float,
-           error_m: float) -> Table:
+def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float) -> Table:
     """Return the table with as many terms as any series needs."""
-    (x, middle, scale), half_m, leading = scaled, _half_widths_m(rows), rows.leading
+    (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
     parts, count = rows.segment.shape[1], rows.segment.shape[0]
-    motions = link_m * rows.motions
-    # A velocity is a product of many ratios: its rounding may lie above what its series is cut at, and is no term of it.
-    noise_m = max(error_m, 2 * float(np.max(np.abs(motions[:, -2:]))))
-    size = np.maximum(np.abs(rows.places), np.where(np.abs(motions) > noise_m, np.abs(motions), 0.0))
-    terms = _enough(size.reshape(parts, _NODES, count, 2).max(axis=3), error_m)
-    charts = half_m[:, :, leading] * np.maximum(np.abs(inverse), np.abs(x[:, :, leading]))
-    nodes = max(int(np.max(terms)), int(np.max(_enough(charts, error_m))))
+    twice = np.repeat(rows.error_m, 2)
+    places, motions = np.abs(rows.places) / twice, np.abs(link_m * rows.motions) / twice
+    # A velocity is a product of many ratios: its rounding may lie above where its series is cut.
+    noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
+    size = np.maximum(places, np.where(motions > noise, motions, 0.0))
+    terms = _enough(size.reshape(parts, _NODES, count, 2).max(axis=3))
+    charts = half[:, :, leading] * np.maximum(np.abs(inverse), np.abs(x[:, :, leading]))
+    nodes = max(int(np.max(terms)), int(np.max(_enough(charts))))
     centre = plus(rows.origin[0], rows.origin[1], middle.T)
     powers = powers_of(inverse[:, :nodes].transpose(1, 0, 2).reshape(nodes, -1)).reshape(parts, -1, nodes)
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
-    return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start,
-                 read_only(_NOISE * error_m / half_m[:, 0, leading].T), read_only(powers.transpose(1, 0, 2).copy()), x, p,
-                 v, terms)
+    slack = _NOISE / half[:, 0, leading].T
+    return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
+                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms)
 
 
-def _enough(size: Floats, error_m: float) -> Ints:
-    """Return how many terms of sizes (S, K, R) are enough from each row on, (S, R)."""
-    needed = size.shape[1] - np.argmax(size[:, ::-1] > error_m, axis=1)
+def _enough(size: Floats) -> Ints:
+    """Return how many terms of sizes (S, K, R), in units of the error, are enough from each row on, (S, R)."""
+    needed = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return np.maximum.accumulate(needed[:, ::-1], axis=1)[:, ::-1]

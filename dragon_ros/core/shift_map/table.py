@@ -133,8 +133,8 @@ class Tile:
         if cell is None:
             table = self.table
             row, part = divmod(number, table.parts)
-            middle = table.middle[table.first + row, part].tolist()
-            cell = Cell(table.first + row, part, float(table.slack[row, part]), *middle,
+            middle, middle_lo, scale = table.middle[table.first + row, part].tolist()
+            cell = Cell(table.first + row, part, float(table.slack[row, part]), middle, middle_lo, scale,
                         table.inverse[row, part].tolist(), {})
             if len(self._cells) >= _MOST_CELLS:
                 self._cells.clear()
@@ -200,16 +200,18 @@ class Tile:
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
-        """Return the products that give the handle in a cell and ``links`` beyond it, in the order from head to tail."""
+        """Return the products that give the handle in a cell and ``links`` beyond it, from head to tail."""
         out = cell.products.get(links)
         if out is None:
             first, size = cell.row if direction == BEHIND else cell.row - links, 2 * links + 2
             terms = int(self.table.terms[cell.part, first])
-            width = _TERMS // terms // 2 * 2
-            out = cell.products[links] = [
-                Product(terms, *(series[cell.part, :terms, 2 * first + low:2 * first + min(low + width, size)]
-                                 for series in (self.table.places, self.table.motions)), low, min(low + width, size))
-                for low in range(0, size, width)]
+            width, out = _TERMS // terms // 2 * 2, []
+            for low in range(0, size, width):
+                stop = min(low + width, size)
+                places, motions = (series[cell.part, :terms, 2 * first + low:2 * first + stop]
+                                   for series in (self.table.places, self.table.motions))
+                out.append(Product(terms, places, motions, low, stop))
+            cell.products[links] = out
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
@@ -239,15 +241,14 @@ def _same_cells(cell: Ints) -> list[tuple[slice, int]]:
 class ShiftMap:
     """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
 
-    ``error_m`` tells, from the largest distance from the origin and from the nearest place to the track's end on a tile,
-    where the series of that tile are cut.
+    ``series_m`` tells from a tile's foremost place, and then from how far out places are, where series are cut.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int,
-                 error_m: Callable[[float, Place], float]) -> None:
+                 series_m: Callable[[Place], Callable[[Floats], Floats]]) -> None:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
-        self._error_m = error_m
+        self._series_m = series_m
         length = max(_FEWEST_LINKS, 1 << (links - 1).bit_length())
         self._length_m, self._before_m = length * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
@@ -316,7 +317,7 @@ class ShiftMap:
             return number * self._length_m - self._before_m > 0
         if place.segment != begin.segment:
             return place.segment < begin.segment
-        return (place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0
+        return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _boundary(self, number: int) -> Place | None:
         """Return the place at which a tile begins; None beyond the track."""
@@ -337,11 +338,11 @@ class ShiftMap:
         track = self.track
         low_m, high_m = (n * self._length_m - self._before_m for n in (number, number + 1))
         ends = [self._boundary(number + 1) or self._end(1), self._boundary(number) or self._end(-1)]
-        far_m = track.far_m(max(low_m - self._length_m, track.begin_m), min(high_m, track.end_m))
+        far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
         if self.link_m <= _SHORTEST * far_m:
             return None
         table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction),
-                      self._error_m(far_m, ends[0]))
+                      self._series_m(ends[0]))
         return Tile(track, table, *ends) if table else None
 
     def _end(self, side: int) -> Place:

@@ -21,7 +21,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spiral import TINY
 
 LARGEST_BEND = 1.98     # of curvature times chord: at 2 a link may lock; 1 % short of it roots stay well conditioned
-TIGHT = 1e-8            # a Newton step, relative to the angle, that leaves no error that floats can keep: half its square
+TIGHT = 1e-8            # a Newton step, relative to the angle: half its square is less than floats can keep
 _TAME_RAD = 1.5         # spans below this are solved by plain Newton, which converges from any of the guesses here
 _NEWTON_STEPS = 12      # more than Newton ever takes there; then the bracketed solver takes over
 

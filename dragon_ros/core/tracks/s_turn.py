@@ -1,4 +1,4 @@
-"""The S-turn: from a spiral in to the same spiral out, turned by half a turn, along two tangent arcs (``spec.STurn``)."""
+"""The S-turn (``spec.STurn``): from a spiral in to the same spiral out, half a turn round, along two tangent arcs."""
 from dataclasses import dataclass
 from math import asin, inf, pi, sin, sqrt
 

@@ -392,7 +392,7 @@ class SpiralSegment:
             return steps(u, chord, guess, tolerance)
         inner = None if ahead is None else u * u - ahead
         guess = (first_guesses_in(u, chord) if inner is None or np.any(inner <= 0) else
-                 ahead / (u + np.sqrt(inner)))      # type: ignore[operator]
+                 ahead / (u + np.sqrt(inner)))
         delta, spent = steps_in(u, chord, guess, self._arc(chord_m), tolerance)
         return -delta, spent
 

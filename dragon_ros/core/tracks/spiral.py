@@ -67,7 +67,8 @@ class SpiralCurve:
             places = np.array([self.inward(*pair) for pair in zip(distance_m.tolist(), distance_lo_m.tolist(),
                                                                   strict=True)])
             return places[:, 0], places[:, 1]
-        return self._corrected(_almost_turned(self.start.hi, arc, *_ARRAYS), distance_m, distance_lo_m, np.sqrt, np.arcsinh)
+        turned = _almost_turned(self.start.hi, arc, *_ARRAYS)
+        return self._corrected(turned, distance_m, distance_lo_m, *_ARRAYS[:2])
 
     @cached_property
     def _per_b(self) -> DoubleDouble:

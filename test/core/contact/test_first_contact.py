@@ -1,16 +1,15 @@
 """First contact of dragons of every kind against a dense scan with shapely, and its special ends."""
-import json
-
 import numpy as np
 import pytest
 from apart import smallest
+from certificates import proved
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps
@@ -27,8 +26,8 @@ CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body t
 @settings(max_examples=40)
 @given(st.integers(3, 12), st.just(0.0) | st.floats(0.1, 3), st.floats(0.1, 3), st.floats(0.02, 0.5),
        st.floats(0.05, 0.4), st.floats(0.3, 1.5), st.floats(0.6, 8), st.sampled_from([-1.0, 1.0, 3.0]))
-def test_nothing_touches_before_the_contact_and_benches_do_then(tmp_path_factory, benches, head, body, width, inset,
-                                                                pitch, turns, speed):
+def test_nothing_touches_before_the_contact_and_benches_do_then(benches, head, body, width, inset, pitch,
+                                                                turns, speed):
     dragon = Dragon(benches, 2 * inset + head, 2 * inset + body, width, inset)
     run = Run(0.0, 20.0 if speed < 0 else None)
     scene = Scene(dragon=dragon, track=Spiral(pitch, turns), head=Head(speed), run=run)
@@ -41,9 +40,7 @@ def test_nothing_touches_before_the_contact_and_benches_do_then(tmp_path_factory
     assert all(smallest(scene, t_s) > 0 for t_s in np.linspace(0, before_s, 60) if before_s > 0)
     if isinstance(found, Contact) and not found.grazing_m:
         assert smallest(scene, min(found.t_s + 1e-7, end_s)) < 1e-9
-    path = tmp_path_factory.mktemp('proof') / 'c.json'
-    path.write_text(json.dumps(certificate.as_values(scene, found)))
-    certificate.check(path)
+    proved(certificate.as_values(scene, found))
 
 
 @pytest.mark.parametrize(('speed', 'pair'), [(-1.0, (2, 10)), (1.0, (1, 7))])
@@ -112,3 +109,13 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     assert isinstance(found, NoContact)
     assert min(scene.track.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
         min(places), abs=1e-3)
+
+
+def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():
+    """The near miss of bench 11 is a few picometres wide, and benches 0 and 8 cross 2.6 s later."""
+    scene = Scene(dragon=Dragon(20, width_m=0.30097406869751), run=Run(408.0))
+    found = first_contact(scene)
+    assert (found.benches, found.grazing_m) == ((0, 8), None)
+    assert found.approach_m_s == pytest.approx(0.026934, abs=1e-6)
+    assert smallest(scene, found.t_s - 1e-8) > 0 == smallest(scene, found.t_s + 1e-8)
+    assert found.certificate.complete

@@ -8,7 +8,7 @@ from apart import smallest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.commands.certificate_checkers import certificate
+from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of

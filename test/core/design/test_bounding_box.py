@@ -3,7 +3,6 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from dragon_ros.core.inwards import inwards
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
@@ -15,6 +14,7 @@ from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states
+from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 SCENES = [Scene(), Scene(dragon=Dragon(benches=1)), Scene(dragon=Dragon(benches=3), run=Run(start_s=400.0)),
@@ -96,7 +96,8 @@ def test_no_corner_is_outside_on_any_track_under_any_law(dragon, track, law, sta
     found = bounding_box(scene)
     check_that_none_is_outside(scene, found, 40)
     check_that_it_is_met(scene, found)
-    assert compile_scene(scene).end.reason == 'lock' or all(reach.high_m - reach.low_m <= 1.2e-10 for reach in found.reaches)
+    reason = compile_scene(scene).end.reason
+    assert reason == 'lock' or all(reach.high_m - reach.low_m <= 1.2e-10 for reach in found.reaches)
 
 
 MIXED = st.builds(lambda lengths, width: Mixed(tuple(Group(0.55 + length) for length in lengths), width), st.lists(
@@ -137,7 +138,8 @@ BENDY = Composite((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Lin
 TIGHT = Composite((Line(5.0), Arc(1.45, 170.0), Arc(1.45, -170.0), Line(5.0)))
 
 
-@pytest.mark.parametrize(('track', 'low_m', 'high_m'), [(TIGHT.track, 4.0, 13.0), (inwards(Spiral()), 425.0, 431.5)])
+@pytest.mark.parametrize(('track', 'low_m', 'high_m'), [(track_of(TIGHT), 4.0, 13.0),
+                                                        (track_of(Spiral()), 425.0, 431.5)])
 @pytest.mark.parametrize('apart_m', [1.0, 0.1, 0.01])
 def test_no_corner_is_above_the_bound_where_a_link_is_almost_as_long_as_the_bend_allows(track, low_m, high_m, apart_m):
     for arm_m in (0.15, 3.0):
@@ -149,7 +151,7 @@ def test_no_corner_is_above_the_bound_where_a_link_is_almost_as_long_as_the_bend
 
 
 @pytest.mark.parametrize('link_m', [2.86, 1.65, 0.0])
-@pytest.mark.parametrize('track', [STurn().track, BENDY.track, HandleRanges(Scene(run=Run(stop_s=1.0))).track])
+@pytest.mark.parametrize('track', [track_of(STurn()), track_of(BENDY), HandleRanges(Scene(run=Run(stop_s=1.0))).track])
 def test_no_corner_is_above_the_bound_between_two_states_which_falls_with_the_square_of_their_distance(track, link_m):
     bench = SweptBench(track, link_m, 0.5 * link_m + 0.275, 0.15)
     over = []

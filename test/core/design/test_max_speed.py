@@ -17,6 +17,7 @@ from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, velocity_of
+from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 FIGURES = json.loads((Path(__file__).parents[2] / 'data' / 'dances.json').read_text())['figures']
@@ -78,7 +79,7 @@ def check(scene, found, count=200):
     assert leader <= top * (1 + 1e-15)
     assert found.ratio <= found.bound
     t_s = _when(scene, found.gone_m)
-    chain = compile_scene(scene).model.leader.chain(scene.head.travelled_m(t_s), replace(scene, accuracy='exact').effort)
+    chain = compile_scene(scene).model.march(scene.head.travelled_m(t_s), Effort())
     speed = np.hypot(*chain.velocities(1.0)[found.handle])
     assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # a place of the leader to 1e-14 of the run
 
@@ -87,7 +88,8 @@ def _top(scene):
     """Return the leader's largest speed in a run: at a break of the law, on one side of it or the other."""
     if isinstance(scene.head, Head):
         return abs(scene.head.speed_m_s)
-    ends = [scene.run.start_s, *(t for t in scene.head.breaks_s if scene.run.start_s < t < compile_scene(scene).end.t_s),
+    end_s = compile_scene(scene).end.t_s
+    ends = [scene.run.start_s, *(t for t in scene.head.breaks_s if scene.run.start_s < t < end_s),
             compile_scene(scene).end.t_s]
     return max(abs(scene.head.speed_at_m_s(t)) for low, high in pairwise(ends)
                for t in (low, nextafter(high, low)))
@@ -180,7 +182,7 @@ def test_at_a_jump_the_speeds_on_both_sides_count():
 @pytest.mark.parametrize('law', [Head(0.0), Profile(((0.0, 0.0),))])
 def test_of_a_leader_that_rests_the_ratio_is_that_of_its_place(law):
     scene = Scene(Dragon(10), STurn(before_m=-3.0), law, Run(0, 5))
-    v = compile_scene(scene).model.leader.chain((0.0, 0.0), compile_scene(scene).model.effort).velocities(1.0)
+    v = compile_scene(scene).model.place((0.0, 0.0)).velocities(1.0)
     assert max_speed(scene).ratio == pytest.approx(np.max(np.hypot(*v.T)), rel=1e-12)
 
 

@@ -4,7 +4,7 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dragon_ros.core.chain.chain import stack
+from dragon_ros.core.chain.chain import marched, stack
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.design.max_speed import LawBetween, bounds, states_of
@@ -13,16 +13,21 @@ from dragon_ros.core.numerics.ball_arithmetic import Ball
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from dragon_ros.core.tracks.spiral import SpiralCurve
 
 LINKS = np.array([2.86, *(1.65,) * 12, 0.0, *(1.65,) * 8])
-BENDY = Composite((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=50.0).track
-TRACKS = [(STurn().track, -3.0, BEHIND), (STurn(ratio=0.6).track, 0.0, BEHIND), (BENDY, 50.0, BEHIND),
-          (STurn().track, 40.0, AHEAD), (BENDY, 100.0, AHEAD)]
+BENDY = track_of(Composite((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=50.0))
+TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, BEHIND), (BENDY, 50.0, BEHIND),
+          (track_of(STurn()), 40.0, AHEAD), (BENDY, 100.0, AHEAD)]
 STEADY = LawBetween(np.zeros(1), np.zeros(1), Ball(np.zeros(1), np.zeros(1)))
 
 
 def states(leader, gone_m):
-    return states_of(stack([leader.chain((gone, 0.0), Effort(1e-12)) for gone in gone_m.tolist()]), gone_m, leader.direction)
+    return states_of(stack([chain_at(leader, gone) for gone in gone_m.tolist()]), gone_m, leader.direction)
+
+
+def chain_at(leader, gone_m):
+    return marched(leader.track, leader.links_m, leader.place((gone_m, 0.0)), leader.direction, Effort(1e-12))
 
 
 def tops(leader, low_m, high_m):
@@ -36,7 +41,8 @@ def tops(leader, low_m, high_m):
 def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, way, apart_m):
     leader = Leader(track, LINKS, start_m, way)
     for low in np.random.default_rng(3).uniform(0, 45, 25):
-        assert np.all(states(leader, np.linspace(low, low + apart_m, 15)).log <= tops(leader, low, low + apart_m) + 1e-14)
+        inside = states(leader, np.linspace(low, low + apart_m, 15))
+        assert np.all(inside.log <= tops(leader, low, low + apart_m) + 1e-14)
 
 
 NEAR_A_LOCK = [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]), np.array([0.55, 0.55, 3.35, *(1.05,) * 6]),
@@ -49,7 +55,7 @@ NEAR_A_LOCK = [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]), np.
 def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_back_in_between(links, pitch_m, apart_m):
     spiral = Spiral(pitch_m, 4.0)
     leader = Leader(track_of(spiral), links, 0.0, BEHIND)
-    lock_m = spiral.distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
+    lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
     turning = turning_back_m(leader, 0.0, lock_m)
     found = 0
     for low in (lock_m - apart_m - np.geomspace(1e-6, 6, 60)).tolist():
@@ -69,7 +75,7 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
 def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(links, pitch_m):
     spiral = Spiral(pitch_m, 16.0)
     leader = Leader(track_of(spiral), links, 0.0, BEHIND)
-    lock_m = spiral.distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
+    lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
     turning = turning_back_m(leader, 0.0, lock_m)
     assert turning == sorted(turning)
     ends = [0.0, *turning, lock_m - 1e-9]
@@ -83,19 +89,19 @@ def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(
 
 def test_no_handle_turns_back_behind_a_tail_or_on_a_composite_track():
     assert not turning_back_m(Leader(BENDY, LINKS, 50.0, BEHIND), 0.0, 40.0)
-    assert not turning_back_m(Leader(STurn().track, LINKS, 40.0, AHEAD), 0.0, 40.0)
+    assert not turning_back_m(Leader(track_of(STurn()), LINKS, 40.0, AHEAD), 0.0, 40.0)
 
 
 @pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)
 def test_the_logs_are_those_of_the_speeds(track, start_m, way):
     leader = Leader(track, LINKS, start_m, way)
-    v = leader.chain((20.0, 0.0), Effort(1e-12)).velocities(1.0)
+    v = chain_at(leader, 20.0).velocities(1.0)
     speed = np.hypot(v[:, 0], v[:, 1])[::-way]
     assert states(leader, np.array([20.0])).log[0] == pytest.approx(np.log(speed), abs=1e-13)
 
 
 def test_closer_states_bring_the_bound_down_with_the_square_of_their_distance():
-    leader = Leader(STurn().track, LINKS, 14.4799694, BEHIND)
+    leader = Leader(track_of(STurn()), LINKS, 14.4799694, BEHIND)
     over = []
     for apart_m in (1e-2, 1e-3):
         ends = -0.5 * apart_m, 0.5 * apart_m

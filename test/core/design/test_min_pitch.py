@@ -13,16 +13,18 @@ from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import DragonError, FieldError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
 
 REFERENCE = json.loads((Path(__file__).parents[2] / 'data' / 'min_pitch.json').read_text())
 
 
 def scene_to(radius_m, pitch_m, dragon):
     track = Spiral(pitch_m)
-    return Scene(dragon=dragon, track=track, run=Run(stop_s=track.distance_to(radius_m / track.b_m)))
+    return Scene(dragon=dragon, track=track, run=Run(stop_s=SpiralCurve.of(track).distance_to(radius_m / track.b_m)))
 
 
 def test_the_smallest_pitch_of_the_contest_is_bracketed_to_its_last_digits():
@@ -46,7 +48,7 @@ def test_just_below_there_is_a_contact_on_the_way_and_just_above_there_is_none(d
 
 def test_looking_only_at_the_circle_would_miss_contacts_on_the_way():
     at_circle = scene_to(4.5, 0.4203, Dragon())
-    there = state(at_circle, at_circle.end.t_s)
+    there = state(at_circle, compile_scene(at_circle).end.t_s)
     benches = benches_of(there, at_circle.dragon, axes_of(there))
     assert np.min(gaps(benches, *candidates(there.p, benches))) > 0
     assert isinstance(first_contact(at_circle), Contact)
@@ -65,6 +67,11 @@ def test_progress_counts_every_state():
 def test_what_has_no_answer_is_refused(options, says):
     with pytest.raises(FieldError, match=says):
         min_pitch(**options)
+
+
+def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
+    with pytest.raises(FieldError, match=r'largest_m: 0.44 .* benches 0 and 19 touch .* give a larger one'):
+        min_pitch(Dragon(benches=40), largest_m=0.44)
 
 
 def test_a_body_that_would_touch_first_is_said_to_be_not_covered():

@@ -8,6 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.s_turn import shortest_bent
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, STurn
 
@@ -22,7 +23,7 @@ def test_the_turn_is_13_6212449068_m_long():
 @given(st.floats(0.1, 10))
 def test_no_ratio_changes_the_length(ratio):
     assert STurn(ratio=ratio).length_m == pytest.approx(STurn().length_m, rel=1e-15)
-    assert STurn(ratio=ratio).track.end_of_first_m == 0
+    assert track_of(STurn(ratio=ratio)).end_of_first_m == 0
 
 
 def test_the_smallest_circle_has_both_arcs_of_the_least_radius():
@@ -36,10 +37,11 @@ def test_the_smallest_circle_has_both_arcs_of_the_least_radius():
 def test_the_way_with_a_line_leads_from_entry_to_exit_and_is_shorter(radius_m):
     turn = STurn()
     bent = shortest_bent(turn, radius_m)
-    track = turn.track
+    track = track_of(turn)
     start, heading = complex(track.segments[1].at(0.0)), complex(track.segments[1].heading(0.0))
-    way = Composite((Arc(radius_m, -degrees(bent.angle_rad), (start.real, start.imag), degrees(np.angle(heading))),
-                  Line(bent.line_m), Arc(radius_m, degrees(bent.angle_rad)))).track
+    begin = (start.real, start.imag), degrees(np.angle(heading))
+    way = track_of(Composite((Arc(radius_m, -degrees(bent.angle_rad), *begin),
+                  Line(bent.line_m), Arc(radius_m, degrees(bent.angle_rad)))))
     last = way.segments[-1]
     assert abs(complex(last.at(last.last)) + start) < 1e-12
     assert abs(complex(last.heading(last.last)) - heading) < 1e-12

@@ -2,15 +2,16 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.second_order_bounds import bend
+from dragon_ros.core.design.min_pitch import separations, windings
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
 from dragon_ros.core.numerics.ball_arithmetic import between
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.paper import place
-from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.composite import Place, track_of
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.winding import separations, windings
 
 EFFORT, COUNT = Effort(1e-12), 40
 DRAGONS = [Dragon(), Dragon(benches=60, width_m=0.4, head_length_m=1.0), Dragon(head_length_m=6.0)]
@@ -56,7 +57,8 @@ def test_a_winding_is_the_chain_that_the_march_places():
     found = winding(radius_m, scale)
     for r, s, p in zip(radius_m, scale, found.p, strict=True):
         spiral = Spiral(2 * np.pi / s)
-        chain = place(spiral, Dragon().link_lengths_m[:COUNT], DoubleDouble(s * r, 0.0), EFFORT)
+        head = Place(0, DoubleDouble(s * r, 0.0))
+        chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], head, BEHIND, EFFORT)
         assert p / s == pytest.approx(chain.p, abs=1e-11)
 
 

@@ -1,1 +1,0 @@
-"""Certificates of first contact and what checks them, with none of the solver's code."""

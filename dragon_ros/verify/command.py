@@ -1,0 +1,56 @@
+"""``python -m dragon_ros.verify``: check a certificate of first contact, and print what it proves."""
+import argparse
+import sys
+import time
+from pathlib import Path
+
+from dragon_ros.verify.errors import Refused
+
+OK, REFUSED = 0, 2
+_FIRST_S, _EVERY_S = 1.0, 1.0       # of progress
+
+
+def main(argv: list[str] | None = None) -> int:
+    """Check a certificate: print what it proves and return 0, or say in a line why it is refused and return 2."""
+    parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
+    parser.add_argument('certificate', type=Path, help='a file that `contact --certificate` wrote')
+    parser.add_argument('--effort', type=float, default=1.0, metavar='TIMES',
+                        help='spend so many times the usual budget before giving up (%(default)s)')
+    arguments = parser.parse_args(argv)
+    try:
+        said = _proved(arguments.certificate, arguments.effort)
+    except Refused as error:
+        print(f'{arguments.certificate}: refused: {error}', file=sys.stderr)
+        return REFUSED
+    print(f'{arguments.certificate}: {said}')
+    return OK
+
+
+def _proved(path: Path, effort: float) -> str:
+    """Return what a file proves. Raises Refused."""
+    try:
+        import flint  # noqa: F401
+    except ImportError:
+        raise Refused("it needs python-flint: pip install 'dragon_ros[verify]' or pip install python-flint") from None
+    from dragon_ros.verify.proof import prove
+    from dragon_ros.verify.reading import read
+    try:
+        proved = prove(read(path), effort, _Progress())
+    except (ArithmeticError, ValueError, RecursionError, MemoryError) as error:
+        raise Refused(f'its numbers lead nowhere: {error!r:.160}') from None
+    return f'{proved.sentence} (in {proved.intervals} intervals)'
+
+
+class _Progress:
+    """Tells on stderr how much of the track is cleared, after a second and then once a second."""
+
+    def __init__(self) -> None:
+        self._next_s = time.monotonic() + _FIRST_S
+        self._end = '\r' if sys.stderr.isatty() else '\n'
+
+    def __call__(self, done_m: float, whole_m: float) -> None:
+        now_s = time.monotonic()
+        if now_s >= self._next_s:
+            self._next_s = now_s + _EVERY_S
+            print(f'verify: {done_m:.6g} of {whole_m:.6g} m of track cleared', end=self._end, file=sys.stderr,
+                  flush=True)

@@ -1,0 +1,213 @@
+"""Clears all places that all benches go through: intervals, halved until each is proved, within a budget.
+
+What follows a bench depends only on where its front handle is, and on the benches behind it. So the benches from
+which the dragon goes on alike form a set: the first of them clears the track for all of its set, at each place as many
+benches behind as any of the set that comes there has behind it. A certificate's intervals are hints where to cut.
+"""
+from bisect import bisect_left, bisect_right
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+from flint import arb
+
+from dragon_ros.verify.balls import above, below
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.interval import Interval, Overlap
+from dragon_ros.verify.posture import Dragon, Posture
+from dragon_ros.verify.ranges import Range
+from dragon_ros.verify.segments import HALF
+from dragon_ros.verify.track import Track
+
+_FINEST = 2.0**-70      # of a metre, or of the distance along the track: an interval is not halved below it
+_EARLY = 50_000         # steps, before which no proof is called hopeless
+_HOPELESS = 10          # times the budget is what a proof would take that is given up early
+Progress = Callable[[float, float], None]
+
+
+@dataclass
+class Budget:
+    """How many steps, links placed and pairs of benches tested, are left; how many intervals were proved."""
+
+    steps: int
+    spent: int = 0
+    intervals: int = 0
+
+    def spend(self, steps: int) -> None:
+        """Take steps from the budget. Raises Refused where none are left."""
+        self.spent += steps
+        if self.spent > self.steps:
+            raise Refused(f'it was not proved within the budget of {self.steps} steps; for more, give --effort')
+
+    def check(self, share: float) -> None:
+        """Refuse a proof early that would take many times the budget as it goes."""
+        if self.spent > _EARLY and self.spent > _HOPELESS * self.steps * share:
+            raise Refused(f'only {100 * share:.2g} % were proved in {self.spent} of {self.steps} steps; for more, give '
+                          '--effort')
+
+
+@dataclass(frozen=True)
+class Way:
+    """What a set of benches goes through: its first bench, and for each bench of it where its front handle is.
+
+    A bench is behind those before it, at all times: so both its first and its last place are, and all are in order.
+    """
+
+    lead: int
+    members: tuple[tuple[int, Range], ...]
+
+    def most(self, low: arb, high: arb) -> int | None:
+        """Return the first bench that goes between two places: it has most behind it. None if none does.
+
+        One that only comes to a place between two intervals belongs to the interval on the other side of it.
+        """
+        n = self._first(lambda place: not (place[0] >= high if low < high else place[0] > high))
+        if n == len(self.members):
+            return None
+        bench, (_, last) = self.members[n]
+        return None if (last <= low if low < high else last < low) else bench
+
+    def _first(self, holds: Callable[[Range], bool]) -> int:
+        """Return the number of the first member for whose places something holds, as for all after it."""
+        first, after = 0, len(self.members)
+        while first < after:
+            n = (first + after) // 2
+            first, after = (first, n) if holds(self.members[n][1]) else (n + 1, after)
+        return first
+
+    def ends(self, low: arb, high: arb) -> list[arb]:
+        """Return where benches of the set begin or end their ways between two places."""
+        return sorted([*self._ends(0, low, high), *self._ends(1, low, high)], key=float)
+
+    def _ends(self, end: int, low: arb, high: arb) -> Iterator[arb]:
+        first, after = (self._first(lambda place: not place[end] >= high), self._first(lambda place: place[end] <= low))
+        return (place[end] for _, place in self.members[first:after])
+
+    @property
+    def parts(self) -> list[Range]:
+        """The places in pieces that do not touch each other."""
+        out: list[Range] = []
+        for _, (low, high) in reversed(self.members):
+            if out and not low > out[-1][1]:
+                out[-1] = out[-1][0].min(low), out[-1][1].max(high)
+            else:
+                out.append((low, high))
+        return out
+
+
+def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
+    """Return the sets of benches from which the dragon goes on alike, with what they go through."""
+    sets: dict[int, list[int]] = {}
+    for bench, lead in enumerate(_leads(dragon.lengths_m)[:-2]):
+        sets.setdefault(lead, []).append(bench)
+    return [Way(lead, tuple((bench, places[bench]) for bench in sets[lead])) for lead in sets]
+
+
+def _leads(lengths: Sequence[float]) -> list[int]:
+    """Return for each bench the first one from which the dragon goes on as it does from this one, up to its end.
+
+    Read from the tail, the lengths from bench i on are a prefix. ``same`` has how much of a prefix stands at each place
+    (the Z-algorithm), so the last place at which at least as much of it stands is where that bench is.
+    """
+    count, text = len(lengths), lengths[::-1]
+    same, left, right = [count] + [0] * (count - 1), 0, 0
+    for n in range(1, count):
+        length = min(same[n - left], right - n) if n < right else 0
+        while n + length < count and text[length] == text[n + length]:
+            length += 1
+        same[n] = length
+        if n + length > right:
+            left, right = n, n + length
+    last = [0] * (count + 1)
+    for place, length in enumerate(same):
+        last[length] = place
+    for length in range(count - 1, 0, -1):
+        last[length] = max(last[length], last[length + 1])
+    return [bench - last[count - bench] for bench in range(count)]
+
+
+class Cover:
+    """Clears the ways of all sets of benches on a track."""
+
+    def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
+        """Take the track's largest curvature, or None where handles may turn back; ``progress`` is told metres."""
+        self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
+        self._share = 0.0
+
+    def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
+        """Clear all ways. Raises Refused for the first place that cannot be proved clear."""
+        parts = [(way, part) for way in every for part in way.parts]
+        whole_m = sum(above(high - low) for _, (low, high) in parts)
+        joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
+        cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
+        done_m = 0.0
+        for way, (low, high) in parts:
+            for cleared_m in self._clear(way, low, high, cuts[way.lead]):
+                self.budget.intervals += 1
+                done_m += cleared_m
+                self._share = done_m / whole_m if whole_m else 1.0
+                self._tell(done_m, whole_m)
+
+    def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
+        """Clear the places between two, as many at once as can be proved; yield how many metres."""
+        begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
+        while stack:
+            low, high, end = stack.pop()
+            stuck = self._stuck(way, low, high, begin, end)
+            if not stuck:
+                begin = end
+                yield above(high - low)
+                continue
+            if not above(high - low) > _FINEST * (1 + abs(float(low))):
+                raise Refused(f'{stuck}, while the front handle of the former is {float(low):.12g} m along the track')
+            short = stuck.absent or not high - low > self._dragon.longest_m
+            middle = _middle(low, high, cuts, way.ends(low, high) if short else [])
+            stack += [(middle, high, end), (low, middle, self._posture(way, middle))]
+
+    def _posture(self, way: Way, place: arb) -> Posture:
+        return Posture(self._track, self._dragon, way.lead, self._track.place_at(place))
+
+    def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> 'Stuck | None':
+        """Return what of a set of benches is not proved clear between two places of its leading one."""
+        bench = way.most(low, high)
+        if bench is None:
+            return None
+        placed = begin.placed + end.placed
+        interval = Interval(self._track, self._dragon, way.lead, (begin, end), self._bend)
+        try:
+            behind = interval.clear(2, len(self._dragon.benches) - 1 - bench)
+        except Overlap as found:
+            self._check_overlap(way, found, (low, high)[found.end])
+            return Stuck(f'bench {bench} and those behind it: {found}', absent=True)
+        except Refused as why:
+            return Stuck(f'bench {bench} and those behind it: {why}', absent=True)
+        finally:
+            self.budget.spend(begin.placed + end.placed - placed + interval.tested)
+            self.budget.check(self._share)
+        return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
+
+    def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
+        """Refuse an overlap of benches that are there at all when the leading bench is at a place."""
+        bench = way.most(place, place)
+        if bench is not None and bench + found.benches[1] - found.benches[0] < len(self._dragon.benches):
+            raise Refused(f'benches {bench} and {bench + found.benches[1] - found.benches[0]} overlap where the front '
+                          f'handle of the former is {float(place):.12g} m along the track')
+
+
+@dataclass(frozen=True)
+class Stuck:
+    """Why an interval is not proved clear; ``absent`` where that may be of benches that are not there."""
+
+    why: str
+    absent: bool = False
+
+    def __str__(self) -> str:
+        """Return why."""
+        return self.why
+
+
+def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
+    """Return where to cut: where ways end, if that is asked for, else at a hint, else half way."""
+    if ends:
+        return ends[len(ends) // 2]
+    first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))
+    return arb(cuts[(first + last) // 2]) if first < last else (HALF * (low + high)).mid()

@@ -1,0 +1,227 @@
+"""One interval of places of a leading bench, and the proof that it keeps clear of benches behind it on all of it.
+
+Two bounds stand beside each other (docs/contact.md). By the second-order bound the corners of one bench, seen from
+another, leave the straight lines between their places at both ends by B h^2 / 8 at most: so an edge line that parts the
+benches at both ends by more than that does in between. By the one-way bound gaps shrink by no more than benches go: it
+holds where no B exists, close to a lock.
+"""
+from math import inf
+
+from flint import acb, arb
+
+from dragon_ros.verify.balls import above, below, hypot_above, size, up
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.motion import (
+    Handle,
+    Motion,
+    Postures,
+    Turning,
+    leading_handle,
+    leading_motion,
+    next_handle,
+    next_motion,
+)
+from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separation
+from dragon_ros.verify.segments import HALF, SpiralSegment
+from dragon_ros.verify.track import Track
+
+_ROUNDED = 1e-12        # of coordinates: more than a dozen operations on floats lose of a distance between two benches
+_OFTEN = 0.5            # of the best separation: one in the leading bench's frame is tried first, which costs less
+
+
+class Overlap(Refused):
+    """Two benches are proved to overlap at an end of an interval."""
+
+    def __init__(self, benches: tuple[int, int], end: int) -> None:
+        """Take the benches and the number of the end."""
+        super().__init__(f'benches {benches[0]} and {benches[1]} overlap')
+        self.benches, self.end = benches, end
+
+
+class Interval:
+    """The benches behind a leading one while its front handle goes between two places."""
+
+    def __init__(self, track: Track, dragon: Dragon, lead: int, ends: Postures, bend: float | None) -> None:
+        """Take the dragon at both ends; ``bend`` is the largest curvature, or None where handles may turn back."""
+        self._track, self._dragon, self._lead, self._ends, self._bend = track, dragon, lead, ends, bend
+        self._benches = dragon.benches
+        first = leading_handle(track, ends)
+        self._handles, self._motions = [first], [leading_motion(first, ends)]
+        self._turnings: list[Turning] = []
+        self._moved: list[float] = []
+        self._in_lead: list[float] = []
+        self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
+        self._outer: float | None = None
+        self.tested = 1
+
+    def clear(self, first: int, last: int) -> int | None:
+        """Return the number behind of the nearest bench from which the leading one is not proved clear; None if of all.
+
+        Those from ``first`` to ``last`` behind count, or up to the first beyond which all are out of reach. Raises
+        Overlap where benches overlap at an end, or Refused where a handle has no place.
+        """
+        for n in range(first, last + 1):
+            self.tested += 1
+            if self._out_of_reach(n):
+                return None
+            if not (self._far(n) or self._by_bending(n) or self._by_going(n)):
+                self._refuse_overlap(n)
+                return n
+        return None
+
+    def _refuse_overlap(self, n: int) -> None:
+        for number, end in enumerate(self._ends):
+            if overlap(end.pose(0), end.pose(n)):
+                raise Overlap((self._lead, self._lead + n), number)
+
+    def _handle(self, n: int) -> Handle:
+        while len(self._handles) <= n:
+            k = len(self._handles) - 1
+            link = self._benches[self._lead + k].link
+            self._handles.append(next_handle(self._handles[k], self._ends, k, link, self._bend is None))
+        return self._handles[n]
+
+    def _motion(self, n: int) -> Motion:
+        while len(self._motions) <= n:
+            k = len(self._motions) - 1
+            link = self._benches[self._lead + k].link
+            motion, turning = next_motion(self._motions[k], self._handle(k + 1), self._ends, k, link)
+            self._motions.append(motion)
+            self._turnings.append(turning)
+        return self._motions[n]
+
+    def _turning(self, n: int) -> Turning:
+        self._motion(n + 1)
+        return self._turnings[n]
+
+    def _moved_m(self, n: int) -> float:
+        """Return how far a point of the n-th bench goes at most."""
+        while len(self._moved) <= n:
+            k = len(self._moved)
+            ways = self._handle(k).moved_m, self._handle(k + 1).moved_m
+            self._moved.append(up(max(ways) + self._benches[self._lead + k].turned_m(ways, self._bend)))
+        return self._moved[n]
+
+    def _out_of_reach(self, n: int) -> bool:
+        """Return whether the n-th bench and all behind it lie outside of a circle that holds the leading one.
+
+        They do where their handles go further and further out on the spiral that the track comes from: no point of a
+        link is nearer to the centre than the root of r^2 - l^2 / 4, r the distance of its front handle.
+        """
+        handle, spiral = self._handle(n), self._track.segments[0]
+        if handle.segment != 0 or not isinstance(spiral, SpiralSegment) or spiral.first is not None:
+            return False
+        r, link = below(spiral.b * handle.low), self._dragon.longest_links[self._lead + n]
+        inner = max(r * r - 0.25 * link * link, 0.0)**0.5 - self._dragon.overhangs_m[self._lead + n]
+        return bool(inner > self._outer_m(spiral) + _ROUNDED * (abs(r) + link))
+
+    def _outer_m(self, spiral: SpiralSegment) -> float:
+        """Return how far from a spiral's centre the leading bench is at most."""
+        if self._outer is None:
+            handles = self._handle(0), self._handle(1)
+            self._outer = self._benches[self._lead].overhang_m + max(
+                above(spiral.b * handle.high) if handle.segment == 0 else
+                size_of(self._ends[0].point(k) - spiral.centre) + handle.moved_m for k, handle in enumerate(handles))
+        return self._outer
+
+    def _far(self, n: int) -> bool:
+        """Return whether two benches are so far apart at one end that they cannot meet, by floats."""
+        one, two = self._ends[0].pose(0), self._ends[0].pose(n)
+        away = abs(one.near - two.near)
+        reach = one.shape.arm_m + two.shape.arm_m + self._moved_m(0) + self._moved_m(n)
+        return away > reach + _unsure_m(one, two, reach)
+
+    def _by_bending(self, n: int) -> bool:
+        """Return whether an edge line parts two benches at both ends by more than corners leave straight lines."""
+        ends = [(end.pose(0), end.pose(n)) for end in self._ends]
+        rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
+        half = len(AXES) // 2
+        lead, other = (max(range(*part), key=rough.__getitem__) for part in ((0, half), (half, len(AXES))))
+        for k in (lead, other) if rough[lead] > _OFTEN * rough[other] else (other, lead):
+            if rough[k] > 0:
+                sag = self._sag(n, AXES[k].other)
+                if rough[k] > sag and self._parted(ends, k, rough[k], sag):
+                    return True
+        return False
+
+    @staticmethod
+    def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
+        """Return whether separations at both ends exceed a bound: in floats where it is clear, else in balls."""
+        if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
+            return True
+        return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
+
+    def _sag(self, n: int, other: bool) -> float:
+        """Return how far corners leave straight lines, in the frame of the leading bench or of the other one."""
+        arm_m = self._benches[self._lead + (0 if other else n)].arm_m
+        one, two = self._turning(0), self._turning(n)
+        turning, rate = size(two.w - one.w), size(two.rate - one.rate)
+        bend = self._middles(n, other) + arm_m * hypot_above(rate, up(turning * turning))
+        sag = up(bend * up(self._length * self._length) / 8)
+        return sag if sag == sag else inf
+
+    def _middles(self, n: int, other: bool) -> float:
+        """Return a bound of how the middles of two benches accelerate against each other, in the frame of one.
+
+        About a common centre each handle accelerates little in that frame, and the bounds of all four are added. Else
+        velocities and accelerations in the plane are.
+        """
+        pole = self._handle(0).pole
+        if pole is None or any(self._handle(k).pole != pole for k in (1, n, n + 1)):
+            return self._in_plane(n, self._turning(n if other else 0))
+        if other:
+            return up(0.5 * sum(_in_frame(self._motion(k), self._turning(n)) for k in (0, 1, n, n + 1)))
+        return up(0.5 * sum(self._in_lead_frame(k) for k in (0, 1, n, n + 1)))
+
+    def _in_lead_frame(self, k: int) -> float:
+        """Return a bound of a handle's acceleration in the leading bench's frame; infinite about another centre."""
+        while len(self._in_lead) <= k:
+            m = len(self._in_lead)
+            same = self._handle(m).pole == self._handle(0).pole
+            self._in_lead.append(_in_frame(self._motion(m), self._turning(0)) if same else inf)
+        return self._in_lead[k]
+
+    def _in_plane(self, n: int, turning: Turning) -> float:
+        """Return a bound of the middles' acceleration against each other, from speeds in the plane."""
+        front, rear, other_front, other_rear = (self._motion(k).speeds for k in (0, 1, n, n + 1))
+        velocity = HALF * (other_front.velocity + other_rear.velocity - front.velocity - rear.velocity)
+        acceleration = HALF * (other_front.acceleration + other_rear.acceleration - front.acceleration
+                               - rear.acceleration)
+        away = self._middle(n) - self._middle(0)
+        seen = acceleration - velocity * acb(0, 2 * turning.w) - away * acb(turning.w * turning.w, turning.rate)
+        return size_of(seen)
+
+    def _middle(self, n: int) -> acb:
+        """Return all places of a bench's middle: it goes no further from half way than half of its handles' ways."""
+        one, two = (end.pose(n).middle for end in self._ends)
+        unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
+        return HALF * (one + two) + acb(unit, unit)
+
+    def _by_going(self, n: int) -> bool:
+        """Return whether gaps at both ends exceed all that two benches go in between."""
+        moved = self._moved_m(0) + self._moved_m(n)
+        gaps = 0.0
+        for end in self._ends:
+            pair = end.pose(0), end.pose(n)
+            rough = about(*pair)
+            gaps += below(separation(*pair, AXES[rough.index(max(rough))]))
+        return gaps > up(moved)
+
+
+def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
+    """Return more than what floats can lose of a distance or a separation of two benches."""
+    lengths = abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m
+    return (_ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
+
+
+def size_of(value: acb) -> float:
+    """Return a float that no absolute value in a complex ball exceeds."""
+    return hypot_above(size(value.real), size(value.imag))
+
+
+def _in_frame(motion: Motion, turning: Turning) -> float:
+    """Return a bound of a handle's acceleration in a frame that turns about the centre of its segment."""
+    rho, rho_1, rho_2, angle_1, angle_2 = motion.radial
+    v = angle_1 - turning.w
+    outwards, across = rho_2 - rho * (v * v), 2 * rho_1 * v + rho * (angle_2 - turning.rate)
+    return hypot_above(size(outwards), size(across))

@@ -1,0 +1,303 @@
+"""How handles and links move while the front handle of a leading bench goes over an interval of the track, in balls.
+
+A dash is a derivative by the coordinate u of the leading handle on its segment. Each handle has bounds of its own
+coordinate and of that one's first two derivatives p and a on the whole interval; each link those of how fast it turns,
+w, and of w'. docs/contact.md derives the formulas:
+
+- on one line or arc all handles go alike, and so do links turn;
+- on one spiral the handle at theta draws the one at theta + delta by p (1 + d1), a (1 + d1) + p^2 d2;
+- across a joint, and on it, what counts are speed v and its rate along the track: v cos alpha is the same at both ends.
+"""
+from dataclasses import dataclass
+from functools import cached_property
+
+from flint import acb, arb
+
+from dragon_ros.verify.balls import UNIT, above, direction, up
+from dragon_ros.verify.posture import Posture
+from dragon_ros.verify.segments import HALF, ONE, TWO, ZERO, ArcSegment, LineSegment, Link, SpiralSegment, root_of
+from dragon_ros.verify.track import AnySegment, Place, Track
+
+NAN = arb('nan')
+Postures = tuple[Posture, Posture]
+
+
+@dataclass(frozen=True, eq=False)
+class Slopes:
+    """First and second derivatives by theta of a link's span delta and of its direction, theta + psi."""
+
+    delta_1: arb
+    delta_2: arb
+    psi_1: arb
+    psi_2: arb
+
+
+@dataclass(frozen=True, eq=False)
+class Handle:
+    """A handle on an interval: its segment (None: it passes a joint) and bounds of its coordinate there.
+
+    ``ends`` number the ends of the interval at which it is at these bounds (None: at neither). ``moved_m`` bounds the
+    way that it goes along the track, there and back where it may turn. ``slopes`` are those of the link to the handle
+    in front of it, where they had to be known for this.
+    """
+
+    track: Track
+    segment: int | None
+    low: arb
+    high: arb
+    ends: tuple[int | None, int | None]
+    moved_m: float
+    slopes: Slopes | None = None
+
+    @cached_property
+    def u(self) -> arb:
+        """All coordinates that it may have."""
+        return self.low.union(self.high)
+
+    @property
+    def on(self) -> AnySegment:
+        """The segment that it stays on."""
+        assert self.segment is not None
+        return self.track.segments[self.segment]
+
+    @cached_property
+    def pole(self) -> int | None:
+        """The number of the centre that it turns about; None where it has none."""
+        if self.segment is None or isinstance(self.on, LineSegment):
+            return None
+        return self.track.poles[self.segment]
+
+
+@dataclass(frozen=True, eq=False)
+class Speeds:
+    """A handle along the track: speed v and its rate in metres, unit tangent and signed curvature, on an interval."""
+
+    v: arb
+    rate: arb
+    tangent: acb
+    curvature: arb
+
+    @cached_property
+    def velocity(self) -> acb:
+        """Derivative of the point."""
+        return self.tangent * self.v
+
+    @cached_property
+    def acceleration(self) -> acb:
+        """Second derivative of the point."""
+        return self.tangent * acb(self.rate, self.curvature * self.v * self.v)
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """How a handle moves: derivatives p and a of its coordinate, or across a joint its speeds along the track."""
+
+    handle: Handle
+    p: arb
+    a: arb
+    across: Speeds | None = None
+
+    @cached_property
+    def speeds(self) -> Speeds:
+        """Speeds along the track."""
+        if self.across is not None:
+            return self.across
+        segment, u = self.handle.on, self.handle.u
+        speed = segment.speed(u) * segment.sense
+        rate = speed * self.a
+        if isinstance(segment, SpiralSegment):
+            rate += segment.b * u / root_of(u) * self.p * self.p * segment.sense
+        return Speeds(speed * self.p, rate, segment.heading(u), segment.curvature(u))
+
+    @cached_property
+    def radial(self) -> tuple[arb, arb, arb, arb, arb]:
+        """Distance from the centre of its segment, its two derivatives, and those of the angle there."""
+        segment = self.handle.on
+        angle = self.p * segment.side, self.a * segment.side     # type: ignore[union-attr]
+        if isinstance(segment, SpiralSegment):
+            return segment.b * self.handle.u, segment.b * self.p, segment.b * self.a, *angle
+        assert isinstance(segment, ArcSegment)
+        return segment.radius, ZERO, ZERO, *angle
+
+
+@dataclass(frozen=True, eq=False)
+class Turning:
+    """How fast a link turns, and the rate of that."""
+
+    w: arb
+    rate: arb
+
+
+# Where handles are
+
+
+def leading_handle(track: Track, ends: Postures) -> Handle:
+    """Return the leading handle of an interval."""
+    return _bounded(track, *(end.place(0) for end in ends))
+
+
+def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: bool) -> Handle:
+    """Return the handle behind another one, n and n + 1 behind the leading one.
+
+    ``ends`` are the dragon at both ends of the interval. Where handles ``may_turn`` (on a spiral to its centre), only
+    spans say where the next one is; elsewhere each moves on as the leader does.
+    """
+    if may_turn and not (isinstance(front.on, SpiralSegment) and front.on.is_wide(front.low, link)
+                         and None not in front.ends):
+        return _that_may_turn(front, ends, n, link)
+    return _bounded(front.track, *(end.place(n + 1) for end in ends))
+
+
+def _bounded(track: Track, one: Place, two: Place) -> Handle:
+    """Return a handle that goes one way between two places."""
+    moved_m = track.apart_m(one, two)
+    if one.segment == two.segment and not one.loose and not two.loose:
+        low, high, numbers = (two.u, one.u, (1, 0)) if two.u < one.u else (one.u, two.u, (0, 1))
+        return Handle(track, one.segment, low, high, numbers, moved_m)
+    return Handle(track, None, ZERO, ZERO, (None, None), moved_m)
+
+
+def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
+    """Return the handle further out on a spiral that winds in: by spans, which only fall (lemma 1), and slopes."""
+    segment = front.on
+    assert isinstance(segment, SpiralSegment)
+    low, high = (u + segment.span(u, link) if end is None else ends[end].place(n + 1).u
+                 for u, end in zip((front.low, front.high), front.ends, strict=True))
+    spans = low - front.low, high - front.high
+    slopes = spiral_slopes(segment, front.u, spans[0].union(spans[1]), link)
+    ratio, numbers, times = ONE + slopes.delta_1, front.ends, 1.0
+    if ratio < 0:
+        low, high, numbers = high, low, numbers[::-1]
+    elif not ratio > 0:
+        low, high, numbers, times = *_turning(front, (low, high), spans, ratio), (None, None), 2.0
+    moved_m = up(times * above(segment.b * abs(high - low) * root_of(high)))
+    return Handle(front.track, front.segment, low, high, numbers, moved_m, slopes)
+
+
+def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], ratio: arb) -> tuple[arb, arb]:
+    """Return bounds of a handle that may turn back: by its spans, and by the mean value theorem."""
+    lows, highs = [front.low + spans[1]], [front.high + spans[0]]
+    change = ratio * (front.high - front.low) * ZERO.union(ONE)
+    if change.is_finite():
+        means = images[0] + change, images[1] - change
+        lows, highs = [*lows, *means], [*highs, *means]
+    return max((one.lower() for one in lows), key=float), min((one.upper() for one in highs), key=float)
+
+
+# How they move
+
+
+def leading_motion(handle: Handle, ends: Postures) -> Motion:
+    """Return the motion of the leading handle, by its coordinate, or across a joint by metres."""
+    if handle.segment is not None:
+        return Motion(handle, ONE, ZERO)
+    return Motion(handle, NAN, NAN, Speeds(ONE, ZERO, *_joint(handle, ends, 0)))
+
+
+def next_motion(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
+    """Return how the handle behind another one moves, n and n + 1 behind the leading one, and how their link turns."""
+    ahead = front.handle
+    if ahead.segment is None or handle.segment != ahead.segment:
+        return _across(front, handle, ends, n, link)
+    segment = ahead.on
+    if isinstance(segment, SpiralSegment):
+        return (_outwards if segment.sense < 0 else _inwards)(front, handle, segment, link)
+    side = segment.side if isinstance(segment, ArcSegment) else 0
+    return Motion(handle, front.p, front.a), Turning(front.p * side, front.a * side)
+
+
+def _outwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
+    """Return the handle further out, on a spiral that winds in."""
+    slopes, ahead = handle.slopes, front.handle
+    if slopes is None:
+        slopes = spiral_slopes(segment, ahead.u, (handle.low - ahead.low).union(handle.high - ahead.high), link)
+    ratio = ONE + slopes.delta_1
+    motion = Motion(handle, front.p * ratio, front.a * ratio + front.p * front.p * slopes.delta_2)
+    return motion, _turned(segment, front.p, front.a, slopes)
+
+
+def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) -> tuple[Motion, Turning]:
+    """Return the handle further in, on a spiral that winds out: the one in front follows from it as on the way in."""
+    ahead = front.handle
+    slopes = spiral_slopes(segment, handle.u, (ahead.low - handle.low).union(ahead.high - handle.high), link)
+    inverse = ONE / (ONE + slopes.delta_1)
+    p = front.p * inverse
+    a = (front.a - p * p * slopes.delta_2) * inverse
+    return Motion(handle, p, a), _turned(segment, p, a, slopes)
+
+
+def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
+    """Return how a link turns whose inner handle moves by p and a: its direction is theta + psi."""
+    turned = ONE + slopes.psi_1
+    return Turning(p * turned * segment.side, (a * turned + p * p * slopes.psi_2) * segment.side)
+
+
+def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
+    """Return the handle behind where a link or a handle crosses a joint."""
+    track, ahead = handle.track, front.speeds
+    if link.inverse is None:    # on a joint its direction has no second derivative
+        return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
+    # A link turns by half the curvature times both ways at most; from half way between its ends by half of that.
+    one, two = ((end.point(n) - end.point(n + 1)) * link.inverse for end in ends)
+    axis = between(one, two, up(0.25 * track.bend * (front.handle.moved_m + handle.moved_m)))
+    tangent, curvature = ((handle.on.heading(handle.u), handle.on.curvature(handle.u)) if handle.segment is not None
+                          else _joint(handle, ends, n + 1))
+    alpha, beta = (axis.conjugate() * heading for heading in (ahead.tangent, tangent))
+    v = ahead.v * alpha.real / beta.real
+    w = (ahead.v * alpha.imag - v * beta.imag) * link.inverse
+    alpha_rate, beta_rate = ahead.curvature * ahead.v - w, curvature * v - w
+    rate = (ahead.rate * alpha.real - ahead.v * alpha.imag * alpha_rate + v * beta.imag * beta_rate) / beta.real
+    w_rate = (ahead.rate * alpha.imag + ahead.v * alpha.real * alpha_rate
+              - rate * beta.imag - v * beta.real * beta_rate) * link.inverse
+    return _settled(handle, Speeds(v, rate, tangent, curvature)), Turning(w, w_rate)
+
+
+def _settled(handle: Handle, speeds: Speeds) -> Motion:
+    """Return a motion along the track by the coordinate of the handle's segment, if it stays on one."""
+    if handle.segment is None:
+        return Motion(handle, NAN, NAN, speeds)
+    segment, u, rate = handle.on, handle.u, speeds.rate
+    speed = segment.speed(u) * segment.sense
+    p = speeds.v / speed
+    if isinstance(segment, SpiralSegment):
+        rate = rate - segment.b * u / root_of(u) * p * p * segment.sense
+    return Motion(handle, p, rate / speed)
+
+
+def _joint(handle: Handle, ends: Postures, n: int) -> tuple[acb, arb]:
+    """Return the tangents and the curvatures of the track where a handle passes a joint."""
+    track, places = handle.track, [end.place(n) for end in ends]
+    one, two = (track.segments[place.segment].heading(place.u) for place in places)
+    return between(one, two, up(0.5 * track.bend * handle.moved_m)), track.curvatures(*places)
+
+
+def between(one: acb, two: acb, turned: float) -> acb:
+    """Return all directions that are no more than an angle from the one half way between two."""
+    middle = one + two
+    length = abs(middle)
+    return middle / length * direction(UNIT * turned) if length > 0 else acb(UNIT, UNIT)
+
+
+def spiral_slopes(segment: SpiralSegment, theta: arb, delta: arb, link: Link) -> Slopes:
+    """Return the slopes of a link between theta and theta + delta on a spiral."""
+    if not link.near:       # it lies along the track
+        inverse = ONE / (ONE + theta * theta)
+        return Slopes(ZERO, ZERO, inverse, -TWO * theta * inverse * inverse)
+    return _slopes(theta, delta, segment.chord(link).inverse_square)
+
+
+def _slopes(theta: arb, delta: arb, share: arb) -> Slopes:
+    """Differentiate F(theta, delta) = chord^2 / 2 and the direction; ``share`` is 1 / chord^2 in units of b."""
+    half, cosine = (HALF * delta).sin_cos()
+    less, sine = TWO * half * half, TWO * half * cosine
+    both, area = TWO * theta + delta, theta * (theta + delta)
+    inverse = ONE / (delta + theta * less + area * sine)
+    one = -both * less * inverse
+    square = one * one
+    bent = HALF + theta * sine + HALF * area * (ONE - less)
+    two = -TWO * (less + (less + both * sine) * one + bent * square) * inverse
+    rest, turned = delta - theta * one, delta * one
+    psi_1 = sine * rest + HALF * both * turned
+    psi_2 = ((ONE - less) * one * rest - theta * sine * two + (ONE + HALF * one) * turned
+             + HALF * both * (square + delta * two))
+    return Slopes(one, two, HALF * one + share * psi_1, HALF * two + share * psi_2)

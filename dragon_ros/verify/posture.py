@@ -1,0 +1,174 @@
+"""A dragon's benches in the plane, in balls: behind one place of a front handle, and how far two of them are apart."""
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+from math import inf
+from typing import NamedTuple
+
+from flint import acb, arb
+
+from dragon_ros.verify.balls import above, exact, hypot_above, up
+from dragon_ros.verify.reading import Scene
+from dragon_ros.verify.segments import HALF, Link
+from dragon_ros.verify.track import Place, Track
+
+
+class Axis(NamedTuple):
+    """An edge's normal: that of the first or the other bench, along or across it, and the side that the other is on."""
+
+    other: bool
+    across: bool
+    side: int
+
+
+AXES = [Axis(other, across, side) for other in (False, True) for across in (False, True) for side in (1, -1)]
+
+
+@dataclass(frozen=True, eq=False)
+class Bench:
+    """A bench's shape: its link, and half its length and width, in balls; what floats bound, in metres."""
+
+    link: Link
+    half_length: arb
+    half_width: arb
+
+    @cached_property
+    def overhang_m(self) -> float:
+        """How far a point of the bench is from its link at most."""
+        return hypot_above(above(self.half_length - HALF * self.link.length), above(self.half_width))
+
+    @cached_property
+    def arm_m(self) -> float:
+        """How far a point of the bench is from its middle at most."""
+        return hypot_above(above(self.half_length), above(self.half_width))
+
+    @cached_property
+    def sizes(self) -> tuple[float, float]:
+        """About half the length and half the width."""
+        return float(self.half_length), float(self.half_width)
+
+    def turned_m(self, moved_m: tuple[float, float], bend: float | None) -> float:
+        """Return how far a point goes at most beside the link while its handles go some ways along the track.
+
+        The link turns by the sum of both over its length at most, and by half the curvature times it where no link can
+        lock (docs/contact.md, lemma 3); a link of no length turns with the track.
+        """
+        ways = moved_m[0] + moved_m[1]
+        turned = [ways / self.link.near] if self.link.near else []
+        turned += [0.5 * bend * ways] if bend is not None else []
+        return up(self.overhang_m * min(turned)) if turned else inf
+
+
+class Dragon:
+    """All benches from the head on, those of one length being one object, and the largest of those from each on."""
+
+    def __init__(self, scene: Scene) -> None:
+        """Take lengths, width and inset from a scene."""
+        width, links = HALF * exact(scene.width_m), scene.links_m
+        known = {length_m: Bench(Link(exact(link), float(link)), HALF * exact(length_m), width)
+                 for length_m, link in zip(scene.lengths_m, links, strict=True)}
+        self.lengths_m = scene.lengths_m
+        self.benches = [known[length_m] for length_m in scene.lengths_m]
+        self.longest_m = max(scene.lengths_m)
+        self.longest_links = _largest_from([bench.link.near for bench in self.benches])
+        self.overhangs_m = _largest_from([bench.overhang_m for bench in self.benches])
+
+
+def _largest_from(values: list[float]) -> list[float]:
+    """Return the largest of all values from each on."""
+    return list(accumulate(reversed(values), max))[::-1]
+
+
+class Pose(NamedTuple):
+    """Where a bench is: its middle and the direction of its axis, in balls, about, and how wide these balls are."""
+
+    shape: Bench
+    middle: acb
+    axis: acb
+    near: complex
+    heading: complex
+    unsure_m: float
+    unsure: float
+
+
+class Posture:
+    """All that follows the front handle of one bench, placed as far as it is asked for."""
+
+    def __init__(self, track: Track, dragon: Dragon, lead: int, place: Place) -> None:
+        """Take the leading bench and the place of its front handle."""
+        self._track, self._benches, self._lead = track, dragon.benches, lead
+        self._places, self._points, self._poses = [place], [track.point(place)], list[Pose]()
+
+    @property
+    def placed(self) -> int:
+        """How many links were placed."""
+        return len(self._places) - 1
+
+    def place(self, n: int) -> Place:
+        """Return the place of the n-th handle behind the front one. Raises Refused where a link has none."""
+        while len(self._places) <= n:
+            link = self._benches[self._lead + len(self._places) - 1].link
+            self._places.append(self._track.next(self._places[-1], link, -1))
+        return self._places[n]
+
+    def point(self, n: int) -> acb:
+        """Return the point of the n-th handle."""
+        while len(self._points) <= n:
+            self._points.append(self._track.point(self.place(len(self._points))))
+        return self._points[n]
+
+    def pose(self, n: int) -> Pose:
+        """Return where the n-th bench behind the leading one is."""
+        while len(self._poses) <= n:
+            k = len(self._poses)
+            shape = self._benches[self._lead + k]
+            front, rear = self.point(k), self.point(k + 1)
+            middle = (front + rear) * HALF
+            if shape.link.inverse is not None:
+                axis = (front - rear) * shape.link.inverse
+            else:
+                place = self.place(k)
+                axis = self._track.segments[place.segment].heading(place.u)
+            self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis)))
+        return self._poses[n]
+
+
+def _width(value: acb) -> float:
+    return up(float(value.real.rad()) + float(value.imag.rad()))
+
+
+def about(one: Pose, two: Pose) -> list[float]:
+    """Return about the separations of two benches by all AXES."""
+    away, turned = two.near - one.near, two.heading * one.heading.conjugate()
+    cosine, sine = abs(turned.real), abs(turned.imag)
+    (l1, w1), (l2, w2) = one.shape.sizes, two.shape.sizes
+    first, second = away * one.heading.conjugate(), -away * two.heading.conjugate()
+    reach = (l1 + cosine * l2 + sine * w2, w1 + sine * l2 + cosine * w2,
+             l2 + cosine * l1 + sine * w1, w2 + sine * l1 + cosine * w1)
+    return [first.real - reach[0], -first.real - reach[0], first.imag - reach[1], -first.imag - reach[1],
+            second.real - reach[2], -second.real - reach[2], second.imag - reach[3], -second.imag - reach[3]]
+
+
+def separation(one: Pose, two: Pose, axis: Axis) -> arb:
+    """Return how far the nearest corner of one bench is beyond an edge line of another one (negative: not beyond)."""
+    if axis.other:
+        one, two = two, one
+    seen, turned = (two.middle - one.middle) * one.axis.conjugate(), two.axis * one.axis.conjugate()
+    cosine, sine = abs(turned.real), abs(turned.imag)
+    shape, other = one.shape, two.shape
+    if axis.across:
+        return seen.imag * axis.side - (shape.half_width + sine * other.half_length + cosine * other.half_width)
+    return seen.real * axis.side - (shape.half_length + cosine * other.half_length + sine * other.half_width)
+
+
+def gap(one: Pose, two: Pose) -> arb:
+    """Return a ball below which the distance of two benches is not, if it is positive: their best separation."""
+    rough = about(one, two)
+    return separation(one, two, AXES[rough.index(max(rough))])
+
+
+def overlap(one: Pose, two: Pose) -> bool:
+    """Return whether two benches are proved to overlap: no edge line parts them (the separating axis theorem)."""
+    return all(separation(one, two, axis) < 0 for axis in AXES)
+
+

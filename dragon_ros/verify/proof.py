@@ -1,0 +1,217 @@
+"""The proof of a certificate, and the one sentence that it proves."""
+from dataclasses import dataclass
+from fractions import Fraction
+from math import ulp
+
+from flint import arb
+
+from dragon_ros.verify.balls import above, below, exact, precise, size
+from dragon_ros.verify.cover import Budget, Cover, Progress, Way, ways
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.posture import Dragon, Pose, Posture, gap, overlap
+from dragon_ros.verify.ranges import Range, ranges
+from dragon_ros.verify.reading import Claims, Contact, Pieces, Scene, Spiral
+from dragon_ros.verify.run import Leader, Run, run_of
+from dragon_ros.verify.track import Track, track_of
+
+_SLACK = 1e-9               # of a metre of the leader's way, or of the longest bench if that is shorter
+_WIDEST = 1e-6              # likewise: no slack is wider, however slowly benches come together
+_GRAZING = 1e-7             # likewise: the slack of a grazing, and how near to each other benches come there
+_PROMISE_M = 2e-12          # what a solver's positions may err where the head starts up to 20 m from the origin; ...
+_PROMISED_M = 20.0          # ... further out in proportion, as floats do
+_OVERHANG_M = 1e-6          # an interval may reach so far beyond what the run goes through (likewise in proportion)
+_STEPS, _STEPS_EACH = 150_000, 300      # links and pairs: about ten seconds, and more for each of many intervals
+_MOST_STEPS = 2_000_000
+
+
+@dataclass(frozen=True)
+class Proved:
+    """What is proved, in a sentence; in how many intervals and steps."""
+
+    sentence: str
+    intervals: int
+    steps: int
+
+
+def prove(claims: Claims, effort: float, progress: Progress) -> Proved:
+    """Return what a certificate proves. Raises Refused where it does not hold, or not within the effort.
+
+    ``progress(done_m, whole_m)`` is called with the metres of track that are cleared.
+    """
+    budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)))
+    precise(_far(claims.scene))
+    sentence = _Proof(claims, budget, progress).sentence()
+    return Proved(sentence, budget.intervals, budget.spent)
+
+
+class _Proof:
+    """A certificate's scene in balls, and what is claimed of it."""
+
+    def __init__(self, claims: Claims, budget: Budget, progress: Progress) -> None:
+        self._claims, scene = claims, claims.scene
+        self._scene, self._budget = scene, budget
+        self._track, self._dragon = track_of(scene), Dragon(scene)
+        bend = None if self._track.to_centre else _bend(self._track, self._dragon)
+        self._leader = Leader(self._track, self._dragon, scene.tail_leads, budget)
+        self._cover = Cover(self._track, self._dragon, bend, budget, progress)
+        start = complex(self._track.point(self._track.place_at(self._track.start)))
+        self._unit, self._coarse = min(1.0, self._dragon.longest_m), max(1.0, abs(start) / _PROMISED_M)
+
+    def sentence(self) -> str:
+        """Return what is proved."""
+        contact = self._claims.contact
+        return self._none() if contact is None else self._before(contact)
+
+    def _none(self) -> str:
+        """Prove that no benches touch in the run."""
+        run = self._run(None)
+        self._clear(run.whole, run.part)
+        less = f", less {_metres(run.slack_m)} of the leader's way" if run.slack_m else ''
+        return (f'no two benches touch from {self._scene.start_s!r} s to the end of the run at {run.end_s:.12g} s '
+                f'({run.why}){less}')
+
+    def _before(self, contact: Contact) -> str:
+        """Prove that none touch before a contact, and that those that are named do then."""
+        start_s, t_s = self._scene.start_s, contact.t_s
+        gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
+        slack_m = _GRAZING * self._unit if contact.grazing else self._slack_m(contact, gone)
+        slack = exact(slack_m)
+        senses = [sense for sense, end in ((1, run.part[1]), (-1, run.part[0])) if not abs(end - gone) > slack]
+        if not senses:
+            raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond where it is then')
+        sense = senses[0]
+        if contact.grazing:
+            self._check_grazing(contact, gone)
+            touching = f'benches {_pair(contact)} come within {_metres(slack_m)} of each other there'
+        else:
+            sense = self._overlapping(contact, gone, slack, senses)
+            touching = f'benches {_pair(contact)} overlap {_metres(slack_m)} after it'
+        low, high = run.part
+        part = (low, high.min(gone - slack).upper()) if sense > 0 else (low.max(gone + slack).lower(), high)
+        if not part[0] <= part[1]:
+            self._clear(run.whole, None)
+            return f'the run starts with its contact at {t_s!r} s: {touching}'
+        self._clear(run.whole, part)
+        return (f'no two benches touch from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of the '
+                f"leader's way, and {touching}")
+
+    def _run(self, until_s: float | None) -> Run:
+        return run_of(self._scene.law, self._leader, self._scene, until_s, _SLACK * self._unit)
+
+    def _run_to(self, t_s: float) -> Run:
+        """Return the run up to a contact. Raises Refused where it ends before, or where the leader rested there."""
+        stop_s, law = self._scene.stop_s, self._scene.law
+        if stop_s is not None and t_s > stop_s:
+            raise Refused(f'contact.t_s: {t_s!r} s is after the run stops, at {stop_s!r} s')
+        run = self._run(t_s)
+        if run.end_s < t_s:
+            raise Refused(f'contact.t_s: {t_s!r} s is after the end of the run at {run.end_s:.12g} s: {run.why}')
+        since = law.rests_at(Fraction(t_s))
+        if since is not None and max(since, Fraction(self._scene.start_s)) < Fraction(t_s):
+            raise Refused(f'contact.t_s: at {t_s!r} s the leader has rested since {float(since)!r} s')
+        return run
+
+    def _slack_m(self, contact: Contact, gone: arb) -> float:
+        """Return how near to a contact it is shown that there is none before: as near as a solver in floats can tell.
+
+        That is a nanometre, unless benches come together so slowly, or so far out, that positions in floats do not say
+        where they do; or the leader is so fast that the contact's time does not.
+        """
+        step = 1e3 * _SLACK * self._unit
+        gaps = []
+        for sense in (-1, 1):
+            try:
+                gaps.append(float(gap(*self._poses(contact, gone + exact(sense * step)))))
+            except Refused:     # beyond the end of the track, or of the model
+                continue
+        slope = abs(gaps[0] - gaps[-1]) / (2 * step) if gaps else 0.0
+        speed = abs(float(self._scene.law.speed_m_s(Fraction(contact.t_s))))
+        slack_m = max(_SLACK * self._unit, 4 * _PROMISE_M * self._coarse / slope if slope else 0.0,
+                      4 * ulp(contact.t_s) * speed)
+        return min(slack_m, _WIDEST * self._unit * self._coarse)
+
+    def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
+        """Return the two benches of a contact when the leader has gone so far."""
+        first, second = contact.benches
+        self._budget.spend(second)
+        posture = Posture(self._track, self._dragon, 0, self._track.place_at(self._leader.head(gone)))
+        return posture.pose(first), posture.pose(second)
+
+    def _check_grazing(self, contact: Contact, gone: arb) -> None:
+        """Refuse a grazing of benches that are not near each other."""
+        away = gap(*self._poses(contact, gone))
+        if not size(away) < _GRAZING * self._unit:
+            raise Refused(f'contact: benches {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
+
+    def _overlapping(self, contact: Contact, gone: arb, slack: arb, senses: list[int]) -> int:
+        """Return the sense in which the leader goes on to where the benches of a contact are proved to overlap."""
+        for sense in senses:
+            if overlap(*self._poses(contact, gone + slack * sense)):
+                return sense
+        away = float(gap(*self._poses(contact, gone + slack * senses[0])))
+        raise Refused(f"contact: {_metres(float(slack))} of the leader's way after {contact.t_s!r} s benches "
+                      f'{_pair(contact)} do not overlap: they are {away:.3g} m apart')
+
+    def _clear(self, whole: Range, part: Range | None) -> None:
+        """Prove that the chain stands on all of the leader's way, and that no two benches touch on a part of it."""
+        places = self._places(whole)
+        if part is None:
+            places = []
+        elif part != whole:
+            places = self._places(part)
+        every = ways(self._dragon, places) if places else []
+        self._cover.clear(every, self._hints(every, places))
+
+    def _places(self, gone: Range) -> list[Range]:
+        """Return where all front handles are while the leader has gone between two distances."""
+        ends = [self._leader.head(end) for end in gone]
+        low, high = ends if not self._scene.tail_leads else ends[::-1]
+        self._budget.spend(2 * len(self._dragon.benches))
+        return ranges(self._track, self._dragon, low.lower(), high.upper())
+
+    def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
+        """Return where intervals say to cut, by the first bench of each set.
+
+        Refuses those of places that no bench they speak of goes through: nobody would check what they say.
+        """
+        count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
+        known = {bench: (way.lead, way.parts) for way in every for bench, _ in way.members}
+        out: dict[int, list[float]] = {}
+        for number, row in enumerate(self._claims.rows):
+            bench = row.lead or 0
+            if not places:
+                raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
+            lead, parts = known.get(bench, (bench, [places[bench]]))
+            low, high = sorted((row.start_m, row.stop_m))
+            least, most = below(parts[0][0]), above(parts[-1][1])
+            if low < least - overhang_m or high > most + overhang_m:
+                raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it is more than the track from '
+                              f'{least:.12g} to {most:.12g} m that the benches it speaks of go through')
+            if row.behind > count - 1 - bench:
+                raise Refused(f'intervals[{number}].behind: only {count - 1 - bench} benches are behind that one')
+            out.setdefault(lead, []).extend((row.start_m, row.stop_m))
+        return out
+
+
+def _far(scene: Scene) -> float:
+    """Return about how many links long, or turns far out, the track is: what bits are lost to."""
+    track = scene.track
+    if isinstance(track, Spiral):
+        return track.start_turns
+    return abs(track.start_m if isinstance(track, Pieces) else track.before_m) / max(scene.lengths_m)
+
+
+def _bend(track: Track, dragon: Dragon) -> float:
+    """Return the largest curvature, with which no link may lock. Raises Refused where one may."""
+    longest = max((bench.link for bench in dragon.benches), key=lambda link: link.near)
+    if not exact(track.bend) * longest.length < 2:
+        raise Refused('scene.track: it bends so tightly that links could lock on it')
+    return track.bend
+
+
+def _pair(contact: Contact) -> str:
+    return f'{contact.benches[0]} and {contact.benches[1]}'
+
+
+def _metres(value: float) -> str:
+    return f'{value * 1e9:.3g} nm'

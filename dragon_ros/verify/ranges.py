@@ -1,0 +1,87 @@
+"""Where each front handle is while the head goes through all of its places; and the proof that the chain stands.
+
+Where the curvature says that no link can lock, every handle moves on as the head does, and the ends of the head's way
+are the ends of all. On a spiral to its centre handles may turn back, and links may lock: there each link's range is cut
+until it is proved which way the next handle goes, and that the chord grows up to its span wherever it is.
+"""
+from functools import reduce
+
+from flint import arb
+
+from dragon_ros.verify.balls import half_turn
+from dragon_ros.verify.motion import spiral_slopes
+from dragon_ros.verify.posture import Dragon
+from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, rises
+from dragon_ros.verify.track import Place, Track
+
+_HALVINGS = 40
+Range = tuple[arb, arb]
+
+
+def ranges(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]:
+    """Return bounds of the distances along the track of all front handles, the head being between two of them.
+
+    Raises Refused where a link may lock in between, or a handle leave the track.
+    """
+    if track.to_centre:
+        return _to_centre(track, dragon, low, high)
+    ends = [_distances(track, dragon, end) for end in (low, high)]
+    return [(one.lower(), two.upper()) for one, two in zip(*ends, strict=True)]
+
+
+def _distances(track: Track, dragon: Dragon, head: arb) -> list[arb]:
+    place = track.place_at(head)
+    out = [head]
+    for bench in dragon.benches:
+        place = track.next(place, bench.link, -1)
+        out.append(track.distance(place))
+    return out[:-1]
+
+
+def _to_centre(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]:
+    segment = track.segments[0]
+    assert isinstance(segment, SpiralSegment)
+    inner, outer = track.place_at(high).u, track.place_at(low).u
+    out = []
+    for bench in dragon.benches:
+        out.append((track.distance(Place(0, outer)).lower(), track.distance(Place(0, inner)).upper()))
+        inner, outer = _image(segment, inner, outer, bench.link)
+    return out
+
+
+def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
+    """Return the least and the greatest coordinate of a handle while the one in front is between two places."""
+    if not link.near:
+        return low, high
+    one, two = low + segment.span(low, link), high + segment.span(high, link)
+    lows, highs = [], []
+    parts = [(low, high, one, two, _HALVINGS)]
+    while parts:
+        left, right, from_left, from_right, halvings = parts.pop()
+        ratio, stands = _ratio(segment, left, right, from_left, from_right, link)
+        if stands and (ratio > 0 or ratio < 0):
+            pair = (from_left, from_right) if ratio > 0 else (from_right, from_left)
+        elif stands and right - left < 1e-9 * right:
+            pair = left + (from_right - right), right + (from_left - left)
+        elif halvings:
+            middle = (HALF * (left + right)).mid()
+            at_middle = middle + segment.span(middle, link)
+            parts += [(left, middle, from_left, at_middle, halvings - 1),
+                      (middle, right, at_middle, from_right, halvings - 1)]
+            continue
+        else:
+            raise Locked('a link may lock on the way: its place could not be proved everywhere')
+        lows.append(pair[0])
+        highs.append(pair[1])
+    return reduce(arb.min, lows), reduce(arb.max, highs)
+
+
+def _ratio(segment: SpiralSegment, left: arb, right: arb, from_left: arb, from_right: arb, link: Link
+           ) -> tuple[arb, bool]:
+    """Return how much the next handle goes for the one in front, and whether the chord grows up to every span."""
+    theta, longest = left.union(right), from_left - left
+    slopes = spiral_slopes(segment, theta, longest.union(from_right - right), link)
+    stands = longest < half_turn() or rises(theta, half_turn().lower(), longest.upper())
+    return ONE + slopes.delta_1, stands
+
+

@@ -1,0 +1,395 @@
+"""Certificates, read as the plain numbers that stand in them: bounded, complete, and nothing that is not known.
+
+Whoever wrote one may be wrong or mean harm. What cannot be a number of a scene is refused with its place in the file,
+and so is a key that might claim something that nobody checks.
+"""
+import json
+import re
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from math import isfinite
+from pathlib import Path
+from typing import Any
+
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.law import Law
+
+MOST_BYTES = 64 * 2**20
+MOST_ROWS = 500_000
+MOST_BENCHES = 100_000
+MOST_PIECES = 1000
+MOST_KNOTS = 10_000
+MOST_GROUPS = 10_000
+_DIGITS = 400           # of a whole number: the largest float has 309
+_LATEST_S = 2.0**31
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line."""
+
+    length_m: float
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A part of a circle; ``angle_deg`` is positive to the left."""
+
+    radius_m: float
+    angle_deg: float
+
+
+@dataclass(frozen=True)
+class Coil:
+    """A part of a spiral r = pitch_m * turns; ``left`` is where it turns."""
+
+    pitch_m: float
+    from_turns: float
+    to_turns: float
+    left: bool
+
+
+Piece = Line | Arc | Coil
+
+
+@dataclass(frozen=True)
+class Pose:
+    """A point and a heading in degrees; None where nothing is said."""
+
+    at_m: tuple[float, float] | None
+    heading_deg: float | None
+
+
+@dataclass(frozen=True)
+class Spiral:
+    """r = pitch_m / (2 pi) * angle about the origin; the head starts at 2 pi start_turns and winds in."""
+
+    pitch_m: float
+    start_turns: float
+
+
+@dataclass(frozen=True)
+class Turn:
+    """A spiral in, two arcs within a circle, the same spiral out; the head starts ``before_m`` before the entry."""
+
+    pitch_m: float
+    diameter_m: float
+    ratio: float
+    before_m: float
+
+
+@dataclass(frozen=True)
+class Pieces:
+    """Lines, arcs and spirals, each with where it says that it begins; the head starts ``start_m`` along them."""
+
+    pieces: tuple[Piece, ...]
+    poses: tuple[Pose, ...]
+    start_m: float
+
+
+@dataclass(frozen=True)
+class Scene:
+    """The plain numbers that decide about contact; ``stop_s`` None means as far as the model goes."""
+
+    lengths_m: tuple[float, ...]
+    width_m: float
+    inset_m: float
+    track: Spiral | Turn | Pieces
+    law: Law
+    tail_leads: bool
+    start_s: float
+    stop_s: float | None
+
+    @property
+    def links_m(self) -> tuple[Fraction, ...]:
+        """Distance between the two handles of each bench, exactly."""
+        known = {length_m: Fraction(length_m) - 2 * Fraction(self.inset_m) for length_m in set(self.lengths_m)}
+        return tuple(known[length_m] for length_m in self.lengths_m)
+
+
+@dataclass(frozen=True)
+class Row:
+    """One interval: the leading bench (None: all benches, by the head's place), from where to where on the track."""
+
+    lead: int | None
+    start_m: float
+    stop_m: float
+    behind: int
+
+
+@dataclass(frozen=True)
+class Contact:
+    """The claimed contact; ``grazing`` where nobody can say if the benches touch."""
+
+    t_s: float
+    benches: tuple[int, int]
+    grazing: bool
+
+
+@dataclass(frozen=True)
+class Claims:
+    """All that a certificate says; ``contact`` None means that the run has none."""
+
+    scene: Scene
+    contact: Contact | None
+    rows: tuple[Row, ...]
+
+
+def read(path: Path) -> Claims:
+    """Return what a certificate file says. Raises Refused."""
+    try:
+        with path.open('rb') as file:
+            data = file.read(MOST_BYTES + 1)
+    except OSError as error:
+        raise Refused(f'it cannot be read: {error.strerror}') from None
+    if len(data) > MOST_BYTES:
+        raise Refused(f'it is larger than {MOST_BYTES} bytes, the most that is read')
+    return claims_of(data)
+
+
+def claims_of(data: bytes) -> Claims:
+    """Return what a certificate says, in UTF-8. Raises Refused."""
+    try:
+        values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
+    except (ValueError, RecursionError, MemoryError) as error:
+        raise Refused(f'it is no certificate: {str(error)[:160]}') from None
+    return _claims(values)
+
+
+def _no_number(text: str) -> Any:
+    raise ValueError(f'{text} is not a number')
+
+
+def _whole(text: str) -> int | float:
+    if len(text) > _DIGITS:
+        raise ValueError(f'a number has {len(text)} digits, the most are {_DIGITS}')
+    return int(text)
+
+
+def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
+    """Return an object; json would take the last of two equal keys, and other readers the first."""
+    out = dict(pairs)
+    if len(out) < len(pairs):
+        raise ValueError(f'a key stands twice: {sorted(key for key, _ in pairs)}')
+    return out
+
+
+def _claims(values: Any) -> Claims:
+    top = _keys('', values, {'scene', 'contact', 'intervals'})
+    scene = _scene(top['scene'])
+    rows = _list('intervals', top['intervals'], 0, MOST_ROWS)
+    benches = len(scene.lengths_m)
+    return Claims(scene, _contact(top['contact'], scene),
+                  tuple(_row(f'intervals[{n}]', row, benches) for n, row in enumerate(rows)))
+
+
+def _row(name: str, value: Any, benches: int) -> Row:
+    row = _keys(name, value, {'lead', 'start_m', 'stop_m', 'behind'})
+    start_m, stop_m = (_number(f'{name}.{key}', row[key], -1e12, 1e12) for key in ('start_m', 'stop_m'))
+    return Row(_lead(f'{name}.lead', row['lead'], benches), start_m, stop_m,
+               int(_number(f'{name}.behind', row['behind'], 0, benches, whole=True)))
+
+
+def _lead(name: str, value: Any, benches: int) -> int | None:
+    known = re.fullmatch('head|body|all|bench ([0-9]{1,7})', value) if isinstance(value, str) else None
+    if not known:
+        raise Refused(f'{name}: {_shown(value)} names no bench: head, body, bench N or all')
+    lead = int(known[1]) if known[1] else {'head': 0, 'body': 1, 'all': None}[known[0]]
+    if lead is not None and not lead < max(benches - 2, 2):
+        raise Refused(f'{name}: {value} has no two benches behind it')
+    return lead
+
+
+def _contact(value: Any, scene: Scene) -> Contact | None:
+    given = _keys('contact', value, {'t_s'}, {'benches', 'grazing'})
+    if given['t_s'] is None:
+        if given.get('benches') is not None or given.get('grazing'):
+            raise Refused('contact: a run without one names no benches')
+        return None
+    t_s = _number('contact.t_s', given['t_s'], scene.start_s, _LATEST_S)
+    pair = _list('contact.benches', given.get('benches'), 2, 2)
+    first, second = (int(_number(f'contact.benches[{n}]', bench, 0, len(scene.lengths_m) - 1, whole=True))
+                     for n, bench in enumerate(pair))
+    if first > second - 2:
+        raise Refused(f'contact.benches: {first} and {second} are not two benches with another one in between, the '
+                      'inner one first')
+    grazing = given.get('grazing', False)
+    if not isinstance(grazing, bool):
+        raise Refused(f'contact.grazing: {_shown(grazing)} is neither true nor false')
+    return Contact(t_s, (first, second), grazing)
+
+
+def _scene(value: Any) -> Scene:
+    # The optional ones say how a run is shown, recorded or computed, and nothing about where benches are.
+    scene = _keys('scene', value, {'dragon', 'track', 'head', 'run'},
+                  {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about'})
+    lengths, width_m, inset_m = _dragon(scene['dragon'])
+    law, tail_leads = _head(scene['head'])
+    run = _keys('scene.run', scene['run'], {'start_s', 'stop_s'}, {'rate_hz'})
+    start_s = _number('scene.run.start_s', run['start_s'], 0, _LATEST_S)
+    stop_s = None if run['stop_s'] is None else _number('scene.run.stop_s', run['stop_s'], start_s, _LATEST_S)
+    return Scene(lengths, width_m, inset_m, _kind('scene.track', scene['track'], _TRACKS), law, tail_leads, start_s,
+                 stop_s)
+
+
+def _dragon(value: Any) -> tuple[tuple[float, ...], float, float]:
+    name = 'scene.dragon'
+    lengths = _kind(name, value, _DRAGONS)
+    width_m = _number(f'{name}.width_m', value['width_m'], 1e-12, 1e12)
+    inset_m = _number(f'{name}.hole_inset_m', value['hole_inset_m'], 0, 1e12)
+    if min(lengths) < 2 * inset_m:
+        raise Refused(f'{name}: a bench of {min(lengths)!r} m cannot hold two holes {inset_m!r} m from its ends')
+    return lengths, width_m, inset_m
+
+
+def _equal(name: str, value: dict[str, Any]) -> tuple[float, ...]:
+    _keys(name, value, {'kind', 'benches', 'head_length_m', 'body_length_m', 'width_m', 'hole_inset_m'})
+    benches = int(_number(f'{name}.benches', value['benches'], 1, MOST_BENCHES, whole=True))
+    head_m, body_m = (_number(f'{name}.{key}', value[key], 1e-12, 1e12) for key in ('head_length_m', 'body_length_m'))
+    return (head_m,) + (body_m,) * (benches - 1)
+
+
+def _mixed(name: str, value: dict[str, Any]) -> tuple[float, ...]:
+    _keys(name, value, {'kind', 'groups', 'width_m', 'hole_inset_m'})
+    out: list[float] = []
+    for n, one in enumerate(_list(f'{name}.groups', value['groups'], 1, MOST_GROUPS)):
+        group = _keys(f'{name}.groups[{n}]', one, {'length_m', 'count'})
+        count = int(_number(f'{name}.groups[{n}].count', group['count'], 1, MOST_BENCHES - len(out), whole=True))
+        out += [_number(f'{name}.groups[{n}].length_m', group['length_m'], 1e-12, 1e12)] * count
+    return tuple(out)
+
+
+_DRAGONS: dict[str, Callable[[str, dict[str, Any]], tuple[float, ...]]] = {'equal': _equal, 'mixed': _mixed}
+
+
+def _spiral(name: str, value: dict[str, Any]) -> Spiral:
+    _keys(name, value, {'kind', 'pitch_m', 'start_turns'})
+    return Spiral(_number(f'{name}.pitch_m', value['pitch_m'], 1e-12, 1e12),
+                  _number(f'{name}.start_turns', value['start_turns'], 0, 1e9))
+
+
+def _turn(name: str, value: dict[str, Any]) -> Turn:
+    _keys(name, value, {'kind', 'pitch_m', 'diameter_m', 'ratio', 'before_m'})
+    return Turn(_number(f'{name}.pitch_m', value['pitch_m'], 1e-9, 1e9),
+                _number(f'{name}.diameter_m', value['diameter_m'], 1e-9, 1e9),
+                _number(f'{name}.ratio', value['ratio'], 1e-6, 1e6),
+                _number(f'{name}.before_m', value['before_m'], -1e9, 1e9))
+
+
+def _joined(name: str, value: dict[str, Any]) -> Pieces:
+    _keys(name, value, {'kind', 'pieces', 'start_m'})
+    pieces, poses = [], []
+    for n, one in enumerate(_list(f'{name}.pieces', value['pieces'], 1, MOST_PIECES)):
+        here = f'{name}.pieces[{n}]'
+        pieces.append(_kind(here, one, _PIECES))
+        poses.append(_pose(here, one))
+    return Pieces(tuple(pieces), tuple(poses), _number(f'{name}.start_m', value['start_m'], -1e9, 1e12))
+
+
+_TRACKS: dict[str, Callable[[str, dict[str, Any]], Any]] = {'spiral': _spiral, 'turn': _turn, 'joined': _joined}
+_POSE = {'at_m', 'heading_deg'}
+
+
+def _pose(name: str, value: dict[str, Any]) -> Pose:
+    at_m, heading = value.get('at_m'), value.get('heading_deg')
+    if at_m is not None:
+        x, y = (_number(f'{name}.at_m', one, -1e9, 1e9) for one in _list(f'{name}.at_m', at_m, 2, 2))
+        at_m = x, y
+    return Pose(at_m, None if heading is None else _number(f'{name}.heading_deg', heading, -1e6, 1e6))
+
+
+def _line(name: str, value: dict[str, Any]) -> Line:
+    _keys(name, value, {'kind', 'length_m'}, _POSE)
+    return Line(_number(f'{name}.length_m', value['length_m'], 1e-12, 1e9))
+
+
+def _arc(name: str, value: dict[str, Any]) -> Arc:
+    _keys(name, value, {'kind', 'radius_m', 'angle_deg'}, _POSE)
+    angle = _number(f'{name}.angle_deg', value['angle_deg'], -1e6, 1e6)
+    if not angle:
+        raise Refused(f'{name}.angle_deg: an arc turns')
+    return Arc(_number(f'{name}.radius_m', value['radius_m'], 1e-12, 1e9), angle)
+
+
+def _coil(name: str, value: dict[str, Any]) -> Coil:
+    _keys(name, value, {'kind', 'pitch_m', 'from_turns', 'to_turns', 'side'}, _POSE)
+    first, last = (_number(f'{name}.{key}', value[key], 1e-3, 1e6) for key in ('from_turns', 'to_turns'))
+    if first == last or value['side'] not in ('left', 'right'):
+        raise Refused(f'{name}: a spiral goes from a turn to another one, and turns left or right')
+    return Coil(_number(f'{name}.pitch_m', value['pitch_m'], 1e-9, 1e9), first, last, value['side'] == 'left')
+
+
+_PIECES: dict[str, Callable[[str, dict[str, Any]], Piece]] = {'line': _line, 'arc': _arc, 'spiral': _coil}
+
+
+def _head(value: Any) -> tuple[Law, bool]:
+    name = 'scene.head'
+    law = _kind(name, value, _LAWS)
+    if value['lead'] not in ('head', 'tail'):
+        raise Refused(f'{name}.lead: {_shown(value["lead"])} is neither head nor tail')
+    return law, value['lead'] == 'tail'
+
+
+def _constant(name: str, value: dict[str, Any]) -> Law:
+    _keys(name, value, {'kind', 'speed_m_s', 'lead'})
+    return Law(((Fraction(0), Fraction(_number(f'{name}.speed_m_s', value['speed_m_s'], -1e9, 1e9))),))
+
+
+def _profile(name: str, value: dict[str, Any]) -> Law:
+    _keys(name, value, {'kind', 'knots', 'ramps', 'lead'})
+    if value['ramps'] not in ('linear', 'smooth'):
+        raise Refused(f'{name}.ramps: {_shown(value["ramps"])} is neither linear nor smooth')
+    knots: list[tuple[Fraction, Fraction]] = []
+    for n, knot in enumerate(_list(f'{name}.knots', value['knots'], 1, MOST_KNOTS)):
+        here = f'{name}.knots[{n}]'
+        t_s, speed = _list(here, knot, 2, 2)
+        knots.append((Fraction(_number(here, t_s, knots[-1][0] if knots else 0, 1e10 if knots else 0)),
+                      Fraction(_number(here, speed, -1e9, 1e9))))
+    return Law(tuple(knots), value['ramps'] == 'smooth')
+
+
+_LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant, 'profile': _profile}
+
+
+def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
+    """Return what the reader of a mapping's kind makes of it."""
+    if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
+        raise Refused(f'{name}: {_shown(value)} is none of the kinds {", ".join(kinds)}')
+    return kinds[value['kind']](name, value)
+
+
+def _keys(name: str, value: Any, needed: set[str], allowed: set[str] = frozenset()) -> dict[str, Any]:  # type: ignore[assignment]
+    """Return a mapping that has all keys that it needs, and none that nobody knows."""
+    if not isinstance(value, dict):
+        raise Refused(f'{name or "certificate"}: {_shown(value)} is no mapping')
+    for key in sorted(needed - value.keys()):
+        raise Refused(f'{name}{"." if name else ""}{key}: it is missing')
+    for key in sorted(value.keys() - needed - allowed):
+        raise Refused(f'{name}{"." if name else ""}{key[:60]}: nobody checks what this key says; leave it out')
+    return value
+
+
+def _list(name: str, value: Any, fewest: int, most: int) -> list[Any]:
+    if not isinstance(value, list) or not fewest <= len(value) <= most:
+        found = f'{len(value)} entries' if isinstance(value, list) else _shown(value)
+        raise Refused(f'{name}: {found}; it is a list of {fewest} to {most}' if fewest < most else
+                      f'{name}: {found}; it is a list of {most}')
+    return value
+
+
+def _number(name: str, value: Any, low: float | Fraction, high: float, whole: bool = False) -> float:
+    """Return a number within limits, as the float that it is."""
+    if isinstance(value, bool) or not isinstance(value, int | float) or (whole and not isinstance(value, int)):
+        raise Refused(f'{name}: {_shown(value)} is no {"whole " if whole else ""}number')
+    try:
+        number = float(value)
+    except OverflowError:
+        number = float('inf')
+    if not isfinite(number) or not low <= number <= high:
+        raise Refused(f'{name}: {number!r} is not within {float(low)!r} and {float(high)!r}')
+    return number
+
+
+def _shown(value: Any) -> str:
+    return repr(value)[:60]

@@ -1,0 +1,51 @@
+"""Roots: first about, in floats, then in a ball that is proved to hold exactly one (Newton's method in intervals)."""
+from collections.abc import Callable
+
+from flint import arb
+
+from dragon_ros.verify.balls import UNIT, size
+from dragon_ros.verify.errors import Refused
+
+_GOOD = 1e-13           # of a root: a guess in floats is usually nearer than that
+_CLOSE = 1e-8         # a step of Newton's method, of the root: the next one is about its square
+_FINE = 2.0**-112       # of a root: no ball in which it is looked for is narrower
+_TRIES = 12
+
+
+def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float, guess: float) -> float:
+    """Return about the root of a function (value and slope) that is negative below it and positive above it."""
+    x = min(max(guess, low), high)
+    for _ in range(200):
+        value, slope = f(x)
+        if value > 0:
+            high = x
+        else:
+            low = x
+        following = x - value / slope if slope > 0 else low
+        if not low < following < high:
+            following = 0.5 * (low + high)
+        if abs(following - x) <= _CLOSE * abs(x) or not low < following < high:
+            return following
+        x = following
+    return x
+
+
+def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
+    """Return a ball around a guess that holds exactly one root, for all numbers that the function may hold as balls.
+
+    Newton's theorem: if m - f(m) / f'(X) lies inside of X, a ball around m, then f has one root in X, and it is there.
+    Where the guess was not good enough for that, its next step says how much wider X has to be. Raises Refused.
+    """
+    middle, wide = arb(guess), _GOOD * abs(guess)
+    for _ in range(_TRIES):
+        missing = value(middle)
+        within = middle + UNIT * wide
+        found = middle - missing / slope(within)
+        if within.contains_interior(found):
+            return found
+        step = missing / slope(middle)
+        if not step.is_finite():
+            break
+        middle = (middle - step).mid()
+        wide = max(2 * size(value(middle) / slope(middle)), _FINE * size(middle), 1e-300)
+    raise Refused('a place on the track could not be proved: a link is about to lock, or lengths are too far apart')

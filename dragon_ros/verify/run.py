@@ -1,0 +1,256 @@
+"""What the leader goes through in a run, and where the run ends: proved, not believed.
+
+A run ends when it stops, when a link locks, or when a handle comes to an end of the track. Where handles are depends on
+how far the leader has gone and not on when, so all of this is about distances that the leader has gone.
+"""
+from collections.abc import Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from math import cos, pi, sin
+
+from flint import arb
+
+from dragon_ros.verify.balls import certainly, exact, half_turn
+from dragon_ros.verify.cover import Budget
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.law import Extent, Law
+from dragon_ros.verify.posture import Dragon
+from dragon_ros.verify.ranges import Range
+from dragon_ros.verify.reading import Scene
+from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_span
+from dragon_ros.verify.track import Place, Track
+
+_SAMPLES = 4000         # places at which a lock is looked for
+_HALVINGS = 80          # of times and places that are only told, or proved later on
+_SHARE = 20             # links in floats that count as one step of the budget
+
+
+@dataclass(frozen=True)
+class Limit:
+    """Where the model itself ends: how far the leader has gone there, how near to that is proved, and why it ends."""
+
+    gone: arb
+    slack_m: float
+    why: str
+
+
+@dataclass(frozen=True)
+class Run:
+    """A run up to a time: bounds of how far the leader goes from 0 s on, and from the start on; and how it ends."""
+
+    whole: Range
+    part: Range
+    end_s: float
+    why: str
+    slack_m: float
+
+
+class Leader:
+    """The leader on the track: where the head is when the leader has gone so far, and where the model ends."""
+
+    def __init__(self, track: Track, dragon: Dragon, tail_leads: bool, budget: Budget) -> None:
+        """Place the chain as it is at 0 s. Raises Refused where it does not fit the track."""
+        self._track, self._dragon, self._budget = track, dragon, budget
+        place = track.place_at(track.start)
+        self._tail: arb | None = None
+        if tail_leads:
+            budget.spend(len(dragon.benches))
+            for bench in dragon.benches:
+                place = track.next(place, bench.link, -1)
+            self._tail = track.distance(place)
+
+    def head(self, gone: arb) -> arb:
+        """Return the distance of the head along the track when the leader has gone so far."""
+        if self._tail is None:
+            return self._track.start + gone
+        return self._ahead(self._tail - gone) if not gone.is_zero() else self._track.start
+
+    def _ahead(self, tail: arb) -> arb:
+        """Return the distance of the head where the tail is at one."""
+        self._budget.spend(len(self._dragon.benches))
+        place = self._track.place_at(tail)
+        for bench in reversed(self._dragon.benches):
+            place = self._track.next(place, bench.link, 1)
+        return self._track.distance(place)
+
+    def limits(self, slack_m: float, furthest: arb | None) -> tuple[Limit | None, Limit | None]:
+        """Return where the model ends while the leader goes back, and while it goes on; None where it does not.
+
+        ``furthest`` bounds how far on the leader goes at all (None: without end).
+        """
+        track, begin, end = self._track, self._track.begin, self._track.end
+        if self._tail is not None:
+            on = None if begin is None else Limit(self._tail - begin, slack_m, 'the tail leaves the track')
+            return Limit(arb(0), 0.0, 'the head is back at its end of the track'), on
+        back = None if begin is None else Limit(self._ahead(begin) - track.start, slack_m, 'the tail leaves the track')
+        if track.to_centre:
+            return back, self._lock(slack_m, furthest)
+        return back, None if end is None else Limit(end - track.start, slack_m, 'the head leaves the track')
+
+    def _lock(self, slack_m: float, furthest: arb | None) -> Limit:
+        """Return the first lock on a spiral to its centre, or the centre. That the chain stands before is proved later.
+
+        That it does not stand a slack further in is proved here.
+        """
+        track, segment = self._track, self._track.segments[0]
+        assert isinstance(segment, SpiralSegment)
+        assert track.end is not None
+        centre = track.end - track.start
+        until = 0.0 if furthest is None or not furthest < centre else float(track.place_at(track.start + furthest).u)
+        b = float(segment.b)
+        chords = [bench.link.near / b for bench in self._dragon.benches]
+        search = _Locks(chords, [link_m / b for link_m in self._dragon.longest_links], self._budget)
+        theta = search.first(float(track.place_at(track.start).u), until)
+        if theta is None:
+            return Limit(centre, slack_m, 'the head reaches the centre')
+        gone = track.distance(Place(0, arb(theta))) - track.start
+        return Limit(gone, slack_m, f'the chain locks at link {self._locking(segment, gone + exact(slack_m))}')
+
+    def _locking(self, segment: SpiralSegment, gone: arb) -> int:
+        """Return the first link that is proved to have no place when the leader has gone so far."""
+        u = self._track.place_at(self._track.start + gone).u
+        for number, bench in enumerate(self._dragon.benches):
+            try:
+                u = u + segment.span(u, bench.link)
+            except Refused:
+                certainly(never_reaches(segment, u, bench.link),
+                          f'the end of the run: link {number} seems to lock, which could not be proved')
+                return number
+        raise Refused('the end of the run: a link seemed to lock, and has a place')
+
+
+class _Locks:
+    """Looks in floats for places at which a link has none; ``chords`` and the longest from each on, in units of b."""
+
+    def __init__(self, chords: Sequence[float], longest: Sequence[float], budget: Budget) -> None:
+        self._chords, self._longest, self._budget = chords, longest, budget
+
+    def first(self, start: float, until: float) -> float | None:
+        """Return about the outermost place of the head on its way inwards at which the chain does not stand, or None.
+
+        Where the longest link's front handle is so far out that it has a place, so have all.
+        """
+        outer = min(start, 0.5 * (self._longest[0] - pi))
+        last = outer
+        for n in range(_SAMPLES + 1 if outer > until else 0):
+            theta = outer + (until - outer) * n / _SAMPLES
+            if not self._stands(theta):
+                return self._between(theta, last)
+            last = theta
+        return None
+
+    def _between(self, low: float, high: float) -> float:
+        """Return about the place between one at which the chain does not stand and one at which it does."""
+        while low < (middle := 0.5 * (low + high)) < high:
+            low, high = (low, middle) if self._stands(middle) else (middle, high)
+        return high
+
+    def _stands(self, theta: float) -> bool:
+        """Return whether all links seem to have a place."""
+        for number, (chord, most) in enumerate(zip(self._chords, self._longest, strict=True)):
+            if number % _SHARE == 0:
+                self._budget.spend(1)
+            if most <= 2 * theta + pi:
+                return True
+            span = about_span(theta, chord) if chord else 0.0
+            if span is None:
+                return False
+            theta += span
+        return True
+
+
+def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
+    """Return whether the chord from a handle is proved to turn back before it reaches a link's length.
+
+    It does if it is shorter all the way to a span at which it shrinks; up to pi it grows. Next to its peak it hardly
+    grows, which the mean value theorem sees.
+    """
+    half_square, near = segment.chord(link).half_square, segment.chord(link).near
+    at, delta = float(theta), pi
+    while delta < near and delta + 2 * at * sin(0.5 * delta) * (
+            sin(0.5 * delta) + (at + delta) * cos(0.5 * delta)) > 0:
+        delta += 1e-3
+    last = arb(delta + 1e-3)
+    if not _slope(theta, last) < 0:
+        return False
+    parts = [(half_turn().lower(), last)]
+    while parts:
+        low, high = parts.pop()
+        both, middle = low.union(high), (HALF * (low + high)).mid()
+        if not (_half_square(theta, both) < half_square
+                or _half_square(theta, middle) + _slope(theta, both) * (both - middle) < half_square):
+            if not high - low > 1e-12:
+                return False
+            parts += [(low, middle), (middle, high)]
+    return True
+
+
+def _half_square(theta: arb, delta: arb) -> arb:
+    """Return half the squared chord."""
+    sine = (HALF * delta).sin()
+    return HALF * delta * delta + TWO * theta * (theta + delta) * (sine * sine)
+
+
+def _slope(theta: arb, delta: arb) -> arb:
+    """Return its derivative by the span."""
+    sine, cosine = (HALF * delta).sin_cos()
+    return delta + TWO * theta * sine * (sine + (theta + delta) * cosine)
+
+
+def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_m: float) -> Run:
+    """Return what the leader goes through up to a time, or up to the end of the run (``until_s`` None).
+
+    Raises Refused where nothing ends the run, or where the model ends before it starts.
+    """
+    stop_s = scene.stop_s if until_s is None else until_s
+    start, stop = Fraction(scene.start_s), None if stop_s is None else Fraction(stop_s)
+    limits = leader.limits(slack_m, None if stop is None else exact(law.extent_m(Fraction(0), stop)[1]))
+    for before, after in law.pieces(stop):
+        for limit, sense in zip(limits, (-1, 1), strict=True):
+            if limit and exact(law.gone_m(after)) * sense > limit.gone * sense:
+                return _ended(law, start, before, after, limit, sense)
+    if stop is not None:
+        whole, part = (_within(law.extent_m(first, stop), limits) for first in (Fraction(0), start))
+        return Run(whole, part, float(stop), 'it stops', 0.0)
+    knot, _, speed = law.last
+    ahead = limits[1] if speed > 0 else limits[0] if speed < 0 else None
+    if ahead is None:
+        raise Refused('scene.run.stop_s: nothing ends the run')
+    return _ended(law, start, knot, None, ahead, 1 if speed > 0 else -1)
+
+
+def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
+    """Return an extent, rounded outwards, but not beyond where the model ends."""
+    low, high = map(exact, extent)
+    back, on = limits
+    return (low if back is None else low.max(back.gone)).lower(), (high if on is None else high.min(on.gone)).upper()
+
+
+def _ended(law: Law, start: Fraction, before: Fraction, after: Fraction | None, limit: Limit, sense: int) -> Run:
+    """Return a run that a limit ends while the leader goes one way from ``before`` on; all counts but the slack."""
+    end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
+    if end_s < start:
+        raise Refused(f'scene.run.start_s: the model ends before, at {float(end_s):.12g} s: {limit.why}')
+    end = limit.gone - exact(limit.slack_m) * sense
+    whole, part = (_up_to(law.extent_m(first, max(first, before)), end, sense) for first in (Fraction(0), start))
+    return Run(whole, part, float(end_s), limit.why, limit.slack_m)
+
+
+def _up_to(extent: Extent, end: arb, sense: int) -> Range:
+    """Return an extent, rounded outwards, with what the leader goes on to in a sense."""
+    low, high = map(exact, extent)
+    return (low.lower(), high.max(end).upper()) if sense > 0 else (low.min(end).lower(), high.upper())
+
+
+def _passage(law: Law, before: Fraction, after: Fraction | None, gone_m: Fraction, sense: int) -> Fraction:
+    """Return about when the leader has gone so far, on a piece of the law on which it goes one way."""
+    if (law.gone_m(before) - gone_m) * sense >= 0:
+        return before
+    if after is None:
+        at, here, speed = law.last
+        return at + (gone_m - here) / speed
+    low, high = before, after
+    for _ in range(_HALVINGS):
+        middle = (low + high) / 2
+        low, high = (low, middle) if (law.gone_m(middle) - gone_m) * sense > 0 else (middle, high)
+    return high

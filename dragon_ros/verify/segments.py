@@ -1,0 +1,368 @@
+"""The segments of a track in balls: lines, arcs and spirals, each with one coordinate u along it.
+
+u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 where u grows in the
+head's direction of travel and -1 where it falls; ``first`` and ``last`` are where the head enters and leaves, None
+where a segment goes on without end. Points and unit tangents (in the head's direction) are complex balls.
+"""
+from cmath import exp
+from dataclasses import dataclass
+from functools import cached_property
+from math import asin, asinh, hypot, pi, sin, sqrt
+from typing import NamedTuple, Protocol
+
+from flint import acb, arb
+
+from dragon_ros.verify.balls import above, direction, half_turn
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.roots import bracketed, certified
+
+ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
+EYE = acb(0, 1)
+
+
+class Locked(Refused):
+    """A link finds no place, or none that can be proved to be the right one."""
+
+
+@dataclass(frozen=True, eq=False)
+class Link:
+    """The distance between a bench's two handles, in balls, with its square and its inverse (None if it is 0)."""
+
+    length: arb
+    near: float
+
+    @cached_property
+    def square(self) -> arb:
+        """Square of the length."""
+        return self.length * self.length
+
+    @cached_property
+    def inverse(self) -> arb | None:
+        """1 / length."""
+        return ONE / self.length if self.near else None
+
+
+class Segment(Protocol):
+    """What a track asks of a segment."""
+
+    sense: int
+    first: arb | None
+    last: arb | None
+    bend: float         # no curvature on it is larger, in 1/m
+
+    def point(self, u: arb) -> acb:
+        """Return the point."""
+        ...
+
+    def heading(self, u: arb) -> acb:
+        """Return the unit tangent."""
+        ...
+
+    def speed(self, u: arb) -> arb:
+        """Return metres for each unit of u, positive."""
+        ...
+
+    def metres(self, u: arb) -> arb:
+        """Return the distance along the track from the anchor, positive in the head's direction."""
+        ...
+
+    def after(self, metres: arb) -> arb:
+        """Return u at such a distance."""
+        ...
+
+    def next(self, u: arb, link: Link, way: int) -> arb:
+        """Return the nearest place at a link's length ahead (``way`` 1) or behind (-1), however long the segment is."""
+        ...
+
+    def near(self, u: float) -> complex:
+        """Return about the point."""
+        ...
+
+
+class LineSegment:
+    """A straight line from a point in a direction; the anchor is that point."""
+
+    sense = 1
+    bend = 0.0
+
+    def __init__(self, start: acb, heading: acb, first: arb | None, last: arb | None) -> None:
+        """Take the point and the direction."""
+        self.start, self._heading, self.first, self.last = start, heading, first, last
+        self._near = complex(start), complex(heading)
+
+    def point(self, u: arb) -> acb:
+        """Return the point."""
+        return self.start + self._heading * u
+
+    def heading(self, u: arb) -> acb:
+        """Return the unit tangent."""
+        return self._heading
+
+    def speed(self, u: arb) -> arb:
+        """Return 1."""
+        return ONE
+
+    def metres(self, u: arb) -> arb:
+        """Return the distance from the start."""
+        return u
+
+    def after(self, metres: arb) -> arb:
+        """Return u at a distance from the start."""
+        return metres
+
+    def curvature(self, u: arb) -> arb:
+        """Return 0."""
+        return ZERO
+
+    def next(self, u: arb, link: Link, way: int) -> arb:
+        """Return the place at a link's length."""
+        return u + link.length if way > 0 else u - link.length
+
+    def near(self, u: float) -> complex:
+        """Return about the point."""
+        return self._near[0] + self._near[1] * u
+
+
+class ArcSegment:
+    """An arc that leaves a point in a direction and turns left (``side`` 1) or right (-1); the anchor is that point."""
+
+    sense = 1
+
+    def __init__(self, start: acb, heading: acb, radius: arb, side: int, first: arb | None, last: arb | None) -> None:
+        """Take the point, the direction and the radius."""
+        self.radius, self.side, self.first, self.last = radius, side, first, last
+        self._spoke = heading * EYE * radius * -side
+        self.centre = start - self._spoke
+        self.bend = above(ONE / radius)
+        self._near = complex(self.centre), complex(self._spoke)
+        self._turned: dict[Link, arb] = {}
+
+    def point(self, u: arb) -> acb:
+        """Return the point."""
+        return self.centre + self._spoke * direction(u * self.side)
+
+    def heading(self, u: arb) -> acb:
+        """Return the unit tangent."""
+        return self._spoke * direction(u * self.side) * EYE * (self.side / self.radius)
+
+    def speed(self, u: arb) -> arb:
+        """Return the radius."""
+        return self.radius
+
+    def metres(self, u: arb) -> arb:
+        """Return the distance from the start."""
+        return self.radius * u
+
+    def after(self, metres: arb) -> arb:
+        """Return u at a distance from the start."""
+        return metres / self.radius
+
+    def curvature(self, u: arb) -> arb:
+        """Return the signed curvature."""
+        return self.side / self.radius
+
+    def next(self, u: arb, link: Link, way: int) -> arb:
+        """Return the place at a chord."""
+        if link not in self._turned:
+            self._turned[link] = TWO * (link.length / (TWO * self.radius)).asin()
+        turned = self._turned[link]
+        return u + turned if way > 0 else u - turned
+
+    def near(self, u: float) -> complex:
+        """Return about the point."""
+        return self._near[0] + self._near[1] * exp(1j * self.side * u)
+
+
+class Chord(NamedTuple):
+    """A link in units of b: its length about, half its square, the inverse of that, and from where on it is wide."""
+
+    near: float
+    half_square: arb
+    inverse_square: arb
+    wide: arb
+
+    @classmethod
+    def of(cls, chord: arb, segment: 'SpiralSegment') -> 'Chord':
+        """Return a chord; the curvature falls outwards, and beyond ``wide`` it is below 2 / chord."""
+        square, wide = chord * chord, ZERO
+        while chord.is_finite() and not segment.curvature(wide) * segment.b * chord < 2:
+            wide = wide * 1.125 + 0.25
+        return cls(float(chord), HALF * square, ONE / square, wide)
+
+
+class SpiralSegment:
+    """r = b u about ``centre``, turned by ``rotation``; ``side`` 1 winds out leftwards; anchored at ``anchor``."""
+
+    def __init__(self, b: arb, centre: acb, rotation: acb, side: int, sense: int, anchor: arb, first: arb | None,
+                 last: arb | None) -> None:
+        """Take the numbers; ``sense`` is 1 where the head winds out."""
+        self.b, self.centre, self.side, self.sense, self.first, self.last = b, centre, side, sense, first, last
+        self._rotation, self._anchored = rotation, arc(anchor)
+        inner = last if sense < 0 else first
+        assert inner is not None
+        self.inner = inner
+        self.bend = above(abs(self.curvature(inner)))
+        self._near = complex(centre), complex(rotation * b)
+        self._chords: dict[Link, Chord] = {}
+
+    def chord(self, link: Link) -> 'Chord':
+        """Return a link's length in units of b."""
+        if link not in self._chords:
+            self._chords[link] = Chord.of(link.length / self.b, self)
+        return self._chords[link]
+
+    def is_wide(self, u: arb, link: Link) -> bool:
+        """Return whether the spiral bends so little from u on outwards that links can neither lock nor turn back."""
+        return u > self.chord(link).wide
+
+    def point(self, u: arb) -> acb:
+        """Return the point."""
+        return self.centre + self._rotation * direction(u * self.side) * (self.b * u)
+
+    def heading(self, u: arb) -> acb:
+        """Return the unit tangent."""
+        return self._rotation * direction(u * self.side) * acb(ONE, u * self.side) * (self.sense / root_of(u))
+
+    def speed(self, u: arb) -> arb:
+        """Return metres for each radian."""
+        return self.b * root_of(u)
+
+    def metres(self, u: arb) -> arb:
+        """Return the distance from the anchor."""
+        return self.b * (arc(u) - self._anchored) * self.sense
+
+    def after(self, metres: arb) -> arb:
+        """Return u at a distance from the anchor. Raises Refused beyond the centre."""
+        wanted = self._anchored + metres / self.b * self.sense
+        if not wanted > 0:
+            if wanted < -1e-9:
+                raise Refused('a place on the track lies beyond its end, the centre of a spiral')
+            return ZERO.union(abs(wanted))
+        about = float(wanted)
+        guess = about if about < 1 else sqrt(2 * about)
+        for _ in range(60):
+            step = (0.5 * (guess * sqrt(1 + guess * guess) + asinh(guess)) - about) / sqrt(1 + guess * guess)
+            guess -= step
+            if abs(step) <= 1e-15 * guess:
+                break
+        return certified(lambda u: arc(u) - wanted, root_of, guess)
+
+    def curvature(self, u: arb) -> arb:
+        """Return the signed curvature."""
+        square = ONE + u * u
+        return (ONE + ONE / square) / (self.b * square.sqrt()) * (self.side * self.sense)
+
+    def next(self, u: arb, link: Link, way: int) -> arb:
+        """Return the nearest place at a chord: further out, or further in."""
+        if not link.near:
+            return u
+        return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
+
+    def span(self, u: arb, link: Link) -> arb:
+        """Return the smallest delta > 0 at which the handle at u + delta is a link from the one at u.
+
+        Up to it the chord is proved to grow. Raises Locked.
+        """
+        if not link.near:
+            return ZERO
+        half_square, near = self.chord(link).half_square, self.chord(link).near
+        guess = about_span(float(u), near)
+        if guess is None:
+            raise Locked('a link finds no place behind its front handle: the chain locks')
+        twice = TWO * u
+
+        def value(delta: arb) -> arb:
+            sine = (HALF * delta).sin()
+            return HALF * delta * delta + twice * (u + delta) * (sine * sine) - half_square
+
+        def slope(delta: arb) -> arb:
+            sine, cosine = (HALF * delta).sin_cos()
+            return delta + twice * sine * (sine + (u + delta) * cosine)
+
+        found = certified(value, slope, guess)
+        if not found > 0 or (not found < half_turn() and not rises(u, half_turn().lower(), found.upper())):
+            raise Locked('a link may find its place only beyond where its chord first turns back: the chain locks')
+        return found
+
+    def _span_in(self, u: arb, link: Link) -> arb:
+        """Return delta > 0 at which the handle at u - delta is a link from the one at u (``track`` proves which)."""
+        half_square, near = self.chord(link).half_square, self.chord(link).near
+        theta, twice = float(u), TWO * u
+
+        def about(delta: float) -> tuple[float, float]:
+            s, inner = sin(0.5 * delta), theta - delta
+            return (0.5 * (delta * delta - near * near) + 2 * theta * inner * s * s,
+                    delta - 2 * theta * s * s + theta * inner * sin(delta))
+
+        def value(delta: arb) -> arb:
+            sine = (HALF * delta).sin()
+            return HALF * delta * delta + twice * (u - delta) * (sine * sine) - half_square
+
+        def slope(delta: arb) -> arb:
+            sine, cosine = (HALF * delta).sin_cos()
+            return delta + twice * sine * ((u - delta) * cosine - sine)
+
+        found = certified(value, slope, bracketed(about, 0.0, max(theta, near), near / hypot(1, theta)))
+        if not found > 0:
+            raise Refused('a place on the track could not be proved: it may be on the wrong side of a handle')
+        return found
+
+    def near(self, u: float) -> complex:
+        """Return about the point."""
+        return self._near[0] + self._near[1] * u * exp(1j * self.side * u)
+
+
+def root_of(u: arb) -> arb:
+    """Return sqrt(1 + u^2)."""
+    return (ONE + u * u).sqrt()
+
+
+def arc(u: arb) -> arb:
+    """Return the length of a spiral from its centre, in units of b."""
+    return HALF * (u * root_of(u) + u.asinh())
+
+
+def rises(theta: arb, low: arb, high: arb) -> bool:
+    """Return whether the chord from any handle at ``theta`` is proved to grow with delta from ``low`` to ``high``."""
+    parts = [(low, high, 12)]
+    while parts:
+        left, right, halvings = parts.pop()
+        delta = left.union(right)
+        sine, cosine = (HALF * delta).sin_cos()
+        if delta + TWO * theta * sine * (sine + (theta + delta) * cosine) > 0:
+            continue
+        if not halvings:
+            return False
+        middle = (HALF * (left + right)).mid()
+        parts += [(left, middle, halvings - 1), (middle, right, halvings - 1)]
+    return True
+
+
+def about_span(theta: float, chord: float) -> float | None:
+    """Return about the smallest span of a chord (in units of b); None where it seems to have none."""
+    if chord <= 2 * theta + pi:
+        return bracketed(lambda delta: _excess(theta, chord, delta), 0.0, pi,
+                         2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1)))))
+    step = max(1 / 64, (chord - pi) / 4096)
+    delta = pi
+    while (after := _excess(theta, chord, delta + step))[0] < 0 < after[1]:
+        delta += step
+        if delta > chord:
+            return None
+    last = delta + step if after[0] >= 0 else _peak(theta, chord, delta, delta + step)
+    if _excess(theta, chord, last)[0] < 0:
+        return None
+    return bracketed(lambda delta: _excess(theta, chord, delta), delta, last, delta)
+
+
+def _peak(theta: float, chord: float, low: float, high: float) -> float:
+    """Return where a chord stops growing between two spans."""
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (middle, high) if _excess(theta, chord, middle)[1] > 0 else (low, middle)
+    return low
+
+
+def _excess(theta: float, chord: float, delta: float) -> tuple[float, float]:
+    s = sin(0.5 * delta)
+    return (0.5 * (delta * delta - chord * chord) + 2 * theta * (theta + delta) * s * s,
+            delta + 2 * theta * s * s + theta * (theta + delta) * sin(delta))

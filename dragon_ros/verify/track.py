@@ -1,0 +1,289 @@
+"""A track in balls: its segments where they lie, places on it, and the next handle a link away.
+
+A place is a segment's number and its coordinate. Where the curvature is K at most and K l < 2 for every link l, the
+chord from a handle grows along the track for at least pi / K of it and reaches l before (Schur); so the next handle is
+the one place at a chord's length that is proved to be no more than pi / K away. On a single spiral led by its head,
+which comes to the centre, it is the smallest root instead (``SpiralSegment.span``).
+"""
+from bisect import bisect_left
+from collections.abc import Sequence
+from fractions import Fraction
+from typing import NamedTuple
+
+from flint import acb, arb, fmpq
+
+from dragon_ros.verify import reading
+from dragon_ros.verify.balls import UNIT, certainly, direction, exact, half_turn, size, up
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.roots import bracketed, certified
+from dragon_ros.verify.segments import HALF, ONE, TWO, ZERO, ArcSegment, LineSegment, Link, SpiralSegment, root_of
+
+AnySegment = LineSegment | ArcSegment | SpiralSegment
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
+_HAIR = 1e-12                       # of a metre: a place may be so far beyond the track's end
+_NARROW = 1e-15                     # of a metre, or of the tightest radius: no place is so unsure next to a joint
+
+
+class Place(NamedTuple):
+    """A segment's number and the coordinate on it; within ``loose`` metres of a joint, nobody knows on which side.
+
+    Then it is on the segment's curve continued. Beyond the joint the track strays from that by K d^2 at most after a
+    way of d, which is far below d: so u and the point, widened by twice d, hold all that may be there.
+    """
+
+    segment: int
+    u: arb
+    loose: float = 0.0
+
+
+class Track:
+    """Segments in the order of the head's way; ``origins`` are the distances at their anchors."""
+
+    def __init__(self, segments: Sequence[AnySegment], origins: Sequence[arb], start: arb, to_centre: bool,
+                 poles: Sequence[int]) -> None:
+        """Take segments; ``start`` is where the head is at 0 s, ``poles`` numbers the centres that they turn about."""
+        self.segments, self.origins, self.start, self.to_centre, self.poles = (
+            tuple(segments), tuple(origins), start, to_centre, tuple(poles))
+        self.bend = max(segment.bend for segment in segments)
+        self.joints = [self.distance(Place(k, segment.first)) for k, segment in enumerate(segments)
+                       if k and segment.first is not None]
+        self._joints = [float(joint) for joint in self.joints]
+        first, last = segments[0].first, segments[-1].last
+        self.begin = None if first is None else self.distance(Place(0, first))
+        self.end = None if last is None else self.distance(Place(len(segments) - 1, last))
+
+    def distance(self, place: Place) -> arb:
+        """Return the distance of a place along the track, in the head's direction."""
+        return self.origins[place.segment] + self.segments[place.segment].metres(place.u)
+
+    def place_at(self, metres: arb) -> Place:
+        """Return the place at a distance along the track. Raises Refused beyond its ends."""
+        for end, sense in ((self.begin, -1), (self.end, 1)):
+            if end is not None and (metres - end) * sense > _HAIR:
+                raise Refused(f'{float(metres):.12g} m along the track is beyond its end, at {float(end):.12g} m')
+        k = bisect_left(self._joints, float(metres))
+        while k < len(self.joints) and metres >= self.joints[k]:
+            k += 1
+        while k and metres < self.joints[k - 1]:
+            k -= 1
+        beyond = [size(metres - joint) for joint in self.joints[max(k - 1, 0):k + 1]
+                  if not (metres < joint or metres >= joint)]
+        return self._loosened(k, self.segments[k].after(metres - self.origins[k]), max(beyond, default=0.0))
+
+    def _loosened(self, k: int, u: arb, beyond_m: float, loose: float = 0.0) -> Place:
+        """Return a place that may be some metres beyond a joint."""
+        if not beyond_m:
+            return Place(k, u, loose)
+        beyond_m = 2 * beyond_m + loose
+        certainly(beyond_m * max(self.bend, 1.0) < _NARROW, 'a handle next to a joint of the track could not be placed')
+        return Place(k, u + UNIT * size(beyond_m / self.segments[k].speed(u)), beyond_m)
+
+    def point(self, place: Place) -> acb:
+        """Return the point of a place."""
+        out = self.segments[place.segment].point(place.u)
+        return out + acb(UNIT, UNIT) * place.loose if place.loose else out
+
+    def next(self, place: Place, link: Link, way: int) -> Place:
+        """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused where there is none."""
+        k, segment = place.segment, self.segments[place.segment]
+        if not link.near:
+            return place
+        edge = segment.last if way > 0 else segment.first
+        u = segment.next(place.u, link, way)
+        if edge is None:
+            return Place(k, u, place.loose)
+        inside = (edge - u) * (segment.sense * way)
+        if inside < 0:
+            return self._across(place, link, way)
+        if isinstance(segment, SpiralSegment) and way != segment.sense:
+            self._within(segment.b * abs(place.u - u) * root_of(place.u))
+        return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)), place.loose)
+
+    def _within(self, gone: arb) -> None:
+        certainly(gone * self.bend < half_turn(), 'a link could reach two places: the track bends too tightly for it')
+
+    def _across(self, place: Place, link: Link, way: int) -> Place:
+        """Return the next handle beyond one joint or more."""
+        k, here = place.segment, self.point(place)
+        segment = self.segments[k]
+        edge = segment.last if way > 0 else segment.first
+        assert edge is not None
+        gone = abs(segment.metres(edge) - segment.metres(place.u))
+        while 0 <= (k := k + way) < len(self.segments):
+            segment = self.segments[k]
+            near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
+            assert near is not None
+            if far is None:
+                return self._cut(k, here, link, way, gone)
+            # A segment that the chord is sure to grow along, and at whose end it is too short, is passed.
+            past = gone + abs(segment.metres(far) - segment.metres(near))
+            if not (past * self.bend < half_turn() and abs(segment.point(far) - here) < link.length):
+                return self._cut(k, here, link, way, gone)
+            gone = past
+        raise Refused('a handle leaves the track: it is too short for the dragon')
+
+    def _cut(self, k: int, here: acb, link: Link, way: int, gone: arb) -> Place:
+        """Return where a segment is at a link's length from a point that lies ``gone`` of track from its near end."""
+        segment = self.segments[k]
+        near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
+        assert near is not None
+        sense = segment.sense * way
+        begin, point, length = float(near), complex(here), link.near
+        step = max(length - float(gone), 1e-3 * length) / float(segment.speed(near))
+
+        def about(x: float) -> tuple[float, float]:
+            """Half the excess of the squared chord and its slope, x beyond the near end."""
+            away = segment.near(begin + sense * x) - point
+            after = segment.near(begin + sense * (x + 1e-7 * step)) - point
+            value = 0.5 * (abs(away)**2 - length * length)
+            return value, (0.5 * (abs(after)**2 - length * length) - value) / (1e-7 * step)
+
+        most = step
+        while about(most)[0] < 0 and most < 1e3 * step:
+            most *= 1.5
+        guess = begin + sense * bracketed(about, 0.0, most, 0.5 * most)
+
+        def value(u: arb) -> arb:
+            away = segment.point(u) - here
+            return HALF * ((away * away.conjugate()).real - link.square)
+
+        def slope(u: arb) -> arb:
+            away = segment.point(u) - here
+            return (away.conjugate() * segment.heading(u)).real * segment.speed(u) * segment.sense
+
+        u = certified(value, slope, guess)
+        outside = [size(beyond * segment.speed(u)) for beyond in (
+            (near - u) * sense, ZERO - ONE if far is None else (u - far) * sense) if not beyond <= 0]
+        self._within(gone + abs(segment.metres(u) - segment.metres(near)))
+        return self._loosened(k, u, max(outside, default=0.0))
+
+    def curvatures(self, one: Place, two: Place) -> arb:
+        """Return all curvatures from one place to another; on a spiral it is monotone."""
+        first, last = (one, two) if one.segment < two.segment else (two, one)
+        out = self.segments[first.segment].curvature(one.u if first.segment == last.segment else first.u)
+        spread = 1 if one.loose or two.loose else 0
+        for k in range(max(first.segment - spread, 0), min(last.segment + spread + 1, len(self.segments))):
+            segment = self.segments[k]
+            passed = [segment.last if k < last.segment else None, segment.first if k > first.segment else None,
+                      *(place.u for place in (one, two) if place.segment == k)]
+            for u in passed:
+                out = out if u is None else out.union(segment.curvature(u + UNIT * (one.loose + two.loose)))
+        return out
+
+    def apart_m(self, one: Place, two: Place) -> float:
+        """Return a bound on the way along the track between two places."""
+        if one.segment != two.segment:
+            return size(self.distance(one) - self.distance(two))
+        segment = self.segments[one.segment]
+        if isinstance(segment, SpiralSegment):
+            outer = one.u if float(one.u) > float(two.u) else two.u
+            return up(size(segment.b * (one.u - two.u) * root_of(outer)))
+        return size(segment.speed(one.u) * (one.u - two.u)) + one.loose + two.loose
+
+
+def track_of(scene: reading.Scene) -> Track:
+    """Return the track that a scene describes, on which its dragon is led."""
+    kind = scene.track
+    if isinstance(kind, reading.Spiral):
+        return _single(kind, scene.tail_leads)
+    return _turn(kind) if isinstance(kind, reading.Turn) else _joined(kind)
+
+
+def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
+    """Return the classic track: to its centre, or to where the head starts where the tail leads."""
+    start = TWO * half_turn() * exact(spiral.start_turns)
+    last = start if tail_leads else ZERO
+    segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * half_turn()), acb(0), acb(1), 1, -1, start, None, last)
+    return Track([segment], [ZERO], ZERO, not tail_leads, [0])
+
+
+def _turn(turn: reading.Turn) -> Track:
+    """Return the S-turn: with tan gamma = R / b both arcs turn by 2 gamma, and their radii sum to R / sin gamma."""
+    b, radius = exact(turn.pitch_m) / (TWO * half_turn()), HALF * exact(turn.diameter_m)
+    theta = radius / b
+    gamma = theta.atan()
+    second = radius / gamma.sin() / (ONE + exact(turn.ratio))
+    inwards, outwards = (SpiralSegment(b, acb(0), acb(sign), 1, -sign, theta, *ends)
+                         for sign, ends in ((1, (None, theta)), (-1, (theta, None))))
+    turned, heading = TWO * gamma, theta + gamma + half_turn()
+    first = ArcSegment(inwards.point(theta), direction(heading), exact(turn.ratio) * second, -1, ZERO, turned)
+    other = ArcSegment(first.point(turned), direction(heading - turned), second, 1, ZERO, turned)
+    halfway = first.radius * turned
+    return Track([inwards, first, other, outwards], [ZERO, ZERO, halfway, halfway + second * turned],
+                 -exact(turn.before_m), False, [0, 1, 2, 0])
+
+
+class _Heading:
+    """A heading: a rational share of half a turn, exactly, and the rest in radians. Turning it never widens it much."""
+
+    def __init__(self, degrees: float) -> None:
+        self._halves, self._rest = Fraction(degrees) / 180, ZERO
+
+    def turn_degrees(self, degrees: float) -> None:
+        self._halves += Fraction(degrees) / 180
+
+    def turn(self, radians: arb) -> None:
+        self._rest += radians
+
+    @property
+    def radians(self) -> arb:
+        return exact(self._halves) * half_turn() + self._rest
+
+    @property
+    def direction(self) -> acb:
+        sine, cosine = arb.sin_cos_pi_fmpq(fmpq(self._halves.numerator, self._halves.denominator))
+        return acb(cosine, sine) * direction(self._rest)
+
+
+def _joined(track: reading.Pieces) -> Track:
+    """Return pieces, each from where the one before ends; the first is continued backwards where it can be."""
+    pose = track.poses[0]
+    heading = _Heading(pose.heading_deg or 0.0)
+    point = acb(*map(exact, pose.at_m or (0.0, 0.0)))
+    segments: list[AnySegment] = []
+    origins = [ZERO]
+    for k, (piece, said) in enumerate(zip(track.pieces, track.poses, strict=True)):
+        _check_joint(f'scene.track.pieces[{k}]', said, point, heading)
+        segment = _segment(piece, point, heading, k == 0)
+        segments.append(segment)
+        last = segment.last
+        assert last is not None
+        point = segment.point(last)
+        origins.append(origins[-1] + segment.metres(last))
+    return Track(segments, origins[:-1], exact(track.start_m), False, range(len(segments)))
+
+
+def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool) -> AnySegment:
+    """Return a piece that leaves a point in a direction, which is turned by it."""
+    first = None if is_open else ZERO
+    leaves = heading.direction
+    if isinstance(piece, reading.Line):
+        return LineSegment(point, leaves, first, exact(piece.length_m))
+    if isinstance(piece, reading.Arc):
+        heading.turn_degrees(piece.angle_deg)
+        angle = exact(abs(Fraction(piece.angle_deg)) / 180) * half_turn()
+        return ArcSegment(point, leaves, exact(piece.radius_m), 1 if piece.angle_deg > 0 else -1, first, angle)
+    b = exact(piece.pitch_m) / (TWO * half_turn())
+    begin, last = (TWO * half_turn() * exact(turns) for turns in (piece.from_turns, piece.to_turns))
+    sense = 1 if piece.to_turns > piece.from_turns else -1
+    side = sense if piece.left else -sense
+    # At polar angle u the bare spiral heads to side (u + atan u), and against that where the head winds in.
+    turned = begin + begin.atan()
+    rotation = leaves * direction(-turned * side) * sense
+    centre = point - rotation * direction(begin * side) * (b * begin)
+    heading.turn((last + last.atan() - turned) * side)
+    is_open = is_open and sense < 0
+    return SpiralSegment(b, centre, rotation, side, sense, begin, None if is_open else begin, last)
+
+
+def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -> None:
+    """Refuse a piece that says that it begins elsewhere than the one before ends, or that it heads elsewhere."""
+    if said.at_m is not None:
+        away = abs(acb(*map(exact, said.at_m)) - point)
+        certainly(away < 2 * _NEAR_M, f'{name}.at_m: the piece before ends {float(away):.3g} m from there')
+    if said.heading_deg is not None:
+        turned = heading.direction * _Heading(-said.heading_deg).direction
+        certainly(turned.real > 0 and abs(turned.imag) < 2 * _NEAR_RAD,
+                  f'{name}.heading_deg: the piece before ends {float(turned.arg()):.3g} rad from there')
+
+

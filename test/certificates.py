@@ -1,0 +1,27 @@
+"""What ``dragon_ros.verify`` says of certificates, as plain values: imported by the tests of several rooms."""
+import json
+
+import pytest
+
+from dragon_ros.commands.certificate import as_values
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.proof import prove
+from dragon_ros.verify.reading import claims_of
+
+
+def written(scene):
+    """The certificate that the solver writes of a scene."""
+    return as_values(scene, first_contact(scene))
+
+
+def proved(values, effort=1.0):
+    """The sentence that a certificate proves."""
+    return prove(claims_of(json.dumps(values).encode()), effort, lambda done_m, whole_m: None).sentence
+
+
+def refusal(values, effort=1.0):
+    """The line with which a certificate is refused."""
+    with pytest.raises(Refused) as refused:
+        proved(values, effort)
+    return str(refused.value)

@@ -1,0 +1,1 @@
+"""Helpers beside this file (``runs``) are imported by the tests of this room."""

@@ -1,0 +1,86 @@
+"""The checker is a process that knows nothing of the solver."""
+import json
+import subprocess
+import sys
+
+import pytest
+from certificates import written
+from dragon_ros.core.joined import Joined
+
+from dragon_ros.commands import contact
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Arc, Line
+
+SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
+LOOP = Scene(dragon=Dragon(12), track=Joined((Line(5.0), Arc(3.0, 720.0))), run=Run(0, 20))
+
+
+@pytest.fixture(scope='module')
+def files(tmp_path_factory):
+    """Files of certificates: of a contact, of none, and a false one."""
+    folder = tmp_path_factory.mktemp('certificates')
+    values = {'contact': written(SHORT), 'none': written(LOOP)}
+    values['false'] = {**values['contact'], 'contact': {'t_s': None}}
+    for name, one in values.items():
+        (folder / f'{name}.json').write_text(json.dumps(one))
+    return folder
+
+
+def run(*arguments, code=''):
+    command = ['-c', code] if code else ['-m', 'dragon_ros.verify']
+    return subprocess.run([sys.executable, *command, *map(str, arguments)], capture_output=True, text=True, check=False)
+
+
+@pytest.mark.parametrize('name', ['contact', 'none', 'false'])
+def test_the_process_imports_no_other_room_of_the_package_nor_the_solvers_libraries(files, name):
+    done = run(files / f'{name}.json', code='import sys\nfrom dragon_ros.verify.command import main\n'
+               'main(sys.argv[1:])\nprint(*sys.modules)')
+    names = done.stdout.splitlines()[-1].split()
+    ours = {name for name in names if name.split('.')[0] == 'dragon_ros'}
+    assert {name for name in ours if not name.startswith('dragon_ros.verify')} == {'dragon_ros'}
+    assert 'dragon_ros.verify.proof' in ours
+    assert not {'numpy', 'scipy', 'shapely', 'yaml', 'rclpy', 'mpmath'} & set(names)
+
+
+def test_it_prints_one_sentence_of_what_is_proved_or_one_line_of_why_not(files):
+    done = run(files / 'contact.json')
+    assert (done.returncode, done.stderr) == (0, '')
+    assert 'no two benches touch from 411.5 s to the contact at 412.47383768211' in done.stdout
+    assert "less 1 nm of the leader's way, and benches 0 and 8 overlap 1 nm after it" in done.stdout
+    refused = run(files / 'false.json')
+    assert (refused.returncode, refused.stdout) == (2, '')
+    assert len(refused.stderr.splitlines()) == 1
+    assert 'benches 0 and 8 overlap' in refused.stderr
+
+
+def test_contact_verify_starts_it_and_passes_on_what_it_says(files, capfd):
+    assert contact.main(['--verify', str(files / 'none.json')]) == 0
+    assert capfd.readouterr().out == f'{run(files / "none.json").stdout}'
+    assert contact.main(['--verify', str(files / 'false.json')]) == 2
+    out, err = capfd.readouterr()
+    assert (out, 'refused: benches 0 and 8 overlap' in err) == ('', True)
+    assert contact.main(['--verify', str(files / 'none.json'), '--output', str(files / 'said')]) == 0
+    assert 'no two benches touch' in (files / 'said').read_text()
+
+
+def test_without_its_library_it_says_in_a_line_how_to_install_it(files):
+    done = run(files / 'none.json', code='import sys\nsys.modules["flint"] = None\n'
+               'from dragon_ros.verify.command import main\nsys.exit(main(sys.argv[1:]))')
+    assert (done.returncode, done.stdout) == (2, '')
+    assert len(done.stderr.splitlines()) == 1
+    assert 'pip install python-flint' in done.stderr
+
+
+def test_a_long_proof_tells_how_far_it_is(files):
+    code = ('import sys\nfrom dragon_ros.verify import command\ncommand._FIRST_S = command._EVERY_S = 0.0\n'
+            'sys.exit(command.main(sys.argv[1:]))')
+    lines = run(files / 'none.json', code=code).stderr.splitlines()
+    assert len(lines) > 1
+    assert all('m of track cleared' in line for line in lines)
+
+
+def test_an_effort_that_is_too_small_ends_the_proof(files):
+    done = run(files / 'none.json', '--effort', '1e-4')
+    assert done.returncode == 2
+    assert 'give --effort' in done.stderr
