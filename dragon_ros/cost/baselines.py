@@ -6,13 +6,12 @@ from math import cos, inf, pi, sin, sqrt
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
+from dragon_ros.core.chain.kinematics import HEAD, RigidLinks
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.old_chain import SpiralChain
-from dragon_ros.core.paper import place
-from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.segments import Effort
-from dragon_ros.core.tracks.spiral import points
+from dragon_ros.core.tracks.spiral import SpiralCurve, points
 
 Solver = Callable[[Scene, float], Floats]
 
@@ -20,7 +19,7 @@ Solver = Callable[[Scene, float], Floats]
 def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
     """Return handles (N+1, 2) by a recipe for the next angle from (theta, chord in units of b)."""
     b = scene.spiral.b_m
-    theta = [scene.spiral.inward(*scene.head.travelled_m(t_s)).hi]
+    theta = [SpiralCurve.of(scene.spiral).inward(*scene.head.travelled_m(t_s)).hi]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(float(next_angle(theta[-1], link / b)))
     angle = np.array(theta)
@@ -65,16 +64,17 @@ def by_bisection(tolerance: float, theta: float, chord: float) -> float:
     return 0.5 * (low + high)
 
 
-def euler_steps(scene: Scene, step_s: float) -> tuple[SpiralChain, Callable[[SpiralChain], SpiralChain]]:
-    """Return the exact chain at 0 s and a function that advances all handles by one explicit Euler step."""
-    start = place(scene.spiral, scene.dragon.link_lengths_m, scene.spiral.start, Effort(1e-8))
-    b = scene.spiral.b_m
+def euler_steps(scene: Scene, step_s: float) -> tuple[Floats, Callable[[Floats], Floats]]:
+    """Return the exact polar angles (N+1,) at 0 s and a function that advances them by one explicit Euler step."""
+    model, b = compile_scene(scene).model, scene.spiral.b_m
 
-    def advance(chain: SpiralChain) -> SpiralChain:
-        v = np.hypot(*velocities(chain, scene.steady_m_s).T)
-        theta = chain.theta - step_s * v / (b * np.sqrt(1 + chain.theta**2))
-        return SpiralChain(chain.p, chain.links_m, 0, theta, np.zeros_like(theta), np.diff(theta))
-    return start, advance
+    def advance(theta: Floats) -> Floats:
+        on_one, nothing = np.zeros(theta.shape, dtype=np.int64), np.zeros_like(theta)
+        p, headings = model.track.points(on_one, theta, nothing), model.track.headings(on_one, theta, nothing)
+        v = np.abs(RigidLinks(p, model.links_m, headings, HEAD).speeds(scene.steady_m_s))
+        out: Floats = theta - step_s * v / (b * np.sqrt(1 + theta**2))
+        return out
+    return model.march((0.0, 0.0), Effort()).u, advance
 
 
 SOLVERS: dict[str, Solver] = {

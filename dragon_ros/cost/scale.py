@@ -1,7 +1,7 @@
 """``cost scale``: time and memory of each stage from 10 to 100,000 benches, and the rates that processes hold."""
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from pathlib import Path
 from time import perf_counter
 
@@ -12,7 +12,10 @@ from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import Model
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.shift_map.build import Table
+from dragon_ros.core.tiers import tier_for
 from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
@@ -41,7 +44,7 @@ class Stage:
 
 @dataclass(frozen=True)
 class Build:
-    """The table of one dragon: rows, terms of its series, seconds to build it, bytes."""
+    """The first tiles of one dragon: rows, terms of their series, seconds to build them, bytes."""
 
     benches: int
     rows: int
@@ -89,16 +92,20 @@ def _peak(call: Callable[[], object]) -> int:
 
 
 def build(scene: Scene) -> Build | None:
-    """Return what the table of a scene costs, the faster of two builds; None where it has none."""
-    spent = []
+    """Return what the tiles where a scene's leader starts cost, the faster of two builds; None where it has none."""
+    spent, tables = [], list[Table]()
     for _ in range(2):
-        fresh = replace(scene)      # a scene keeps its table
+        model = Model(scene.dragon, scene.track, scene.head.lead, scene.solver, tier_for(scene.accuracy))
+        leader, maps = model.leader.place((0.0, 0.0)), list(model.placement.maps.values())
         start = perf_counter()
-        table = fresh.table
+        for shift in maps:
+            shift.spot(leader)
         spent.append(perf_counter() - start)
-    if table is None:
+        tables = [tile.table for shift in maps for tile in shift.tiles]
+    if not tables:
         return None
-    return Build(scene.dragon.benches, table.rows, table.nodes, min(spent), table.memory_bytes)
+    return Build(scene.dragon.benches, sum(table.rows for table in tables), max(table.nodes for table in tables),
+                 min(spent), sum(table.memory_bytes for table in tables))
 
 
 def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:

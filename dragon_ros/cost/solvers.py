@@ -6,34 +6,38 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.paper import place
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.composite import Place
 from dragon_ros.cost.baselines import by_newton
 
-ChainSolver = Callable[[Scene, DoubleDouble], Chain]
+ChainSolver = Callable[[Scene, Place], Chain]
 _TOLERANCE_RAD = 1e-9       # of plain Newton
 
 
-def _plain(scene: Scene, head: DoubleDouble) -> Chain:
+def _plain(scene: Scene, leader: Place) -> Chain:
     """Place the chain as usual Python code does: Newton on the cosine rule, point by point."""
     b = scene.spiral.b_m
-    theta = [head.hi]
+    theta = [leader.u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(by_newton(_TOLERANCE_RAD, theta[-1], link / b))
-    return PlainChain(np.array([(b * t * cos(t), b * t * sin(t)) for t in theta]), scene.dragon.link_lengths_m, 0,
-                      tuple(theta))
+    model = compile_scene(scene).model
+    return PlainChain(np.array([(b * t * cos(t), b * t * sin(t)) for t in theta]), model.links_m, 0, model.track,
+                      model.direction, (), tuple(theta))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlainChain(Chain):
     """A chain of plain floats."""
 
     theta: tuple[float, ...]
-    solver = 'plain'
+
+    @property
+    def solver(self) -> str:
+        """Plain code."""
+        return 'plain'
 
     def velocities(self, head_speed_m_s: Any) -> Floats:
         """Return the velocities as usual code does: link by link, from the angles with both tangents."""
@@ -49,15 +53,15 @@ class PlainChain(Chain):
         return np.array(rows)
 
 
-def _march(scene: Scene, head: DoubleDouble) -> Chain:
+def _march(scene: Scene, leader: Place) -> Chain:
     """Place one handle after the other."""
-    return place(scene.spiral, scene.dragon.link_lengths_m, head, compile_scene(scene).model.effort)
+    model = compile_scene(scene).model
+    return marched(model.track, model.links_m, leader, model.direction, model.effort)
 
 
-def _table(scene: Scene, head: DoubleDouble) -> Chain:
+def _table(scene: Scene, leader: Place) -> Chain:
     """Place all handles at once."""
-    chain = scene.table.place(head) if scene.table else None
-    return chain or _march(scene, head)
+    return compile_scene(scene).model.placement.place(leader)
 
 
 CHAIN_SOLVERS: dict[str, ChainSolver] = {'plain': _plain, 'march': _march, 'table': _table}

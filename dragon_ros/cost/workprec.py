@@ -71,12 +71,13 @@ def _hard() -> tuple[Problem, ...]:
 
 def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
     for problem in _hard():
+        model = compile_scene(problem.scene).model
         for tier in TIERS:
             if tier != 'paper' or problem.name == 'classic':
                 yield partial(_tier_row, problem, tier, 'table', budget_s)
-            if tier != 'paper' and problem.scene.table:
+            if tier != 'paper' and model.placement.maps:
                 yield partial(_tier_row, problem, tier, 'march', budget_s)
-        if problem.name != 'long' and problem.scene.led is None:     # the others know one spiral only
+        if problem.name != 'long' and model.track.may_lock:      # the others know a spiral to its centre only
             for name in SOLVERS:
                 yield partial(_baseline_row, problem, name, budget_s)
         if problem.name == 'classic':
@@ -91,6 +92,7 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
+        compiled = compile_scene(scene)
     except FieldError:
         return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep it')
     times = [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
@@ -101,7 +103,6 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
             error = max(error, float(np.max(truth(problem).distance(number, chain.p[list(problem.handles)]))))
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
-    compiled = compile_scene(scene)
     promise = None if compiled.tier is PAPER else position_promise_m(compiled.tier, compiled.size_m, worst)
     both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s), t_s), times, budget_s)
     alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
@@ -145,17 +146,17 @@ def _baseline_row(problem: Problem, name: str, budget_s: float) -> Row:
 def _euler_row(problem: Problem, step_s: float) -> Row:
     """Integrate all handles from 0 s; a tick is one second of it."""
     scene = problem.scene
-    chain, advance = euler_steps(scene, step_s)
-    timing = timed(lambda: advance(chain), 0.1)
+    theta, advance = euler_steps(scene, step_s)
+    timing = timed(lambda: advance(theta), 0.1)
     error, steps = 0.0, 0
     for number, t_s in enumerate(problem.times_s):
         wanted = round(t_s / step_s)
         if abs(wanted * step_s - t_s) > 1e-6:
             continue
         for _ in range(wanted - steps):
-            chain = advance(chain)
+            theta = advance(theta)
         steps = wanted
-        p = points(scene.spiral.b_m, chain.theta, chain.theta_lo)[list(problem.handles)]
+        p = points(scene.spiral.b_m, theta, np.zeros_like(theta))[list(problem.handles)]
         error = max(error, float(np.max(truth(problem).distance(number, p))))
     per = _TICK_S / step_s
     scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)

@@ -53,9 +53,10 @@ def test_chains_whose_last_links_once_followed_unchecked_keep_their_promise(accu
 
 
 lengths = st.floats(0.05, 6)
-even = st.builds(lambda benches, head, body: Dragon(benches, head, body, 0.05, 0.0), st.integers(2, 60), lengths, lengths)
-mixed = st.builds(lambda groups: Mixed(tuple(groups), 0.05, 0.0), st.lists(st.builds(Group, lengths, st.integers(1, 20)),
-                                                                          min_size=1, max_size=3))
+even = st.builds(lambda benches, head, body: Dragon(benches, head, body, 0.05, 0.0), st.integers(2, 60), lengths,
+                 lengths)
+groups = st.lists(st.builds(Group, lengths, st.integers(1, 20)), min_size=1, max_size=3)
+mixed = st.builds(lambda groups: Mixed(tuple(groups), 0.05, 0.0), groups)
 shapes = st.lists(st.builds(Line, st.floats(0.1, 9)) | st.builds(
     lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(3.1, 9), st.floats(5, 200),
     st.booleans()) | st.builds(SpiralArc, st.floats(2.5, 4), st.floats(3, 4), st.floats(1.5, 2.9),
