@@ -76,16 +76,30 @@ def test_every_room_is_in_the_table():
 
 
 def mentioned(path, known):
-    """Return the modules that one names in imports or in strings, wherever they stand in it."""
+    """Return the modules that one names in imports or in strings, wherever they stand in it.
+
+    A string that ends in a dot, such as the beginning of what ``import_module`` is given, names all that begin so.
+    """
     tree, found = ast.parse(path.read_text()), set()
     for node in ast.walk(tree):
         if isinstance(node, ast.ImportFrom):
             found |= {node.module, *(f'{node.module}.{name.name}' for name in node.names)}
         elif isinstance(node, ast.Import):
             found |= {name.name for name in node.names}
-        elif isinstance(node, ast.Constant):
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str):
             found.add(node.value)
+            if node.value.startswith('dragon_ros.') and node.value.endswith('.'):
+                found |= {name for name in known if name.startswith(node.value)}
     return found & known
+
+
+def test_modules_are_seen_in_imports_for_types_in_functions_and_in_strings(tmp_path):
+    path = tmp_path / 'module.py'
+    path.write_text('from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from dragon_ros.core.scene import Scene\n'
+                    'def load(name):\n    from dragon_ros.core import model\n    import_module("dragon_ros.core.step")\n'
+                    '    return import_module(f"dragon_ros.core.effects.{name}")\n')
+    core = {f'dragon_ros.core.{name}' for name in ('scene', 'model', 'step', 'effects.noise', 'effects.health', 'paper')}
+    assert mentioned(path, core) == core - {'dragon_ros.core.paper'}
 
 
 def test_there_is_no_import_cycle():

@@ -61,14 +61,15 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
 
 def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
     """Time an effect's own work on frames of a scene that is without it, each of them new."""
-    times = [scene.run.time_ns(k * compile_scene(scene).last_tick // _PLACES) for k in range(_PLACES)]
+    simulation = compile_scene(scene)
+    times = [scene.run.time_ns(k * simulation.last_tick // _PLACES) for k in range(_PLACES)]
     spent: list[float] = []
     while len(spent) <= _LEAST or (sum(spent) < budget_s and len(spent) < _MOST):
         t_ns = times[len(spent) % _PLACES]
         frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
         for name, compute in plan(effect):
-            frame = replace(frame, **{name: compute(scene, frame)})     # as frame_of does
+            frame = replace(frame, **{name: compute(simulation, frame)})     # as frame_of does
         for one in encode:
             one(frame)
         spent.append(time.perf_counter() - start)

@@ -219,3 +219,13 @@ def test_the_papers_steps_are_whole_hundredths():
 
 def test_exact_is_the_default():
     assert compile_scene(Scene()).tier is EXACT
+
+
+def test_metres_choose_the_tier_that_keeps_them():
+    assert tier_for(1e-9).name == 'fine'
+    assert tier_for(9e-10) is EXACT
+    assert tier_for(100.0).name == 'preview'
+    assert tier_for('exact') is EXACT
+    for bad in (1e-16, 0.0, -1.0, 'superb', float('nan')):
+        with pytest.raises(FieldError, match='accuracy'):
+            tier_for(bad)

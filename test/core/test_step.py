@@ -1,28 +1,15 @@
-from fractions import Fraction
-
+"""Ticks and states: where a run begins and ends, and frames that are a function of scene and tick alone."""
 import numpy as np
 import pytest
-from hypothesis import given
-from hypothesis import strategies as st
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.flags import Effect, effects_of
+from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick, velocity_of
-from dragon_ros.core.tiers import EXACT, tier_for
 from dragon_ros.core.tracks.spec import Spiral
-
-
-@given(st.sampled_from([1, 24, 29.97, 30, 50, 60, 100, 0.1, 1 / 3, 1000, 123456.789]), st.integers(0, 10**9))
-def test_a_ticks_time_is_the_floor_of_the_exact_one_and_leads_back_to_the_tick(rate, k):
-    run = Run(start_s=400.0, rate_hz=rate)
-    exact = 400 * 10**9 + k * 10**9 / Fraction(repr(float(rate)))
-    assert run.time_ns(k) == exact // 1
-    assert run.tick_at(run.time_ns(k)) == k
-    assert run.tick_at(run.time_ns(k) - 1) == k - 1
 
 
 def test_the_last_tick_is_the_last_before_the_end():
@@ -97,29 +84,14 @@ def test_a_crawling_head_outlasts_the_stamps_and_is_told():
         _ = compile_scene(Scene(head=Head(1e-8))).last_tick
 
 
-def test_a_run_that_stops_before_it_starts_is_refused():
-    with pytest.raises(FieldError, match='run.stop_s'):
-        Run(10.0, 9.0)
-
-
-def test_metres_choose_the_tier_that_keeps_them():
-    assert tier_for(1e-9).name == 'fine'
-    assert tier_for(9e-10) is EXACT
-    assert tier_for(100.0).name == 'preview'
-    assert tier_for('exact') is EXACT
-    for bad in (1e-16, 0.0, -1.0, 'superb', float('nan')):
-        with pytest.raises(FieldError, match='accuracy'):
-            tier_for(bad)
-
-
-def test_effects_have_the_names_of_the_scene_file():
-    assert effects_of(['velocity', 'benches']).names == ['velocity', 'benches']
-    with pytest.raises(FieldError, match='velocity, benches'):
-        effects_of(['sparkles'])
-
-
 def test_the_papers_speeds_at_many_instants_are_those_at_each():
     scene, times = Scene(accuracy='paper'), [0.0, 300.0, 412.0]
     together = velocity_of(scene, states(scene, times), times)
     for t_s, one in zip(times, together, strict=True):
         assert np.array_equal(one, velocity_of(scene, state(scene, t_s), t_s))
+
+
+def test_the_end_of_the_track_itself_is_a_place_to_the_last_bit():
+    scene = Scene(dragon=Dragon(3, 0.5, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0))
+    assert compile_scene(scene).end.reason == 'track'
+    assert np.hypot(*state(scene, compile_scene(scene).end.t_s).p[0]) == pytest.approx(0, abs=1e-6)

@@ -124,10 +124,9 @@ class Line:
     at_m: tuple[float, float] | None = None
     heading_deg: float | None = None
 
-    def check(self, name: str) -> None:
-        """Refuse a line that is not one."""
-        number(f'{name}.length_m', self.length_m, above=0.0, high=1e9)
-        _check_place(name, self)
+    def checked(self, name: str) -> 'Line':
+        """Return the line with its values normalised. Raises FieldError for one that is none."""
+        return Line(number(f'{name}.length_m', self.length_m, above=0.0, high=1e9), *_checked_place(name, self))
 
 
 @dataclass(frozen=True)
@@ -139,12 +138,13 @@ class Arc:
     at_m: tuple[float, float] | None = None
     heading_deg: float | None = None
 
-    def check(self, name: str) -> None:
-        """Refuse an arc that is not one."""
-        number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
-        if number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6) == 0:
+    def checked(self, name: str) -> 'Arc':
+        """Return the arc with its values normalised. Raises FieldError for one that is none."""
+        radius_m = number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
+        angle_deg = number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6)
+        if angle_deg == 0:
             raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc turns', 'give degrees, positive to the left')
-        _check_place(name, self)
+        return Arc(radius_m, angle_deg, *_checked_place(name, self))
 
 
 @dataclass(frozen=True)
@@ -158,28 +158,31 @@ class SpiralArc:
     at_m: tuple[float, float] | None = None
     heading_deg: float | None = None
 
-    def check(self, name: str) -> None:
-        """Refuse a spiral that is not one."""
-        number(f'{name}.pitch_m', self.pitch_m, low=1e-9, high=1e9)
-        number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
-        number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
-        if self.from_turns == self.to_turns:
+    def checked(self, name: str) -> 'SpiralArc':
+        """Return the spiral with its values normalised. Raises FieldError for one that is none."""
+        pitch_m = number(f'{name}.pitch_m', self.pitch_m, low=1e-9, high=1e9)
+        from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
+        to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
+        if from_turns == to_turns:
             raise FieldError(f'{name}.to_turns', self.to_turns, 'it begins there', 'give another')
         if self.side not in SIDES:
             raise FieldError(f'{name}.side', self.side, 'a spiral turns left or right', 'give left or right')
-        _check_place(name, self)
+        return SpiralArc(pitch_m, from_turns, to_turns, self.side, *_checked_place(name, self))
 
 
 Piece = Line | Arc | SpiralArc
 PIECES: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': SpiralArc}
 
 
-def _check_place(name: str, piece: Piece) -> None:
-    """Refuse a place or a heading that is none; whether pieces meet there is for ``composite`` to say."""
-    for value in piece.at_m or ():
-        number(f'{name}.at_m', value, low=-1e9, high=1e9)
-    if piece.heading_deg is not None:
-        number(f'{name}.heading_deg', piece.heading_deg, low=-1e6, high=1e6)
+def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None, float | None]:
+    """Return where a piece says that it begins, normalised; whether pieces meet there is for ``composite`` to say."""
+    at_m, heading_deg = piece.at_m, piece.heading_deg
+    if at_m is not None:
+        x, y = (number(f'{name}.at_m', value, low=-1e9, high=1e9) for value in at_m)
+        at_m = x, y
+    if heading_deg is not None:
+        heading_deg = number(f'{name}.heading_deg', heading_deg, low=-1e6, high=1e6)
+    return at_m, heading_deg
 
 
 @dataclass(frozen=True)
@@ -199,9 +202,8 @@ class Composite:
         if not 1 <= len(self.pieces) <= _MOST_PIECES:
             raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {_MOST_PIECES} pieces',
                              'list its pieces')
-        for k, piece in enumerate(self.pieces):
-            piece.check(f'track.pieces.{k + 1}')
-        settle(self, start_m=number('track.start_m', self.start_m))
+        settle(self, pieces=tuple(piece.checked(f'track.pieces.{k}') for k, piece in enumerate(self.pieces, 1)),
+               start_m=number('track.start_m', self.start_m))
 
 
 TrackSpec = Spiral | STurn | Composite

@@ -22,8 +22,8 @@ SHORT = Dragon(9)
 MIXED = Mixed((Group(1.2, 2), Group(3.41), Group(0.55), Group(2.2, 4), Group(0.9)))
 LAW = Profile(((0.0, 0.5), (8.0, 2.0), (20.0, 2.0), (27.0, -1.5), (30.0, -1.5), (30.0, 1.0)), 'smooth')
 LINEAR = replace(LAW, ramps='linear')
-BENDY = Composite((Line(25.0), Arc(2.0, 170.0), Line(1.0), Arc(1.9, -100.0), SpiralArc(1.0, 1.5, 3.0, 'left'), Line(30.0)),
-               start_m=25.0)
+BENDY = Composite((Line(25.0), Arc(2.0, 170.0), Line(1.0), Arc(1.9, -100.0), SpiralArc(1.0, 1.5, 3.0, 'left'),
+                   Line(30.0)), start_m=25.0)
 
 
 def accelerations(scene, t_s):

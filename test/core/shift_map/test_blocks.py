@@ -1,4 +1,4 @@
-"""Blocks of equal links from shift maps on any track, behind a head or a tail: as exact as the march, whatever joints do.
+"""Blocks of equal links from shift maps on any track, behind a head or a tail: as exact as the march at every joint.
 
 The promises against the 50-digit reference are kept in test_accuracy, with and without shift maps.
 """
@@ -93,12 +93,13 @@ def test_stats_say_that_the_table_serves_every_dance_but_one(name):
 def test_states_of_a_dance_are_its_single_ones_to_half_the_promise(name):
     scene = CASES[name].scene
     times = sorted({*np.linspace(0.0, compile_scene(scene).end.t_s, 40).tolist(), *CASES[name].times_s})
+    promise_m = compile_scene(scene).promise_m
     many = states(scene, times)
     speed = velocity_of(scene, many, times)
     for n, t_s in enumerate(times):
         one = state(scene, t_s)
-        np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m)
-        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * compile_scene(scene).promise_m)
+        np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * promise_m)
+        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * promise_m)
 
 
 @pytest.mark.parametrize('scene', [TURNING, UNWINDING])
