@@ -18,8 +18,8 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
-    return {'scene': scene_values(scene), 'contact': _contact(found),
-            'intervals': [_row(one) for one in proof.intervals]}
+    rows = [_row(one) for one in proof.intervals]
+    return {'scene': scene_values(scene), 'contact': _contact(found), 'intervals': rows}
 
 
 def _contact(found: Contact | NoContact) -> dict[str, Any]:

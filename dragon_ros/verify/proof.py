@@ -175,15 +175,16 @@ class _Proof:
         Refuses those of places that no bench they speak of goes through: nobody would check what they say.
         """
         count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
-        known = {bench: (way.lead, way.parts) for way in every for bench, _ in way.members}
+        known = {bench: way.lead for way in every for bench, _ in way.members}
         out: dict[int, list[float]] = {}
         for number, row in enumerate(self._claims.rows):
             bench = row.lead or 0
             if not places:
                 raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
-            lead, parts = known.get(bench, (bench, [places[bench]]))
+            lead = known.get(bench, bench)
             low, high = sorted((row.start_m, row.stop_m))
-            least, most = below(parts[0][0]), above(parts[-1][1])
+            # It may speak of benches further back too, which belong to the set of a bench behind its own.
+            least, most = min(below(one[0]) for one in places[bench:]), max(above(one[1]) for one in places[bench:])
             if low < least - overhang_m or high > most + overhang_m:
                 raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it is more than the track from '
                               f'{least:.12g} to {most:.12g} m that the benches it speaks of go through')

@@ -22,9 +22,11 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
         else:
             low = x
         following = x - value / slope if slope > 0 else low
+        if slope > 0 and abs(following - x) <= _CLOSE * abs(x):
+            return following
         if not low < following < high:
             following = 0.5 * (low + high)
-        if abs(following - x) <= _CLOSE * abs(x) or not low < following < high:
+        if not low < following < high:
             return following
         x = following
     return x

@@ -18,6 +18,7 @@ from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
+_HALVINGS = 40      # of spans, to prove that the chord grows up to one next to where it does not
 
 
 class Locked(Refused):
@@ -302,7 +303,9 @@ class SpiralSegment:
             sine, cosine = (HALF * delta).sin_cos()
             return delta + twice * sine * ((u - delta) * cosine - sine)
 
-        found = certified(value, slope, bracketed(about, 0.0, max(theta, near), near / hypot(1, theta)))
+        # The way along the track is no longer than half a circle over the link.
+        most = 0.5 * pi * near / hypot(1, max(theta - 0.5 * pi * near, 0.0))
+        found = certified(value, slope, bracketed(about, 0.0, most, near / hypot(1, theta)))
         if not found > 0:
             raise Refused('a place on the track could not be proved: it may be on the wrong side of a handle')
         return found
@@ -324,7 +327,7 @@ def arc(u: arb) -> arb:
 
 def rises(theta: arb, low: arb, high: arb) -> bool:
     """Return whether the chord from any handle at ``theta`` is proved to grow with delta from ``low`` to ``high``."""
-    parts = [(low, high, 12)]
+    parts = [(low, high, _HALVINGS)]
     while parts:
         left, right, halvings = parts.pop()
         delta = left.union(right)

@@ -1,0 +1,143 @@
+"""The checker's bounds hold on whole intervals: no corner bends more, and no point goes further, than they say."""
+from contextlib import suppress
+
+import pytest
+from flint import acb, arb
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import scene_values
+from dragon_ros.verify import reading
+from dragon_ros.verify.balls import precise
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.interval import Interval, Overlap
+from dragon_ros.verify.posture import Dragon as Benches
+from dragon_ros.verify.posture import Posture, overlap
+from dragon_ros.verify.track import Place, track_of
+
+SWAY = Composite((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 1.4, 'left'), Line(0.7), Arc(2.5, 90.0),
+               SpiralArc(1.1, 1.2, 2.5, 'right')), 0.0)
+BENCHES = 9
+STEP = 1e-9         # of differences, in balls of 128 bits: they lose nothing
+
+
+def compiled(dragon, track):
+    """What an interval needs, of benches on a track."""
+    values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
+    plain = reading._claims(values).scene
+    shape = reading._kind('scene.track', scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))['track'], reading._TRACKS)
+    precise(1e3)
+    placed = track_of(reading.Scene(plain.lengths_m, plain.width_m, plain.inset_m, shape, plain.law, False, 0.0, None))
+    benches = Benches(plain)
+    return placed, benches, None if placed.to_centre else placed.bend
+
+
+def corners(pose):
+    """The corners of a bench, in balls."""
+    length, width = pose.axis * pose.shape.half_length, pose.axis * acb(0, 1) * pose.shape.half_width
+    return [pose.middle + length * x + width * y for x in (1, -1) for y in (1, -1)]
+
+
+def seen(posture, n):
+    """Corners of bench n in the frame of the leading one, and of that one in the frame of bench n."""
+    lead, other = posture.pose(0), posture.pose(n)
+    return ([(corner - lead.middle) * lead.axis.conjugate() for corner in corners(other)],
+            [(corner - other.middle) * other.axis.conjugate() for corner in corners(lead)])
+
+
+def around(track, benches, at, by_metres):
+    """The dragon at a place and a step before and after it, in the leading handle's coordinate or in metres."""
+    here = track.place_at(arb(at))
+    return [Posture(track, benches, 0, track.place_at(arb(at) + STEP * k) if by_metres
+                    else Place(here.segment, here.u + STEP * k)) for k in (-1, 0, 1)]
+
+
+def bends(postures, n):
+    """The largest second differences in both frames."""
+    before, here, after = (seen(posture, n) for posture in postures)
+    return [max(float(abs(a - 2 * b + c)) / STEP**2 for a, b, c in zip(*frames, strict=True))
+            for frames in zip(before, here, after, strict=True)]
+
+
+def check(track, benches, bend, start, stop, count=3):
+    """Hold all bounds of an interval against what happens inside."""
+    ends = tuple(Posture(track, benches, 0, track.place_at(arb(place))) for place in (start, stop))
+    interval = Interval(track, benches, 0, ends, bend)
+    inside = [start + (stop - start) * (k + 0.37) / count for k in range(count)]
+    postures = [around(track, benches, place, interval._handle(0).segment is None) for place in inside]
+    for n in range(2, BENCHES):
+        moved = interval._moved_m(n)
+        limits = [interval._sag(n, other) * 8 / interval._length**2 for other in (False, True)]
+        for three in postures:
+            assert all(float(abs(one - two)) <= moved * (1 + 1e-12) for end in ends
+                       for one, two in zip(corners(three[1].pose(n)), corners(end.pose(n)), strict=True))
+            assert all(one <= limit * (1 + 1e-4) + 1e-6
+                       for one, limit in zip(bends(three, n), limits, strict=True))
+    with suppress(Overlap):
+        if interval.clear(2, BENCHES - 1) is None:
+            assert not any(overlap(three[1].pose(0), three[1].pose(n)) for three in postures for n in range(2, BENCHES))
+
+
+dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
+                     st.just(0.0) | st.floats(0.2, 2.2), st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
+           | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),
+                       st.lists(st.just(0.0) | st.floats(0.2, 2.2), min_size=BENCHES, max_size=BENCHES)))
+
+
+@settings(max_examples=80)
+@given(dragons, st.floats(0, 30), st.floats(1e-3, 1.5))
+def test_bounds_hold_on_a_spiral_to_its_centre(dragon, way, length):
+    track, benches, bend = compiled(dragon, Spiral(0.9, 3.4))
+    try:
+        check(track, benches, bend, way, way + length)
+    except Refused:     # locked
+        assume(False)
+
+
+@settings(max_examples=80)
+@given(dragons, st.floats(0, 20), st.floats(1e-3, 1.5))
+def test_bounds_hold_across_joints(dragon, way, length):
+    track, benches, bend = compiled(dragon, SWAY)
+    assume(bend * max(benches.longest_links) < 1.98)
+    check(track, benches, bend, way, min(way + length, float(track.end)))
+
+
+@settings(max_examples=60)
+@given(dragons, st.floats(-10, 35), st.floats(1e-3, 1.5))
+def test_bounds_hold_in_and_out_of_an_s_turn(dragon, way, length):
+    track, benches, bend = compiled(dragon, STurn(1.7, 5.0, 1.5))
+    assume(bend * max(benches.longest_links) < 1.98)
+    check(track, benches, bend, way, way + length)
+
+
+@pytest.mark.parametrize('length', [0.01, 0.1, 0.5])
+@pytest.mark.parametrize('way', [0.0, 100.0, 300.0, 400.0])
+def test_the_second_order_bound_is_less_than_twice_what_the_classic_dragon_does(way, length):
+    track, benches, bend = compiled(Dragon(BENCHES), Spiral())
+    ends = tuple(Posture(track, benches, 0, track.place_at(arb(place))) for place in (way, way + length))
+    interval = Interval(track, benches, 0, ends, bend)
+    postures = [around(track, benches, way + k * length, False) for k in (0.01, 0.5, 0.99)]
+    for n in range(2, BENCHES):
+        true = [max(pair) for pair in zip(*(bends(three, n) for three in postures), strict=True)]
+        for other in (False, True):
+            assert interval._sag(n, other) * 8 / interval._length**2 < 2 * true[other]
+
+
+@pytest.mark.parametrize('track', [Composite((Arc(4.0, 359.0),), 8.0), Composite((Line(30.0),), 8.0)], ids=['arc', 'line'])
+def test_benches_on_one_arc_or_line_go_alike_and_do_not_bend_at_all(track):
+    placed, benches, bend = compiled(Dragon(BENCHES, 1.5, 1.5, 0.3, 0.2), track)
+    ends = tuple(Posture(placed, benches, 0, placed.place_at(arb(place))) for place in (8.0, 25.0))
+    interval = Interval(placed, benches, 0, ends, bend)
+    assert all(interval._sag(n, other) < 1e-25 for n in range(2, BENCHES) for other in (False, True))
+
+
+def test_close_to_a_lock_where_nothing_bounds_bending_gaps_are_cleared_by_how_far_benches_go():
+    track, benches, bend = compiled(Dragon(BENCHES, width_m=0.05), Spiral())
+    lock = 432.917924228
+    ends = tuple(Posture(track, benches, 0, track.place_at(arb(place))) for place in (lock - 1e-4, lock - 1e-8))
+    interval = Interval(track, benches, 0, ends, bend)
+    assert interval._sag(3, False) > 1
+    assert interval.clear(2, BENCHES - 1) is None

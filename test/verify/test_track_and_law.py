@@ -1,0 +1,132 @@
+"""The checker's own track, chain and law are the solver's, to the solver's last digits, and known far better."""
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from flint import arb
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import scene_values
+from dragon_ros.verify import reading
+from dragon_ros.verify.balls import exact, precise
+from dragon_ros.verify.cover import Budget
+from dragon_ros.verify.law import Law
+from dragon_ros.verify.posture import Dragon as Benches
+from dragon_ros.verify.posture import Posture
+from dragon_ros.verify.run import Leader
+from dragon_ros.verify.track import track_of
+
+BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)
+SCENES = {
+    'classic': Scene(run=Run(0, 400)),
+    'near the lock': Scene(dragon=Dragon(6), run=Run(400, 432.9)),
+    'far out': Scene(dragon=Dragon(200), track=Spiral(0.55, 1e4), run=Run(0, 20)),
+    'turn': Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 140)),
+    'loop': Scene(dragon=Dragon(20), track=Composite((Line(5.0, (1.0, 2.0), 30.0), Arc(3.0, 720.0))), run=Run(0, 30)),
+    'tail on a bent track': Scene(dragon=Dragon(10), track=BENT, head=Head(1.0, 'tail'), run=Run(0, 30)),
+    'tail on a spiral': Scene(dragon=Dragon(20), track=Spiral(0.55, 6.0), head=Head(1.0, 'tail'), run=Run(0, 30)),
+    'out from a spiral': Scene(dragon=Dragon(3), track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
+                               run=Run(0, 3)),
+    'joined handles': Scene(dragon=Mixed((Group(1.0), Group(0.6, 2), Group(1.4, 3)), 0.2, 0.3), run=Run(0, 2),
+                            track=Composite((Arc(2.0, -180.0), SpiralArc(1.0, 3.0, 2.0)), 6.0))}
+
+
+def read(scene):
+    """A scene as the checker reads it."""
+    values = {'scene': scene_values(scene), 'contact': {'t_s': None}, 'intervals': []}
+    return reading._claims(values).scene
+
+
+def chain(scene, t_s):
+    """The checker's handles at a time, as balls, and its track."""
+    precise(1e4)
+    plain = read(scene)
+    track, dragon = track_of(plain), Benches(plain)
+    leader = Leader(track, dragon, plain.tail_leads, Budget(10**6))
+    gone = exact(plain.law.gone_m(Fraction(t_s)))
+    posture = Posture(track, dragon, 0, track.place_at(leader.head(gone)))
+    return [posture.point(n) for n in range(len(dragon.benches) + 1)], track, posture
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_handles_lie_where_the_exact_tier_puts_them_and_are_known_to_a_billionth_of_that(name):
+    scene = SCENES[name]
+    for t_s in np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 4).tolist():
+        points, _, _ = chain(scene, t_s)
+        found = np.array([complex(point) for point in points])
+        solved = state(replace(scene, solver='march'), t_s).p @ [1, 1j]
+        assert np.max(np.abs(found - solved)) < 4 * compile_scene(scene).promise_m * (1e3 if name == 'near the lock' else 1)
+        assert max(float(part.rad()) for point in points for part in (point.real, point.imag)) < 1e-9 * compile_scene(scene).promise_m
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_distances_along_the_track_lead_to_places_and_back(name):
+    _, track, posture = chain(SCENES[name], SCENES[name].run.start_s)
+    for n in range(3):
+        place = posture.place(n)
+        away = track.distance(track.place_at(track.distance(place).mid())) - track.distance(place)
+        assert abs(float(away)) < 1e-20
+        assert track.apart_m(place, posture.place(n + 1)) >= float(
+            abs(posture.point(n) - posture.point(n + 1)).lower()) * (1 - 1e-15)
+
+
+def test_the_start_is_32_pi_and_not_its_float():
+    precise(16.0)
+    track = track_of(read(Scene()))
+    start = track.place_at(track.start).u
+    assert abs(start - 32 * arb.pi()) < 1e-26
+    assert abs(start - arb(32 * np.pi)) > 1e-15
+
+
+def test_joints_meet_as_they_head():
+    precise(16.0)
+    for scene in SCENES.values():
+        track = track_of(read(scene))
+        for before, after in zip(track.segments, track.segments[1:], strict=False):
+            assert abs(before.point(before.last) - after.point(after.first)) < 1e-30
+            assert abs(before.heading(before.last) - after.heading(after.first)) < 1e-30
+
+
+rows = st.lists(st.tuples(st.floats(0, 5), st.floats(-2, 2)), min_size=1, max_size=5)
+
+
+@settings(max_examples=40)
+@given(rows, st.sampled_from(['linear', 'smooth']), st.floats(0, 10), st.floats(0, 10))
+@example([(1.0, -1.0), (0.0, 1.0)], 'linear', 0.0, 5.0)
+def test_the_law_goes_as_far_as_the_solvers_does_and_its_extent_holds_every_place(rows, ramps, start_s, run_s):
+    times = np.cumsum([0.0, *(gap for gap, _ in rows)]).tolist()
+    knots = tuple(zip(times, [0.5, *(speed for _, speed in rows)], strict=True))
+    solver, law = Profile(knots, ramps), Law(tuple((Fraction(t), Fraction(v)) for t, v in knots), ramps == 'smooth')
+    low, high = law.extent_m(Fraction(start_s), Fraction(start_s + run_s))
+    for t_s in np.linspace(start_s, start_s + run_s, 12).tolist():
+        gone, rest = solver.travelled_m(t_s)
+        assert abs(law.gone_m(Fraction(t_s)) - Fraction(gone) - Fraction(rest)) < 1e-25
+        assert low <= law.gone_m(Fraction(t_s)) <= high
+        assert abs(law.speed_m_s(Fraction(t_s)) - Fraction(solver.speed_at_m_s(t_s))) < 1e-12
+    ends = [solver.travelled_m(t)[0] for t in (start_s, start_s + run_s, *solver.breaks_s)
+            if start_s <= t <= start_s + run_s]
+    assert float(low) == pytest.approx(min(ends), abs=1e-12)
+    assert float(high) == pytest.approx(max(ends), abs=1e-12)
+
+
+def test_a_smooth_ramp_comes_to_rest_between_bounds_that_are_rounded_outwards():
+    law = Law(((Fraction(0), Fraction(1)), (Fraction(3), Fraction(-2))), smooth=True)
+    low, high = law.extent_m(Fraction(0), Fraction(3))
+    (rest_s, _), = law._rests
+    assert all(law.gone_m(rest_s + Fraction(n, 10**9)) < high for n in (-1, 0, 1))
+    assert high - law.gone_m(rest_s) < Fraction(1, 2**150)
+    assert low < law.gone_m(Fraction(3))
+
+
+@pytest.mark.parametrize(('t_s', 'since'), [(0.5, None), (1.0, None), (1.5, 1), (2.5, 1), (3.5, None)])
+def test_a_rest_is_known_since_it_began(t_s, since):
+    law = Law(tuple((Fraction(t), Fraction(v)) for t, v in ((0, 1), (1, 0), (2, 0), (3, 0), (4, 1))))
+    assert law.rests_at(Fraction(t_s)) == since
