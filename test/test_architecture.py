@@ -95,10 +95,13 @@ def mentioned(path, known):
 
 def test_modules_are_seen_in_imports_for_types_in_functions_and_in_strings(tmp_path):
     path = tmp_path / 'module.py'
-    path.write_text('from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from dragon_ros.core.scene import Scene\n'
-                    'def load(name):\n    from dragon_ros.core import model\n    import_module("dragon_ros.core.step")\n'
+    path.write_text('from typing import TYPE_CHECKING\n'
+                    'if TYPE_CHECKING:\n    from dragon_ros.core.scene import Scene\n'
+                    'def load(name):\n    from dragon_ros.core import model\n'
+                    '    import_module("dragon_ros.core.step")\n'
                     '    return import_module(f"dragon_ros.core.effects.{name}")\n')
-    core = {f'dragon_ros.core.{name}' for name in ('scene', 'model', 'step', 'effects.noise', 'effects.health', 'paper')}
+    names = ('scene', 'model', 'step', 'effects.noise', 'effects.health', 'paper')
+    core = {f'dragon_ros.core.{name}' for name in names}
     assert mentioned(path, core) == core - {'dragon_ros.core.paper'}
 
 
