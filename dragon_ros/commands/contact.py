@@ -13,7 +13,7 @@ from typing import Any
 from tqdm import tqdm
 
 from dragon_ros.cli import command_line
-from dragon_ros.core.contact import certificate
+from dragon_ros.commands import certificate
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses

@@ -18,7 +18,8 @@ from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture, overlap
 from dragon_ros.verify.track import Place, track_of
 
-SWAY = Composite((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 1.4, 'left'), Line(0.7), Arc(2.5, 90.0),
+SWAY = Composite((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 1.4, 'left'), Line(0.7),
+                  Arc(2.5, 90.0),
                SpiralArc(1.1, 1.2, 2.5, 'right')), 0.0)
 BENCHES = 9
 STEP = 1e-9         # of differences, in balls of 128 bits: they lose nothing
@@ -28,7 +29,8 @@ def compiled(dragon, track):
     """What an interval needs, of benches on a track."""
     values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
     plain = reading._claims(values).scene
-    shape = reading._kind('scene.track', scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))['track'], reading._TRACKS)
+    values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
+    shape = reading._kind('scene.track', values['track'], reading._TRACKS)
     precise(1e3)
     placed = track_of(reading.Scene(plain.lengths_m, plain.width_m, plain.inset_m, shape, plain.law, False, 0.0, None))
     benches = Benches(plain)
@@ -126,7 +128,8 @@ def test_the_second_order_bound_is_less_than_twice_what_the_classic_dragon_does(
             assert interval._sag(n, other) * 8 / interval._length**2 < 2 * true[other]
 
 
-@pytest.mark.parametrize('track', [Composite((Arc(4.0, 359.0),), 8.0), Composite((Line(30.0),), 8.0)], ids=['arc', 'line'])
+@pytest.mark.parametrize('track', [Composite((Arc(4.0, 359.0),), 8.0), Composite((Line(30.0),), 8.0)],
+                         ids=['arc', 'line'])
 def test_benches_on_one_arc_or_line_go_alike_and_do_not_bend_at_all(track):
     placed, benches, bend = compiled(Dragon(BENCHES, 1.5, 1.5, 0.3, 0.2), track)
     ends = tuple(Posture(placed, benches, 0, placed.place_at(arb(place))) for place in (8.0, 25.0))

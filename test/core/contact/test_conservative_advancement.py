@@ -40,7 +40,8 @@ SCENES = {
     'two benches': Scene(dragon=Dragon(2, 3.41, 0.55), track=LOOP, run=Run(0, 20)),
     'rest': Scene(dragon=Dragon(20), track=LOOP, head=Head(0.0), run=Run(0, 10)),
     'the end of the track': Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
-    'out from a spiral': Scene(dragon=Dragon(3), track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
+    'out from a spiral': Scene(dragon=Dragon(3),
+                               track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
                                run=Run(0, 30))}
 MEETING = {'a tight turn': (113.28625812330225, (0, 15)), 'loop': (22.16017797019889, (0, 10)),
            'back and forth': (59.66017797019889, (0, 10))}
@@ -78,7 +79,8 @@ links = st.floats(0.3, 2.5)
 tracks = st.builds(lambda radius, turned, line, other, back: Composite(
     (Line(60.0), Arc(radius, turned), Line(line), Arc(other, back)), start_m=55.0),
     st.floats(1.6, 5), st.floats(60, 500) | st.floats(-500, -60), st.floats(0.1, 5), st.floats(1.6, 5),
-    st.floats(60, 500) | st.floats(-500, -60)) | st.builds(STurn, st.floats(0.6, 2), st.floats(7, 10), st.floats(0.6, 2))
+    st.floats(60, 500) | st.floats(-500, -60)) | st.builds(
+        STurn, st.floats(0.6, 2), st.floats(7, 10), st.floats(0.6, 2))
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
@@ -208,7 +210,8 @@ SLOW = Scene(Dragon(4, BODY, BODY, 0.07223569678879954, 0.1708583716359521), Com
     SpiralArc(0.13740346498287273, 3.8629815801000524, 3.720325994032288, 'right'), Arc(0.7115484880164162, 180),
     Arc(0.6918192159803151, -180), Arc(0.38277113723873546, -151.32482830200112), Arc(0.2705041364243826, 90)),
     start_m=0.0661639170863419), Head(3.9546631438456665, 'tail'), Run(0, 0.8359422470506156))
-RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698), Composite((Arc(4.0, 360.0),), 1.0),
+RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698),
+              Composite((Arc(4.0, 360.0),), 1.0),
               run=Run(0, 10))
 
 
@@ -241,7 +244,8 @@ links_of = st.floats(0.3, 2.5)
 def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, gone_m, way_m):
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, Head(1.0, lead), Run(0, 25))
-        domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s), 1, lambda states: None)
+        travel = RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s)
+        domain = SearchDomain(scene, travel, 1, lambda states: None)
         assume(gone_m + way_m < domain.stop_m)
     except DragonError:     # does not fit the track
         assume(False)

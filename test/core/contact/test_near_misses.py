@@ -21,7 +21,8 @@ SCENES = {
     'in and out': (Scene(dragon=Dragon(40), track=Spiral(0.55, 4.5), head=IN_AND_OUT, run=Run(0, 16)), 0.07),
     'body': (Scene(dragon=Dragon(30, 2.2, 2.2), track=Spiral(0.6, 4.0), run=Run(0, 10)), 0.09),
     'turn': (Scene(dragon=Dragon(60), track=STurn(1.2, before_m=100.0), run=Run(95, 130)), 0.4),
-    'spiral and arc': (Scene(dragon=Dragon(40), track=Composite((SpiralArc(0.5, 8.0, 5.0), Arc(2.5, -90.0), Line(30.0))),
+    'spiral and arc': (Scene(dragon=Dragon(40),
+                             track=Composite((SpiralArc(0.5, 8.0, 5.0), Arc(2.5, -90.0), Line(30.0))),
                              run=Run(30, 70)), 0.1),
     'tail on a loop': (Scene(dragon=Dragon(10), head=Head(1.0, 'tail'), run=Run(0, 30), track=Composite(
         (Line(50.0), Arc(3.0, -200.0), Line(1.0), Arc(2.8, -200.0)), start_m=68.0)), 1.05),
