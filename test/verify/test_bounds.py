@@ -84,7 +84,8 @@ def check(track, benches, bend, start, stop, count=3):
 
 
 dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
-                     st.just(0.0) | st.floats(0.2, 2.2), st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
+                     st.just(0.0) | st.floats(0.2, 2.2), st.floats(0.2, 2.2), st.floats(0.05, 0.4),
+                     st.floats(0.05, 0.5))
            | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),
                        st.lists(st.just(0.0) | st.floats(0.2, 2.2), min_size=BENCHES, max_size=BENCHES)))
 
