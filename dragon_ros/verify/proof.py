@@ -183,8 +183,8 @@ class _Proof:
                 raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
             lead = known.get(bench, bench)
             low, high = sorted((row.start_m, row.stop_m))
-            # It may speak of benches further back too, which belong to the set of a bench behind its own.
-            least, most = min(below(one[0]) for one in places[bench:]), max(above(one[1]) for one in places[bench:])
+            # It may speak of benches further back too, and the last one comes from furthest back.
+            least, most = below(places[-1][0]), above(places[bench][1])
             if low < least - overhang_m or high > most + overhang_m:
                 raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it is more than the track from '
                               f'{least:.12g} to {most:.12g} m that the benches it speaks of go through')

@@ -157,13 +157,12 @@ class LeadingBenches:
     def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
         """Return the leader's places between which every handle moves one way, and all handles there."""
         start_m, turns = self._domain.start_m, list[float]()
+        ends = [self._on_spiral(place) for place in (start_m, stop_m)]
         if self._domain.track.may_lock and len(self._chords) > 1:
-            ends = (float(self._on_spiral(place)[0]) for place in (start_m, stop_m))
-            angles = turning_places(*self._two(0), *sorted(ends))
+            angles = turning_places(*self._two(0), *sorted(float(theta[0]) for theta in ends))
             turns = sorted((self._domain.leader.gone_m(Place(0, DoubleDouble(angle, 0.0))) for angle in angles),
                            reverse=stop_m < start_m)
-        places = [start_m, *turns, stop_m]
-        return places, [self._on_spiral(place) for place in places]
+        return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
 
     def all_come_in(self, stop_m: float) -> bool:
         """Return whether all links from the third on come in with their front handles up to a place of the leader."""

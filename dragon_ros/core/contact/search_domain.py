@@ -9,7 +9,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, marched_many, stack
+from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
 from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates
@@ -24,6 +24,7 @@ from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
 _SLOPE_M = 1e-6         # to either side, for a slope: gaps err by 1e-11 m, so a slope does by 1e-5
+_KEPT = 6               # chains: ends of domains and phases are asked for again and again
 _FEW = 12               # chains that are placed sooner one by one than together
 
 
@@ -46,6 +47,7 @@ class SearchDomain:
         self._travel, self._tell = travel, progress
         self.effort = Effort()
         self.error_m = EXACT.promise_for_m(simulation.size_m)
+        self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
         if self.track.may_lock and simulation.limit is not None and stop_s == simulation.limit.t_s:
@@ -63,8 +65,11 @@ class SearchDomain:
         self._tell(states)
 
     def chain(self, gone_m: float) -> Chain:
-        """Return all handles when the leader has gone so far."""
-        return self.simulation.model.march((gone_m, 0.0), self.effort)
+        """Return all handles when the leader has gone so far; the last few are kept."""
+        if gone_m not in self._kept:
+            self._kept = dict([*self._kept.items()][1 - _KEPT:])
+            self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0), self.effort)
+        return self._kept[gone_m]
 
     def chains(self, gone_m: Floats) -> Chain:
         """Return all handles at many places (M,)."""
@@ -108,8 +113,14 @@ class SearchDomain:
         return np.stack((i, j), axis=1), gaps(benches, i, j)
 
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return the gap of a pair at a place."""
-        return float(gaps(self.benches(gone_m), *(np.array([bench]) for bench in pair))[0])
+        """Return the gap of a pair at a place; no more handles are placed than from the leader to the pair."""
+        first, last = (0, pair[1] + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
+        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
+                         self.leader.direction, self.effort)
+        half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
+        centre = 0.5 * (chain.p[:-1] + chain.p[1:])
+        benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))
+        return float(gaps(benches, *(np.array([bench - first]) for bench in pair))[0])
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
         """Return where the gap of a pair vanishes in a bracket; its other end where it does not."""

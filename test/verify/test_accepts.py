@@ -1,0 +1,100 @@
+"""Honest certificates of every kind of run are accepted, and what they prove is said."""
+from itertools import islice
+
+import pytest
+from certificates import proved, written
+from runs import certificates
+
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import load_scene, scene_values
+
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
+LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
+OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
+SCENES = {
+    'the classic contact': (Scene(), '412.4738376821'),
+    'ten thousand turns out': (load_scene('winding', ['dragon.benches=200', 'track.start_turns=1e4', 'run.stop_s=20']),
+                               'end of the run at 20 s (it stops)'),
+    'a hundred thousand turns out': (load_scene('winding', ['dragon.benches=200', 'track.start_turns=1e5',
+                                                            'run.stop_s=20']), 'end of the run at 20 s'),
+    'a third of the speed of light': (Scene(head=Head(1e8)), 'contact at 4.1247383768211'),
+    'a tail led backwards': (Scene(head=Head(-1.0, 'tail'), dragon=Dragon(40), run=Run(0, 20)),
+                             'end of the run at 0 s (the head is back at its end of the track)'),
+    'a lock': (Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
+               "432.917924228 s (the chain locks at link 0), less 1 nm of the leader's way"),
+    'a lock of the second link': (Scene(dragon=Dragon(2, 1.65, 2.2, 0.01), run=Run(420.0)), 'locks at link 1'),
+    'a lock of a mixed dragon': (Scene(dragon=Mixed((Group(1.2), Group(3.2), Group(1.2)), 0.01), run=Run(420)),
+                                 'locks at link 1'),
+    'the centre': (Scene(dragon=Dragon(3, width_m=0.01), track=Spiral(5.0, 1.0)), 'the head reaches the centre'),
+    'at the start': (Scene(run=Run(413.0)), 'starts with its contact at 413.0 s: benches 0 and 8 overlap'),
+    'two benches': (Scene(dragon=Dragon(2)), 'the chain locks at link 0'),
+    'out and in': (Scene(track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)), 'contact at'),
+    'a body in': (Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), run=Run(0, 5)), 'benches 1 and 7 overlap'),
+    'a body out': (Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5)),
+                   'benches 2 and 10 overlap'),
+    'a tail': (Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5)), 'contact at'),
+    'unwinding': (load_scene('unwinding', ['run.stop_s=40', 'dragon.benches=40']), 'it stops'),
+    'rest': (Scene(dragon=Dragon(30), head=Head(0.0), run=Run(0, 5)), 'it stops'),
+    'a mixed dragon': (load_scene('mixed', ['run.start_s=394.5']), 'benches 40 and 71 overlap'),
+    'two lengths by turns': (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (
+        2.2, 1.7)))), run=Run(405)), 'benches 0 and 9 overlap'),
+    'an S-turn': (Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 115)), 'it stops'),
+    'a tight S-turn': (Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(95, 200)),
+                       'benches 0 and 15 overlap'),
+    'a loop': (Scene(dragon=Dragon(20), track=LOOP, run=Run(0, 30)), 'contact at 22.16017797'),
+    'back and forth': (Scene(dragon=Dragon(20), track=LOOP, run=Run(3, 100), head=Profile(
+        ((0.0, 0.0), (5.0, 1.0), (10.0, -1.0), (20.0, -1.0), (30.0, 1.0)))), 'contact at 59.66017797'),
+    'a tail on a bent track': (Scene(dragon=Dragon(10), run=Run(0, 30), head=Head(1.0, 'tail'), track=Composite(
+        (Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)), 'it stops'),
+    'the end of the track': (Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
+                             'the head leaves the track'),
+    'the beginning of the track': (Scene(dragon=Dragon(3), head=Head(-1.0), track=Composite((
+        SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
+    'millimetres': (Scene(dragon=Dragon(30, 3.41e-3, 2.2e-3, 3e-4, 2.75e-4), track=Spiral(5.5e-4, 16.0),
+                          head=Head(1e-3), run=Run(380, 413)), 'benches 0 and 8 overlap')}
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_an_honest_certificate_is_accepted(name):
+    scene, said = SCENES[name]
+    assert said in proved(written(scene))
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_random_honest_certificates_are_accepted(seed):
+    """A longer run by hand: ``python test/verify/runs.py SEED COUNT``."""
+    for _, _, values in islice(certificates(f'suite {seed}'), 12):
+        proved(values)
+
+
+def bare(scene, **contact):
+    """A certificate without a single interval."""
+    return {'scene': scene_values(scene), 'contact': {'t_s': None, **contact}, 'intervals': []}
+
+
+@pytest.mark.parametrize('name', ['the classic contact', 'a lock', 'an S-turn', 'a mixed dragon', 'a tail'])
+def test_intervals_are_hints_and_none_is_needed(name):
+    values = written(SCENES[name][0])
+    assert len(values['intervals']) > 10
+    assert proved({**values, 'intervals': []}) == proved(values)
+
+
+def test_benches_that_all_go_round_one_circle_are_cleared_at_once_however_near_they_are():
+    circle = Scene(dragon=Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698),
+                   track=Composite((Arc(4.0, 360.0),), 1.0), run=Run(0, 10))
+    assert 'it stops' in proved(bare(circle), effort=1e-3)
+
+
+def test_a_bench_between_two_lines_of_one_heading_is_cleared_in_bounded_time():
+    hairpin = Composite((Line(40.0), Arc(1.5, 180.0), Line(40.0)), 70.0)
+    scene = Scene(dragon=Dragon(20, width_m=0.3), track=hairpin, run=Run(0, 12))
+    assert 'it stops' in proved(bare(scene), effort=0.1)
+
+
+@pytest.mark.parametrize('width', [0.30097406, 0.3009740686, 0.30097406869751])
+def test_a_certain_contact_after_a_near_miss_of_nanometres_is_proved(width):
+    scene = Scene(dragon=Dragon(20, width_m=width), run=Run(408))
+    assert 'contact at 412.44300' in proved(written(scene))
