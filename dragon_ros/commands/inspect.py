@@ -129,7 +129,7 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 def _verdict(path: Path, found: Comparison, tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
-            'fault_count': found.fault_count, 'faults': found.faults}
+            'other_version': found.other_version, 'fault_count': found.fault_count, 'faults': found.faults}
 
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
@@ -159,8 +159,10 @@ def _check_text(values: dict[str, Any]) -> str:
     """Return the text of a check."""
     line = f'{values["bag"]}: {values["equal"]} messages are bit for bit those of the model'
     if values['close']:
+        why = (f'version {values["other_version"]} made the bag, so all topics are held to twice the promise'
+               if values['other_version'] else "another machine's mathematics library")
         line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
-                 f'difference is {values["worst_m"]:.3g} m: another machine\'s mathematics library)')
+                 f'difference is {values["worst_m"]:.3g} m: {why})')
     lines = [f'{line}, {values["fault_count"]} are not'] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
     return '\n'.join(lines + _more(len(values['faults'][:_SHOWN]), len(values['faults'])))
 

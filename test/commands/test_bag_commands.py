@@ -17,7 +17,7 @@ from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
 from dragon_ros.messages.cdr import PoseArrayTemplate
-from dragon_ros.messages.decode import read_multi_array
+from dragon_ros.messages.decode import read_multi_array, read_pose_array
 
 CORPUS = Path(__file__).parents[1] / 'data' / 'corpus'
 SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
@@ -191,6 +191,30 @@ def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(cap
     code, out, _ = run(capsys, 'inspect', far, '--check')
     assert code == 1
     assert 'tick 5: handles differs' in out
+
+
+def test_check_holds_a_bag_of_another_version_to_twice_the_promise_on_every_topic_and_says_so(capsys):
+    old = CORPUS / 'made_by_0_1_0.mcap'
+    code, out, _ = run(capsys, 'inspect', old, '--check', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['other_version'], values['fault_count']) == (0, '0.1.0', 0)
+    assert values['close'] > 30
+    assert 0 < values['worst_m'] < 4e-12
+    assert 'version 0.1.0 made the bag, so all topics are held to twice the promise' in run(
+        capsys, 'inspect', old, '--check')[1]
+
+
+def test_check_of_a_bag_of_another_version_still_tells_values_beyond_the_promise(capsys, tmp_path):
+    def moved(m):
+        if m.topic != '/dragon/measured' or m.t_ns != 412_400_000_000:
+            return [m.data]
+        data = bytearray(m.data)
+        read_pose_array(data).poses[7, 0] += 1e-9
+        return [bytes(data)]
+    far = changed(CORPUS / 'made_by_0_1_0.mcap', tmp_path / 'far.mcap', moved)
+    code, out, _ = run(capsys, 'inspect', far, '--check')
+    assert code == 1
+    assert 'tick 2: measured differs' in out
 
 
 def test_check_of_a_bag_without_a_scene_is_refused(capsys):
