@@ -11,8 +11,8 @@ import random_scenes
 from random_scenes import KINDS, kind_of, random_scene
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.wire.documents import Document
-from dragon_ros.wire.scenes import scene_of
+from dragon_ros.scenes.load import scene_of
+from dragon_ros.scenes.yaml import Document
 
 SEEDS = range(400)
 SCENES = [random_scene(seed) for seed in SEEDS]
