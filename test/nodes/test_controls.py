@@ -111,12 +111,12 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
     paused.set('seek_s', 412.98)
     paused.call('seek')
     paused.call('resume')
-    paused.process.wait_for('holds there until a signal')
+    paused.process.wait_for('holding until a signal')
     paused.shown(649, 650)
     for name in ('resume', 'step'):
         succeeded, why = paused.call(name)
         assert not succeeded
-        assert 'the run ends at 413.000000 s after 651 ticks: nothing comes after it; reset or seek' in why
+        assert 'the run ends at 413.000000 s after 651 ticks: nothing follows; reset or seek' in why
     assert paused.call('reset')[0]
     assert paused.call('step')[0]
     paused.shown(0, 1)
@@ -137,7 +137,7 @@ def test_the_speed_changes_live_and_whole_numbers_are_taken(paused, node):
     assert paused.set('time_scale', 100) == (True, '')
     assert paused.get('time_scale').double_value == 100.0
     paused.call('resume')
-    paused.process.wait_for('holds there until a signal')
+    paused.process.wait_for('holding until a signal')
     node.until(lambda: len(paused.stamps) == 650)
     assert paused.process.stop() == 0
 
@@ -189,10 +189,10 @@ def test_the_clock_follows_every_tick_jumps_back_at_a_reset_and_repeats_while_ti
 
 def test_a_node_on_simulation_time_says_once_that_no_clock_comes(start):
     monitor = start('monitor', '--ros-args', '-p', 'use_sim_time:=true')
-    monitor.wait_for('nothing came on /clock for 3 s')
+    monitor.wait_for('nothing arrived on /clock for 3 s')
     assert 'publish_clock:=true' in monitor.text
     assert monitor.stop() == 0
-    assert monitor.text.count('nothing came on /clock') == 1
+    assert monitor.text.count('nothing arrived on /clock') == 1
 
 
 def test_the_stamps_of_the_monitor_follow_the_clock(start, node):

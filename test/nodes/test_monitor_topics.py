@@ -204,7 +204,7 @@ def test_the_sim_ends_or_holds_in_exactly_the_contact(start, node, mode):
                 f'on_contact:={mode}', '-p', 'wait_subscribers:=[handles=2,benches=1]', '-p', 'time_scale:=0.0')
     node.until(lambda: len(bytes_) == 10 and heard.statuses())
     if mode == 'hold':
-        sim.wait_for('holds there until a signal')
+        sim.wait_for('holding until a signal')
         assert sim.stop() == 0, sim.text
     assert sim.end() == 0, sim.text
     assert 'contact of benches 0 and 8 at 412.473837682 s' in sim.text
