@@ -9,7 +9,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, Part, arrays_of, join
 from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
-from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots
+from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -271,12 +271,14 @@ def _last(places: Places) -> Places:
 
 
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
-    """Return the lengths of the longest blocks that shift maps serve, with the links of the longest block of each."""
+    """Return the lengths of the longest blocks that shift maps serve, with the links of the longest block of each.
+
+    Not those of links so short that a tile is shorter than the dragon: it would serve few states before the next one.
+    """
+    length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)
-                      if block.stop - block.start >= FEWEST and block.link_m), key=lambda row: -row[0])
-    out: dict[float, int] = {}
+                      if block.stop - block.start >= FEWEST), key=lambda row: -row[0])
     for links, link_m in longest:
-        if link_m in out or len(out) < _MOST_MAPS:
+        if link_m in out or (len(out) < _MOST_MAPS and link_m and links_of_tile(links) * link_m >= length_m):
             out[link_m] = max(links, out.get(link_m, 0))
     return out
-

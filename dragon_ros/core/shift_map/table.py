@@ -238,6 +238,11 @@ def _same_cells(cell: Ints) -> list[tuple[slice, int]]:
             for low in range(start, end, _BATCH)]
 
 
+def links_of_tile(links: int) -> int:
+    """Return how many links long the tiles for blocks of up to ``links`` links are."""
+    return max(_FEWEST_LINKS, 1 << (links - 1).bit_length())
+
+
 class ShiftMap:
     """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
 
@@ -249,8 +254,7 @@ class ShiftMap:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._series_m = series_m
-        length = max(_FEWEST_LINKS, 1 << (links - 1).bit_length())
-        self._length_m, self._before_m = length * link_m, _BEFORE_LINKS * link_m
+        self._length_m, self._before_m = links_of_tile(links) * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._last: Tile | None = None
 

@@ -21,8 +21,8 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
-# Their blocks of equal links are shorter than 8, or the links have no length.
-MARCHED_CASES = {'centre', 'joined-handles', 'mixed-lock'}
+# Their blocks of equal links are shorter than 8, or their links so short that a tile would be shorter than the dragon.
+MARCHED_CASES = {'centre', 'joined-handles', 'almost-joined', 'mixed-lock'}
 
 
 def tiles(scene):
@@ -132,6 +132,14 @@ def test_a_shift_map_keeps_the_tiles_that_were_used_last_within_its_bytes(monkey
 def test_a_dragon_without_eight_equal_links_has_no_shift_map():
     assert compile_scene(Scene(dragon=Dragon(8))).model.placement.maps == {}
     assert len(compile_scene(Scene(dragon=Dragon(9))).model.placement.maps) == 1
+
+
+@pytest.mark.parametrize(('body_m', 'served'), [(0.55, False), (0.55 + 1e-9, False), (0.553, False), (0.56, True)])
+def test_links_have_a_shift_map_where_a_tile_is_no_shorter_than_the_dragon(body_m, served):
+    dragon = Dragon(40, 3.41, body_m)
+    assert bool(lengths_with_maps(dragon.link_lengths_m)) is served
+    scene = Scene(dragon=dragon, run=Run(0, 100))
+    assert state(scene, 1.0).solver == ('table' if served else 'march')
 
 
 def test_products_in_parts_join_without_a_seam():
