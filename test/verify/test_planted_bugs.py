@@ -1,0 +1,176 @@
+"""A bug planted anywhere in the solver, so that it misses or misdates a contact, is caught by the checker."""
+import sys
+from dataclasses import replace
+from functools import cached_property
+
+import numpy as np
+import pytest
+from certificates import proved, refusal, written
+
+from dragon_ros.core import benches as benches_module
+from dragon_ros.core import dragon as dragon_module
+from dragon_ros.core import head as head_module
+from dragon_ros.core import joined as joined_module
+from dragon_ros.core import placed, scene
+from dragon_ros.core import turn as turn_module
+from dragon_ros.core.angle import from_turns
+from dragon_ros.core.contact import conservative_advancement, search_domain, second_order_bounds
+from dragon_ros.core.dragon import Dragon, Group, Mixed
+from dragon_ros.core.end import End
+from dragon_ros.core.head import Head, Profile
+from dragon_ros.core.joined import Arc, Joined, Line, Wind
+from dragon_ros.core.path import Spiral
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.turn import Turn
+
+SHORT = Scene(dragon=Dragon(12), run=Run(409.0, 413.0))
+LOCKING = Scene(dragon=Dragon(12), run=Run(409.0))
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)
+LOOP = Scene(dragon=Dragon(14), track=Joined((Line(5.0), Arc(3.0, 400.0), Arc(3.0, -90.0))), run=Run(10, 24))
+WOUND = Scene(dragon=Dragon(14), run=Run(12, 40), track=Joined((
+    Line(5.0), Wind(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0))))
+LAW = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), run=Run(0, 9),
+            head=Profile(((0.0, 0.0), (5.0, -1.0), (9.0, -1.0)), 'smooth'))
+THERE_AND_BACK = replace(LAW, head=Profile(((0.0, 1.5), (5.0, -1.6))))
+TAIL = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5))
+MIXED = Scene(dragon=Mixed((Group(2.0), Group(1.4, 9), Group(2.9, 2))), track=Spiral(0.5, 4.0), run=Run(0, 60))
+TURN = Scene(dragon=Dragon(24), track=Turn(0.8, before_m=100.0), run=Run(110, 114))
+PASSING = Scene(dragon=Dragon(20, width_m=0.30101), run=Run(408.5, 411))     # benches 0 and 11 overlap for a moment
+
+
+def lock(patch):
+    """A lock at 27 rad, far before the true one."""
+    patch.setattr(scene, 'head_lock_angle', lambda chords: (27.0, 0))
+
+
+def start(patch):
+    """A head that starts a thousandth of a turn too far in."""
+    patch.setattr(Spiral, 'start', cached_property(lambda self: from_turns(self.start_turns - 1e-3)))
+    Spiral.start.__set_name__(Spiral, 'start')
+
+
+def end(patch):
+    """A run that ends a second before it is told to."""
+    true = Scene.end.func
+    patch.setattr(Scene, 'end', cached_property(lambda self: replace(true(self), t_s=true(self).t_s - 1.0)))
+    Scene.end.__set_name__(Scene, 'end')
+
+
+def stop(patch):
+    """A run without an end of its own that stops at 411 s."""
+    patch.setattr(Scene, 'end', cached_property(lambda self: End(411.0, 'stop')))
+    Scene.end.__set_name__(Scene, 'end')
+
+
+def law_integral(patch):
+    """Smooth ramps that are integrated as linear ones."""
+    true = head_module.Profile._gone
+    patch.setattr(head_module.Profile, '_gone', lambda self, t_s: true(replace(self, ramps='linear'), t_s))
+
+
+def rest_of_a_ramp(patch):
+    """A law that is thought to go one way only."""
+    patch.setattr(head_module.Profile, 'breaks_s', cached_property(lambda self: [0.0, self.knots[-1][0]]))
+    head_module.Profile.breaks_s.__set_name__(head_module.Profile, 'breaks_s')
+
+
+def tail_lead(patch):
+    """A tail that starts where a link less would put it."""
+    true = scene.Led
+
+    def led(walk, links, start_m, way):
+        return true(walk, links, start_m - (0.05 if way == placed.AHEAD else 0.0), way)
+    patch.setattr(scene, 'Led', led)
+
+
+def order_of_groups(patch):
+    """Groups that are read from the tail."""
+    def lengths(self):
+        rows = [group.length_m for group in reversed(self.groups) for _ in range(group.count)]
+        return dragon_module.read_only(np.array(rows))
+    patch.setattr(Mixed, 'bench_lengths_m', cached_property(lengths))
+    Mixed.bench_lengths_m.__set_name__(Mixed, 'bench_lengths_m')
+
+
+def side_of_an_arc(patch):
+    """Arcs that turn to the other side."""
+    true = joined_module.arc_from
+    patch.setattr(joined_module, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
+        start, direction, radius_m, -side, angle_rad))
+
+
+def joint(patch):
+    """Pieces that begin a centimetre beside where the one before ends."""
+    true = joined_module.Arc.placed
+    patch.setattr(joined_module.Arc, 'placed', lambda self, start, direction, open_ended: true(
+        self, start + 0.01j * direction, direction, open_ended))
+
+
+def arcs_of_a_turn(patch):
+    """An S-turn whose first arc is a thousandth too tight."""
+    true = turn_module.arc_from
+    patch.setattr(turn_module, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
+        start, direction, radius_m * (0.999 if side < 0 else 1.0), side, angle_rad))
+
+
+def width(patch):
+    """Benches that are a tenth of a millimetre too narrow."""
+    sizes(patch, 0.0, -5e-5)
+
+
+def inset(patch):
+    """Holes a millimetre too near to the ends: benches too short for their links."""
+    sizes(patch, -1e-3, 0.0)
+
+
+def sizes(patch, length_m, width_m):
+    true = benches_module.Benches
+
+    def made(centre, axis, half_length, half_width):
+        return true(centre, axis, half_length + length_m, half_width + width_m)
+    for name, module in list(sys.modules.items()):
+        if name.startswith('dragon_ros.core') and getattr(module, 'Benches', None) is true:
+            patch.setattr(module, 'Benches', made)
+
+
+def constant_of_the_second_order_bound(patch):
+    """B h^2 / 8000 in place of B h^2 / 8."""
+    true = second_order_bounds._sag
+    patch.setattr(second_order_bounds, '_sag', lambda *given: 1e-3 * true(*given))
+
+
+def constant_of_the_lipschitz_bound(patch):
+    """Benches that are thought to go a thousandth of what they go, and to bend as little."""
+    space = conservative_advancement._Space
+    true = space._moved
+    patch.setattr(space, '_moved', lambda *given: 1e-3 * true(*given))
+
+
+def first_passage(patch):
+    """Places that are dated half a microsecond late."""
+    true = search_domain.SearchDomain.time_s
+    patch.setattr(search_domain.SearchDomain, 'time_s', lambda self, gone_m: true(self, gone_m) + 5e-7)
+
+
+BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKING), (law_integral, LAW),
+        (rest_of_a_ramp, THERE_AND_BACK), (tail_lead, TAIL), (order_of_groups, MIXED), (side_of_an_arc, WOUND),
+        (joint, LOOP), (joint, WOUND), (arcs_of_a_turn, TURN), (width, SHORT), (width, LOOP), (width, TAIL), (inset, SHORT),
+        (inset, TURN), (constant_of_the_second_order_bound, PASSING), (constant_of_the_lipschitz_bound, LOOP),
+        (first_passage, SHORT), (first_passage, WOUND),
+        (first_passage, TAIL)]
+
+
+def again(run):
+    """The same run, of which nothing is remembered."""
+    return replace(run, dragon=replace(run.dragon), track=replace(run.track), head=replace(run.head))
+
+
+@pytest.mark.parametrize(('bug', 'run'), BUGS, ids=[f'{n} {bug.__name__}' for n, (bug, _) in enumerate(BUGS)])
+def test_a_bug_in_the_solver_is_caught(monkeypatch, bug, run):
+    with monkeypatch.context() as patch:
+        bug(patch)
+        values = written(again(run))
+    honest = written(again(run))
+    assert values['contact'] != honest['contact']
+    assert refusal(values)
+    assert proved(honest)
