@@ -133,6 +133,9 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats, tolerance: float)
     """
     if not np.any(chord):
         return np.zeros_like(theta), 0
+    plain = _plain_steps(theta, chord * chord, guess, tolerance) if theta.size else None
+    if plain:
+        return plain
     delta, spent, square = guess.copy(), 0, chord * chord
     wild = np.ones(theta.shape, dtype=bool)
     for _ in range(_NEWTON_STEPS):
@@ -154,6 +157,21 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats, tolerance: float)
         if delta[lane] == inf:
             raise ChainLockError('locked', theta_rad=one)
     return delta, spent
+
+
+def _plain_steps(theta: Floats, square: float | Floats, delta: Floats, tolerance: float) -> tuple[Floats, int] | None:
+    """Return ``steps`` by plain Newton where all settle on short links, the usual case; else None."""
+    for evaluations in range(1, _NEWTON_STEPS):
+        half = 0.5 * delta
+        s = np.sin(half)
+        across, outer = 2 * theta * s, theta + delta
+        change = 0.5 * (delta * delta + 2 * across * outer * s - square) / (delta + across * (s + outer * np.cos(half)))
+        delta = delta - change
+        if not (delta.min() > 0 and delta.max() < _TAME_RAD):
+            return None
+        if (np.abs(change) <= tolerance * delta).all():
+            return delta, evaluations * theta.size
+    return None
 
 
 def first_guesses_in(theta: Floats, chord: float) -> Floats:

@@ -398,7 +398,7 @@ class SpiralSegment:
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
         """Return the differences of squared angles of changes of coordinates."""
-        out: Floats = np.abs(shift) * (2 * u + shift)
+        out: Floats = np.abs(shift * (2 * u + shift))
         return out
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int, effort: Effort,
