@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
 
-``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails where one is stale.
+``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
 import re
@@ -13,15 +13,16 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
-from dragon_ros.core.effects import MEANINGS, NEEDS  # noqa: E402
+from dragon_ros import configuration  # noqa: E402
+from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
+from dragon_ros.core.model import compile_scene  # noqa: E402
 from dragon_ros.core.scene import Scene  # noqa: E402
 from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
+from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
-from dragon_ros.wire import config  # noqa: E402
-from dragon_ros.wire.channels import Channel, channels  # noqa: E402
-from dragon_ros.wire.scene_schema import scene_schema  # noqa: E402
-from dragon_ros.wire.scenes import PARTS, scene_names  # noqa: E402
+from dragon_ros.scenes.load import PARTS, scene_names  # noqa: E402
+from dragon_ros.scenes.schema import scene_schema  # noqa: E402
 
 DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md')
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
@@ -42,7 +43,7 @@ def main(argv: list[str]) -> int:
 
 
 def renewed(path: Path) -> str:
-    """Return a document with its tables as they must be. Raises KeyError for a mark with another name."""
+    """Return a document with its tables renewed. Raises KeyError for an unknown mark."""
     return _MARKED.sub(lambda found: f'{found[1]}{TABLES[found[2]]()}\n{found[3]}', path.read_text(encoding='utf-8'))
 
 
@@ -58,7 +59,7 @@ def table(head: str, rows: Iterable[Iterable[str]]) -> str:
 
 
 def executables() -> str:
-    """Return the executables with what each is for."""
+    """Return the executables with their purpose."""
     return table('name | what it does', ((f'`{name}`', one.help) for name, one in EXECUTABLES.items()))
 
 
@@ -99,7 +100,7 @@ def scenes() -> str:
 
 def _first_sentence(name: str) -> str:
     """Return the first sentence of the comment that a scene file begins with."""
-    lines = (config.folder() / 'scenes' / f'{name}.yaml').read_text(encoding='utf-8').splitlines()
+    lines = (configuration.folder() / 'scenes' / f'{name}.yaml').read_text(encoding='utf-8').splitlines()
     end = next((number for number, line in enumerate(lines) if not line.startswith('#')), len(lines))
     return re.split(r'(?<=\.)\s', ' '.join(line.lstrip('# ') for line in lines[:end]))[0]
 
@@ -149,17 +150,17 @@ def effects() -> str:
 
 
 def tiers() -> str:
-    """Return the tiers with what they promise, and how far the classic dragon is worked out for it."""
-    return table('tier | largest position error | shift table: series cut at | march: Newton stops at a step of',
-                 (_tier_row(tier, Scene()) for tier in reversed(TIERS.values())))
+    """Return the tiers with their promises, and the limits used for the classic dragon."""
+    head = 'tier | largest position error | shift map: series cut at | forward placement: Newton stops at a step of'
+    return table(head, (_tier_row(tier, Scene()) for tier in reversed(TIERS.values())))
 
 
 def _tier_row(tier: Tier, scene: Scene) -> tuple[str, str, str, str]:
     if tier.promise_m == inf:
-        return f'`{tier.name}`', 'none is promised: up to 14 m', _GONE, _GONE
+        return f'`{tier.name}`', 'no promise: up to 14 m', _GONE, _GONE
     grows = ' up to 20 m from the centre, in proportion beyond' if tier.name == 'exact' else ''
-    return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(scene.size_m):.1e} m',
-            f'{tier.effort(scene.size_m, scene.length_m).newton:.1e} of its angle')
+    return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(compile_scene(scene).size_m):.1e} m',
+            f'{tier.effort(compile_scene(scene).size_m, compile_scene(scene).model.length_m).newton:.1e} of its angle')
 
 
 TABLES: dict[str, Callable[[], str]] = {

@@ -10,7 +10,7 @@ from dragon_ros.executables import EXECUTABLES
 def main(argv: list[str]) -> int:
     """Run ``NAME ARGUMENTS...`` and return the exit code."""
     if '_ARGCOMPLETE' in os.environ and not argv:
-        from dragon_ros.wire import completion
+        from dragon_ros.cli import completion
         argv = [completion.chosen(EXECUTABLES)]
     if not argv or argv[0] in ('-h', '--help'):
         print(usage())
@@ -19,10 +19,11 @@ def main(argv: list[str]) -> int:
     if name not in EXECUTABLES:
         near = difflib.get_close_matches(name, EXECUTABLES, n=1)
         hint = f'did you mean {near[0]}?' if near else f'the names are {", ".join(EXECUTABLES)}'
-        print(f'dragon_ros: there is no {name!r}; {hint}', file=sys.stderr)
+        print(f'dragon_ros: unknown executable {name!r}; {hint}', file=sys.stderr)
         return 2
     try:
-        code: int = importlib.import_module(EXECUTABLES[name].module).main(rest)
+        executable = EXECUTABLES[name]
+        code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
     except KeyboardInterrupt:
         return 1
     return code
@@ -31,7 +32,7 @@ def main(argv: list[str]) -> int:
 def usage() -> str:
     """Return the list of executables."""
     rows = '\n'.join(f'  {name:<9} {executable.help}' for name, executable in EXECUTABLES.items())
-    return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (NAME --help tells more)\n\n{rows}'
+    return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (more: NAME --help)\n\n{rows}'
 
 
 if __name__ == '__main__':

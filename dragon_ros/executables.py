@@ -3,25 +3,29 @@ from typing import NamedTuple
 
 
 class Executable(NamedTuple):
-    """Where the ``main(argv)`` of an executable is, and what it is for."""
+    """The module and the function ``f(argv) -> exit code`` of an executable, and what it is for."""
 
     module: str
     help: str
+    function: str = 'main'
 
 
 EXECUTABLES = {
-    'sim': Executable('dragon_ros.nodes.commands.sim', 'simulate a scene and publish it'),
-    'monitor': Executable('dragon_ros.nodes.commands.monitor', 'watch a published dragon and report its contacts'),
-    'record': Executable('dragon_ros.nodes.commands.record', 'record the topics of a dragon as an MCAP bag'),
-    'replay': Executable('dragon_ros.nodes.commands.replay', 'publish a bag as it was recorded'),
-    'table': Executable('dragon_ros.tools.table', 'print positions and velocities, without ROS'),
-    'contact': Executable('dragon_ros.tools.contact', 'find the first contact of a scene, without ROS'),
-    'inspect': Executable('dragon_ros.tools.inspect', 'tell what is in a bag, check or repair it'),
-    'export': Executable('dragon_ros.tools.export', 'write what is in a bag as CSV, Parquet or NumPy'),
-    'simulate': Executable('dragon_ros.tools.simulate', 'write the bag of a scene, without ROS or waiting'),
-    'plot': Executable('dragon_ros.tools.plot', 'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
-    'view': Executable('dragon_ros.tools.view', 'play a scene or a bag in the browser, without ROS'),
-    'design': Executable('dragon_ros.tools.design', 'answer a question about what to build'),
+    'sim': Executable('dragon_ros.nodes.command_lines', 'simulate a scene and publish it', 'sim'),
+    'monitor': Executable('dragon_ros.nodes.command_lines', 'watch a published dragon and report its contacts',
+                          'monitor'),
+    'record': Executable('dragon_ros.nodes.command_lines', 'record the topics of a dragon as an MCAP bag', 'record'),
+    'replay': Executable('dragon_ros.nodes.command_lines', 'publish a bag as it was recorded', 'replay'),
+    'table': Executable('dragon_ros.commands.table', 'print positions and velocities, without ROS'),
+    'contact': Executable('dragon_ros.commands.contact', 'find the first contact of a scene, without ROS'),
+    'inspect': Executable('dragon_ros.commands.inspect', 'show what is in a bag, check or repair it'),
+    'export': Executable('dragon_ros.commands.export', 'write what is in a bag as CSV, Parquet or NumPy'),
+    'simulate': Executable('dragon_ros.commands.simulate',
+                           'write the bag of a scene, without ROS and faster than real time'),
+    'plot': Executable('dragon_ros.commands.plot.command',
+                       'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
+    'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),
+    'design': Executable('dragon_ros.commands.design', 'answer a question about what to build'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
-    'demo': Executable('dragon_ros.tools.demo', 'run everything once: sim, monitor, bag, replay, picture'),
+    'demo': Executable('dragon_ros.commands.demo', 'run everything once: sim, monitor, bag, replay, picture'),
 }

@@ -1,6 +1,6 @@
-"""Launch a dragon: a sim or the replay of a bag, a monitor, and on request a recorder and RViz.
+"""Launch a dragon: a sim or the replay of a bag, a monitor, and optionally a recorder and RViz.
 
-Several dragons stand side by side, each launched with a namespace and a frame_id of its own.
+Several dragons can run side by side, each with its own namespace and frame_id.
 """
 import os
 import tempfile
@@ -16,26 +16,26 @@ from launch.events import Shutdown
 from launch_ros.actions import Node
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.channels import live
+from dragon_ros.scenes.load import load_scene
 
 YES_NO = ['true', 'false']
 ARGUMENTS = (
     DeclareLaunchArgument('scene', default_value='winding', description='scene: a name, or a .yaml file'),
     DeclareLaunchArgument('accuracy', default_value='', description='largest position error: metres or a tier; empty: '
-                          'as the scene says'),
-    DeclareLaunchArgument('rate', default_value='', description='ticks for each second of simulation; empty: as the '
-                          'scene says'),
-    DeclareLaunchArgument('time_scale', default_value='1.0', description='seconds of simulation for each second, also '
+                          'that of the scene'),
+    DeclareLaunchArgument('rate', default_value='', description='ticks per second of simulation; empty: that '
+                          'of the scene'),
+    DeclareLaunchArgument('time_scale', default_value='1.0', description='seconds of simulation per second, also '
                           'of a replay; 0: as fast as the readers follow'),
     DeclareLaunchArgument('at_end', default_value='hold', choices=['stop', 'hold', 'loop'], description='at the end of '
-                          'the run: stop (all ends), hold (the sim stays for control) or loop'),
+                          'the run: stop (everything), hold (the sim stays for control) or loop'),
     DeclareLaunchArgument('on_contact', default_value='continue', choices=['continue', 'hold', 'stop'],
                           description='at the first contact: continue, hold or stop there'),
     DeclareLaunchArgument('namespace', default_value='dragon', description='namespace of all nodes and topics'),
     DeclareLaunchArgument('frame_id', default_value='', description='frame of all messages; empty: as the namespace'),
     DeclareLaunchArgument('use_sim_time', default_value='false', choices=YES_NO, description='the sim publishes '
-                          '/clock, and the other nodes follow it'),
+                          '/clock, which the other nodes follow'),
     DeclareLaunchArgument('publish_tf', default_value='false', choices=YES_NO, description='head and tail on /tf'),
     DeclareLaunchArgument('monitor', default_value='true', choices=YES_NO, description='report contacts and clearance'),
     DeclareLaunchArgument('warn_below', default_value='0.02', description='clearance in m below which the monitor '
@@ -43,26 +43,26 @@ ARGUMENTS = (
     DeclareLaunchArgument('record', default_value='', description='bag to write (.mcap); empty: none'),
     DeclareLaunchArgument('replay', default_value='', description='bag to replay in place of a sim; empty: none'),
     DeclareLaunchArgument('rviz', default_value='true', choices=YES_NO, description='show it in RViz'),
-    DeclareLaunchArgument('headless', default_value='false', choices=YES_NO, description='open no window, whatever '
-                          'rviz says'),
+    DeclareLaunchArgument('headless', default_value='false', choices=YES_NO, description='open no window, even '
+                          'with rviz:=true'),
     DeclareLaunchArgument('json', default_value='false', choices=YES_NO, description='log as JSON, for machines'),
 )
 
 
 def generate_launch_description() -> LaunchDescription:
-    """Return the arguments and what they start."""
+    """Return the arguments and the actions that follow from them."""
     return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=actions)])
 
 
 def actions(context: LaunchContext) -> list[Any]:
-    """Return what to start for the arguments that were given."""
+    """Return the actions for the given arguments."""
     given = {argument.name: context.launch_configurations[argument.name] for argument in ARGUMENTS}
     given['namespace'] = '/' + given['namespace'].strip('/')
     given['frame_id'] = given['frame_id'] or given['namespace'].strip('/').replace('/', '_')
     source = replay(given) if given['replay'] else sim(given)
     recorder = [node(given, 'record', ['--output', given['record']])] if given['record'] else []
     watch = [node(given, 'monitor', [], warn_below_m=float(given['warn_below']))] if on(given, 'monitor') else []
-    # A recorder ends by itself once the source has left and everything is written.
+    # A recorder ends by itself once the source has left and everything has been written.
     last = RegisterEventHandler(OnProcessExit(target_action=[*recorder, source][0], on_exit=[EmitEvent(
         event=Shutdown(reason='the run has ended'))]))
     return [*watch, *recorder, source, last, *view(given)]
@@ -81,7 +81,7 @@ def node(given: dict[str, str], name: str, arguments: list[str], **parameters: A
 
 
 def sim(given: dict[str, str]) -> Node:
-    """Return the simulator; it starts when the monitor and the recorder listen."""
+    """Return the simulator; it starts when the monitor and the recorder have subscribed."""
     optional: dict[str, Any] = {'rate_hz': float(given['rate'])} if given['rate'] else {}
     return node(given, 'sim', [], scene=given['scene'], accuracy=given['accuracy'], at_end=given['at_end'],
                 time_scale=float(given['time_scale']), on_contact=given['on_contact'], frame_id=given['frame_id'],
@@ -90,11 +90,11 @@ def sim(given: dict[str, str]) -> Node:
 
 
 def readers(given: dict[str, str]) -> list[str]:
-    """Return how many readers each topic of the scene will have."""
+    """Return how many subscribers each topic of the scene will have."""
     try:
         topics = [channel.name for channel in live(load_scene(given['scene']).effects)]
     except DragonError:
-        return ['']     # the sim says what is wrong with the scene
+        return ['']     # the sim reports what is wrong with the scene
     watched = {'handles', 'benches'} if on(given, 'monitor') else set()
     return [f'{name}={(name in watched) + bool(given["record"])}' for name in topics]
 
@@ -106,20 +106,20 @@ def replay(given: dict[str, str]) -> Node:
 
 
 def view(given: dict[str, str]) -> Iterator[Any]:
-    """Yield RViz, or why there is none."""
+    """Yield RViz, or the reason why it is missing."""
     if not on(given, 'rviz') or on(given, 'headless'):
         return
     try:
         get_package_prefix('rviz2')
     except PackageNotFoundError:
-        yield LogInfo(msg='rviz2 is not installed: nothing is shown; install it, or say headless:=true')
+        yield LogInfo(msg='rviz2 is not installed, so nothing is shown; install it, or give headless:=true')
         return
     yield Node(package='rviz2', executable='rviz2', namespace=given['namespace'], arguments=['-d', view_file(given)],
                parameters=[{'use_sim_time': on(given, 'use_sim_time')}])
 
 
 def view_file(given: dict[str, str]) -> str:
-    """Return the RViz configuration, as a copy where topics or frame are not /dragon and dragon."""
+    """Return the RViz configuration, a modified copy where namespace or frame are not /dragon and dragon."""
     share = Path(get_package_share_directory('dragon_ros'))
     path = share / 'msg_configs' / 'rviz' / 'dragon.rviz'
     text = path.read_text(encoding='utf-8')

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
@@ -22,11 +22,12 @@ SUBSTITUTES = {
     './dragon check': (None, 'these are the tests'),
     './dragon python docs/make_tables.py': (None, 'it would write; a test below checks the tables'),
     './dragon python docs/examples/tail_speed.py': (None, 'test/nodes/test_examples.py runs it beside a sim'),
-    './dragon view': ('view --help', 'it serves until Ctrl-C; test/tools/test_view.py plays the page'),
+    './dragon view': ('view --help', 'it serves until Ctrl-C; test/commands/test_view.py plays the page'),
     './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
     './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0',
                                         'the same run, without its 20 s'),
-    './dragon table --contest': (None, 'half a minute on a busy machine; test/tools/test_contest_files.py writes them'),
+    './dragon table --contest': (None, 'half a minute on a busy machine; test/commands/test_contest_files.py writes '
+                                'them'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
                                        'a shorter run, and a certificate that is checked sooner'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/cost measures each page in small'),
@@ -40,7 +41,7 @@ SUBSTITUTES = {
     './dragon plot contact --dpi': ('plot contact --dpi 30 --output contact.png', 'in small, out of docs/pictures'),
     './dragon plot clearance --dpi': ('plot clearance --set run.start_s=400 --dpi 30 --output clearance.png',
                                       'in small, out of docs/pictures'),
-    'python3 test/tools/browser.py': (None, 'takes Chromium; test/tools/test_view.py drives it'),
+    'python3 test/commands/browser.py': (None, 'takes Chromium; test/commands/test_view.py drives it'),
     'pip install': (None, 'reaches for the network'),
     'cd ~/ros2_ws': (None, 'takes a ROS 2 install'),
     'rosdep': (None, 'takes a ROS 2 install'),

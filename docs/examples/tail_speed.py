@@ -1,4 +1,4 @@
-"""A subscriber of one's own: prints how fast the tail is, once each second of simulation."""
+"""An example subscriber: prints the speed of the tail once per second of simulation."""
 import signal
 import threading
 
@@ -10,30 +10,30 @@ from rclpy.signals import SignalHandlerOptions
 
 
 class TailSpeed(Node):
-    """Takes the tail's way from one message to the next, over the time between their stamps."""
+    """Divides the distance of the tail between two messages by the time between their stamps."""
 
     def __init__(self) -> None:
         """Subscribe to the handles."""
         super().__init__('tail_speed', namespace='/dragon')
         self.before: tuple[float, float, float] | None = None
-        self.told = -1
-        # Reliable, as sim publishes; deep enough for a reader that is busy for a while.
+        self.printed_s = -1
+        # Reliable, as sim publishes; deep enough for a reader that is sometimes busy.
         self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
 
     def on_handles(self, message: PoseArray) -> None:
         """Print the speed where a new second has begun."""
         stamp, tail = message.header.stamp, message.poses[-1].position
         now = stamp.sec + 1e-9 * stamp.nanosec, tail.x, tail.y
-        if self.before and now[0] > self.before[0] and stamp.sec != self.told:
+        if self.before and now[0] > self.before[0] and stamp.sec != self.printed_s:
             t_s, x, y = self.before
             speed = ((tail.x - x) ** 2 + (tail.y - y) ** 2) ** 0.5 / (now[0] - t_s)
             print(f'{now[0]:8.2f} s: the tail is at {speed:.4f} m/s', flush=True)
-            self.told = stamp.sec
+            self.printed_s = stamp.sec
         self.before = now
 
 
 if __name__ == '__main__':
-    # Ctrl-C is looked at between two callbacks. rclpy's own handler would raise in the middle of one.
+    # Ctrl-C is handled between two callbacks; rclpy's own handler would raise in the middle of one.
     interrupted = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: interrupted.set())
     rclpy.init(signal_handler_options=SignalHandlerOptions.NO)

@@ -1,4 +1,5 @@
 """Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit."""
+from dataclasses import fields
 from math import isfinite
 from typing import Any
 
@@ -7,7 +8,7 @@ from dragon_ros.core.errors import FieldError
 
 def number(field: str, value: Any, *, low: float | None = None, above: float | None = None,
            high: float | None = None) -> float:
-    """Return the value as a float if it is a finite number within the limits, else raise FieldError."""
+    """Return the value as a float (0.0 for -0.0) if it is a finite number within the limits, else raise FieldError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise FieldError(field, value, f'it is {_kind(value)}, not a number', 'give a number')
     if not isfinite(value):
@@ -18,7 +19,7 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
         raise FieldError(field, value, f'it must exceed {above:g}', f'give more than {above:g}')
     if high is not None and value > high:
         raise FieldError(field, value, f'the largest is {high:g}', f'give at most {high:g}')
-    return float(value)
+    return float(value) + 0.0
 
 
 def whole(field: str, value: Any, *, low: int, high: int) -> int:
@@ -34,6 +35,23 @@ def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:
     if value not in choices:
         raise FieldError(field, value, f'the choices are {", ".join(choices)}', 'give one of these')
     return str(value)
+
+
+def settle(settings: object, **values: Any) -> None:
+    """Give a frozen dataclass its checked and normalised values, from its ``__post_init__`` only.
+
+    Settings that mean the same are then equal, hash alike and are written alike: 1 is 1.0, and -0.0 is 0.0.
+    """
+    for name, value in values.items():
+        object.__setattr__(settings, name, value)
+
+
+class Settings:
+    """A frozen dataclass that is pickled as its fields alone, without what properties have cached."""
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Return the class and its fields in order."""
+        return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
 
 
 def _kind(value: Any) -> str:

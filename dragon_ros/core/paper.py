@@ -9,24 +9,29 @@ from math import cos, pi, sqrt
 
 import numpy as np
 
-from dragon_ros.core.chain import SpiralChain
+from dragon_ros.core.chain.chain import Chain, MarchedLinks
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.path import Spiral, tangents
+from dragon_ros.core.tracks.composite import Track
+from dragon_ros.core.tracks.segments import BEHIND, SpiralSegment
+from dragon_ros.core.tracks.spiral import SpiralCurve
 
 STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
 
 
-class PaperChain(SpiralChain):
+class PaperChain(Chain):
     """A chain as the paper has it, in places and in speeds."""
 
-    solver = 'paper'
+    @property
+    def solver(self) -> str:
+        """The paper's recipe."""
+        return 'paper'
 
-    def velocities(self, head_speed_m_s: float | Floats) -> Floats:
+    def velocities(self, leader_speed_m_s: float | Floats) -> Floats:
         """Return the paper's speeds along the track's tangents, shape (..., N+1, 2); the power law telescopes."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
-        speed = np.asarray(head_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
-        return read_only(-speed[..., None] * tangents(self.theta))
+        speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
+        return read_only(speed[..., None] * self.headings)
 
 
 def steps_of(t_s: float) -> int:
@@ -38,8 +43,11 @@ def steps_of(t_s: float) -> int:
     return steps
 
 
-def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> PaperChain:
+def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperChain:
     """Return the chain as the paper has it. Raises ChainLockError or TrackEndError where its recipe finds no place."""
+    segment = track.segments[0]
+    assert isinstance(segment, SpiralSegment)
+    spiral = segment.curve
     theta, rho = _head(spiral, speed_m_s, steps_of(t_s))
     thetas, radii, evaluations = [theta], [rho], 0
     for link, length_m in enumerate(_links(links_m)):
@@ -52,11 +60,11 @@ def place(spiral: Spiral, links_m: Floats, speed_m_s: float, t_s: float) -> Pape
         radii.append(spiral.b_m * thetas[-1])
     angle, radius = np.array(thetas), np.array(radii)
     p = np.stack((radius * np.cos(angle), radius * np.sin(angle)), axis=1)
-    low = np.zeros_like(angle)
-    return PaperChain(read_only(p), links_m, evaluations, read_only(angle), read_only(low), read_only(np.diff(angle)))
+    places = np.zeros(angle.shape, dtype=np.int64), angle, np.zeros_like(angle)
+    return PaperChain(read_only(p), links_m, evaluations, track, BEHIND, (MarchedLinks(0, places),))
 
 
-def _head(spiral: Spiral, speed_m_s: float, steps: int) -> tuple[float, float]:
+def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, float]:
     """Return angle and lagged radius of the head after a number of Euler steps."""
     theta = spiral.start.hi
     rho = spiral.b_m * theta

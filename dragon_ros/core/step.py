@@ -1,82 +1,51 @@
 """One tick, from the scene to the frame: start reading here.
 
-A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same bits.
+A scene is settings; ``compile_scene`` makes the simulation of it. The simulation maps a time to how far the leader has
+gone, its model maps that to the chain of all handles, and each effect that the scene calls for adds its field to the
+frame. A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same
+bits.
 """
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from functools import lru_cache
 from importlib import import_module
-from typing import TYPE_CHECKING, Any
+from types import SimpleNamespace
+from typing import Any, cast
 
 import numpy as np
 
-from dragon_ros.core import paper
-from dragon_ros.core.benches import Benches, axes_of, benches_of
-from dragon_ros.core.chain import Chain, SpiralChain, stack
-from dragon_ros.core.effects import Effect
+from dragon_ros.core.chain.chain import Chain, stack
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.march import place
-from dragon_ros.core.march_many import place_many
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
-from dragon_ros.core.walk import Place
-from dragon_ros.core.walk_chain import stacked
-
-if TYPE_CHECKING:
-    from dragon_ros.core.closeness import Closeness, Contacts
-    from dragon_ros.core.health import Health
-    from dragon_ros.core.noise import Measured
-
-
-@dataclass(frozen=True)
-class Frame:
-    """All that leaves the core at one instant; arrays are read-only, what the scene does not call for is None."""
-
-    k: int | None
-    t_ns: int
-    chain: Chain
-    axis: Floats
-    velocity_m_s: Floats | None = None
-    benches: Benches | None = None
-    closeness: 'Closeness | None' = None
-    contacts: 'Contacts | None' = None
-    acceleration_m_s2: Floats | None = None
-    tension_n_kg: Floats | None = None
-    measured: 'Measured | None' = None
-    trail_m: Floats | None = None
-    health: 'Health | None' = None
-
-
-# The field of each effect, and the function (scene, frame with what comes before) -> value; imported only where on.
-_PARTS = {
-    Effect.VELOCITY: ('velocity_m_s', 'step', '_velocity'), Effect.BENCHES: ('benches', 'step', '_benches'),
-    Effect.CLEARANCE: ('closeness', 'closeness', 'closeness'), Effect.CONTACT: ('contacts', 'closeness', 'contacts'),
-    Effect.ACCELERATIONS: ('acceleration_m_s2', 'dynamics', 'accelerations'),
-    Effect.FORCES: ('tension_n_kg', 'dynamics', 'tensions'), Effect.NOISE: ('measured', 'noise', 'measured'),
-    Effect.TRAILS: ('trail_m', 'trails', 'trail'), Effect.DIAGNOSTICS: ('health', 'health', 'health')}
 
 
 def tick(scene: Scene, k: int) -> Frame:
     """Return the frame of tick k, at the integer nanosecond ``scene.run.time_ns(k)``."""
-    if not 0 <= k <= scene.last_tick:
-        raise FieldError('k', k, f'the run has the ticks 0 to {scene.last_tick}', 'ask for one of these')
+    simulation = compile_scene(scene)
+    if not 0 <= k <= simulation.last_tick:
+        raise FieldError('k', k, f'the run has the ticks 0 to {simulation.last_tick}', 'ask for one of these')
     t_ns = scene.run.time_ns(k)
-    return frame_of(scene, k, t_ns, state(scene, t_ns / NS))
+    return frame_of(scene, k, t_ns, simulation.chain(t_ns / NS))
 
 
 def state(scene: Scene, t_s: float) -> Chain:
     """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
-    scene.check_time(t_s)
-    if scene.tier is PAPER:
-        return _as_printed(scene, t_s)
-    gone = scene.head.travelled_m(t_s)
-    if scene.led:
-        chained = scene.runs.place(scene.led.leader(gone)) if scene.runs else None
-        return chained or scene.led.chain(gone, scene.effort)
-    head = scene.spiral.inward(*gone)
-    chain = scene.table.place(head) if scene.table else scene.runs.place(Place(0, head)) if scene.runs else None
-    return chain or place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
+    return compile_scene(scene).chain(t_s)
+
+
+def states(scene: Scene, times_s: Sequence[float]) -> Chain:
+    """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
+    simulation = compile_scene(scene)
+    if simulation.tier is PAPER:
+        return stack([simulation.chain(t_s) for t_s in times_s])
+    times = np.asarray(times_s, dtype=np.float64)
+    simulation.check_times(times)
+    return simulation.model.place_many(scene.head.travelled_m(times))
 
 
 def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Floats:
@@ -88,45 +57,43 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Flo
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
-    frame = Frame(k, t_ns, chain, axes_of(chain))
+    simulation = compile_scene(scene)
+    frame = cast('Frame', SimpleNamespace(k=k, t_ns=t_ns, chain=chain, axis=axes_of(chain)))     # as far as it is known
     for name, compute in plan(scene.effects):
-        object.__setattr__(frame, name, compute(scene, frame))      # nobody else has it yet
-    return frame
+        setattr(frame, name, compute(simulation, frame))
+    return Frame(**vars(frame))
+
+
+def _velocity(simulation: Simulation, frame: Frame) -> Floats:
+    return velocity_of(simulation.scene, frame.chain, frame.t_ns / NS)
+
+
+def _benches(simulation: Simulation, frame: Frame) -> Benches:
+    return benches_of(frame.chain, simulation.scene.dragon, frame.axis)
+
+
+Compute = Callable[[Simulation, Frame], Any]
+
+
+def _in(module: str, name: str) -> Callable[[], Compute]:
+    """Return what imports a function of ``effects``: the modules of effects that are off stay unloaded."""
+    def load() -> Compute:
+        compute: Compute = getattr(import_module(f'dragon_ros.core.effects.{module}'), name)
+        return compute
+    return load
+
+
+# The field of each effect, and what returns its function (simulation, frame with what comes before) -> value.
+_PARTS: dict[Effect, tuple[str, Callable[[], Compute]]] = {
+    Effect.VELOCITY: ('velocity_m_s', lambda: _velocity), Effect.BENCHES: ('benches', lambda: _benches),
+    Effect.CLEARANCE: ('closeness', _in('proximity', 'closeness')),
+    Effect.CONTACT: ('contacts', _in('proximity', 'contacts')),
+    Effect.ACCELERATIONS: ('acceleration_m_s2', _in('dynamics', 'accelerations')),
+    Effect.FORCES: ('tension_n_kg', _in('dynamics', 'tensions')), Effect.NOISE: ('measured', _in('noise', 'measured')),
+    Effect.TRAILS: ('trail_m', _in('trails', 'trail')), Effect.DIAGNOSTICS: ('health', _in('health', 'health'))}
 
 
 @lru_cache(maxsize=256)
-def plan(effects: Effect) -> tuple[tuple[str, Callable[[Scene, Frame], Any]], ...]:
+def plan(effects: Effect) -> tuple[tuple[str, Compute], ...]:
     """Return the fields to fill, with their functions, in order."""
-    return tuple((name, getattr(import_module(f'dragon_ros.core.{module}'), function))
-                 for effect, (name, module, function) in _PARTS.items() if effect in effects)
-
-
-def _velocity(scene: Scene, frame: Frame) -> Floats:
-    return velocity_of(scene, frame.chain, frame.t_ns / NS)
-
-
-def _benches(scene: Scene, frame: Frame) -> Benches:
-    return benches_of(frame.chain, scene.dragon, frame.axis)
-
-
-def states(scene: Scene, times_s: Sequence[float]) -> Chain:
-    """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
-    if scene.tier is PAPER:
-        return stack([_as_printed(scene, t_s) for t_s in times_s])
-    times = np.asarray(times_s, dtype=np.float64)
-    scene.check_times(times)
-    gone = scene.head.travelled_m(times)
-    if scene.led:
-        if scene.runs:
-            return scene.runs.place_many(scene.led.leaders(gone))
-        return stacked([scene.led.chain(one, scene.effort) for one in zip(*map(np.ndarray.tolist, gone), strict=True)])
-    heads = scene.spiral.inward_many(*gone)
-    if scene.runs:
-        return scene.runs.place_many((np.zeros(times.shape, dtype=np.intp), *heads))
-    chains = scene.table.place_many(*heads) if scene.table else None
-    return chains or place_many(scene.spiral, scene.dragon.link_lengths_m, *heads, scene.effort)
-
-
-def _as_printed(scene: Scene, t_s: float) -> SpiralChain:
-    scene.check_time(t_s)
-    return paper.place(scene.spiral, scene.dragon.link_lengths_m, scene.steady_m_s, t_s)
+    return tuple((name, load()) for effect, (name, load) in _PARTS.items() if effect in effects)

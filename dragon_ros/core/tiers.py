@@ -1,7 +1,7 @@
-"""Accuracy as a promise in metres, and the only tolerances of the core.
+"""Accuracy as a promise in metres, and what is worked for it.
 
 A tier promises the largest position error over all handles and times of a scene. Close to a lock, where the last bit of
-the head's place moves the handles C times as much (C is ``rates.conditioning``), (C - 1) times what floats can keep is
+the head's place moves the handles C times as much (C is ``chain.conditioning``), (C - 1) times what floats can keep is
 added. A speed is promised to the same figure for each link length of error, relative to the speed and times C^2. All
 are measured against a 50-digit reference on every case of ``cost/problems.py``.
 """
@@ -9,10 +9,15 @@ from dataclasses import dataclass
 from math import inf, sqrt
 from typing import Any
 
+import numpy as np
+
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.march import Effort
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.tracks.chord import TIGHT
+from dragon_ros.core.tracks.segments import Effort
 
+_COARSEST = 0.01            # Newton steps of a link, relative: beyond it the next error is not half the square
 _FLOAT_SIZE_M = 20.0        # beyond it a float cannot keep 2e-12 m, and the exact tier grows with the coordinates
 
 
@@ -27,23 +32,23 @@ class Tier:
         """Return what is promised where coordinates reach ``size_m``."""
         return max(self.promise_m, best_m(size_m)) if self is EXACT else self.promise_m
 
-    def effort(self, size_m: float, length_m: float) -> Effort:
-        """Return the work for a chain of a total length whose coordinates reach ``size_m``.
+    def effort(self, length_m: float, near_m: float = 0.0) -> Effort:
+        """Return the work for a chain of a total length; ``near_m`` as in ``Effort``.
 
-        A Newton step e of a link leaves an error of e^2 / 2 of its length, an unchecked prediction one of about the
-        last correction; all errors may add up along the chain. A quarter of the promise is spent on the former.
+        A Newton step e of a link leaves an error of e^2 / 2 of its length; all errors may add up along the chain, and a
+        quarter of the promise is spent on them. The exact tier works as hard as floats allow.
         """
-        share = self._scaled_m(size_m) / max(length_m, 1e-300)
-        return Effort(min(sqrt(0.5 * share), 0.01), min(share, 1e-3) if self is not EXACT else 0.0)
+        share = self.promise_m / max(length_m, 1e-300)
+        return Effort(TIGHT if self is EXACT else min(sqrt(0.5 * share), _COARSEST), near_m)
 
-    def series_m(self, size_m: float) -> float:
-        """Return where the series of a shift table may end: at a tenth of the promise, or where floats do."""
-        return self._scaled_m(size_m) * (0.01 if self is EXACT else 0.1)
+    def series_m(self, size_m: Floats) -> Floats:
+        """Return where series of a shift map may end, for places so far out: at a tenth of the promise, or of floats.
 
-    def _scaled_m(self, size_m: float) -> float:
-        """Return the promise; the exact tier is as exact in the small."""
-        promise_m = self.promise_for_m(size_m)
-        return min(promise_m, best_m(_FLOAT_SIZE_M) * size_m / _FLOAT_SIZE_M) if self is EXACT else promise_m
+        The exact tier is as exact in the small: in proportion to the coordinates.
+        """
+        if self is EXACT:
+            return 0.01 * EXACT.promise_m / _FLOAT_SIZE_M * size_m
+        return np.full_like(size_m, 0.1 * self.promise_m)
 
 
 def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:

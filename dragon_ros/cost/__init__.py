@@ -1,1 +1,1 @@
-"""What accuracy and effects cost: the named hard cases, and the pages that measure them."""
+"""The cost of accuracy and effects: the named hard cases, and the pages that measure them."""

@@ -1,4 +1,4 @@
-"""``cost bag``: how fast a bag is written and how large it becomes, by compression, beside the library's writer."""
+"""``cost bag``: throughput and size of bags by compression, compared with the library's writer."""
 import tempfile
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -9,13 +9,14 @@ from matplotlib.figure import Figure
 from mcap.writer import CompressionType, Writer
 from tqdm import tqdm
 
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.cli import csv_of
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_write import BagOptions, LogWriter
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
 
 _SCENE = Scene(run=Run(300, 303, 100))
 _OWN, _LIBRARY = 'dragon_ros', 'mcap.writer'
@@ -37,17 +38,17 @@ class Written:
 
     @property
     def mb_s(self) -> float:
-        """Megabytes of messages for each second."""
+        """Megabytes of messages per second."""
         return self.raw_bytes / 1e6 / self.timing.median_s
 
     @property
     def ticks_s(self) -> float:
-        """Ticks for each second."""
+        """Ticks per second."""
         return self.ticks / self.timing.median_s
 
     @property
     def message_us(self) -> float:
-        """Microseconds for each message."""
+        """Microseconds per message."""
         return 1e6 * self.timing.median_s / self.messages
 
     @property
@@ -66,19 +67,19 @@ def measure(budget_s: float = 0.3) -> list[Written]:
         path = Path(folder) / 'bag.mcap'
         for writer, compression in tqdm(jobs, desc='cost bag', unit='bag', disable=None):
             timing = timed(partial(_WRITERS[writer], path, compression, rows), budget_s)
-            out.append(Written(writer, compression, timing, _SCENE.last_tick + 1, len(rows), raw,
+            out.append(Written(writer, compression, timing, compile_scene(_SCENE).last_tick + 1, len(rows), raw,
                                path.stat().st_size))
     return out
 
 
 def _rows() -> list[_Row]:
     encode = encoders(_SCENE)
-    frames = [tick(_SCENE, k) for k in range(_SCENE.last_tick + 1)]
+    frames = [tick(_SCENE, k) for k in range(compile_scene(_SCENE).last_tick + 1)]
     return [(name, encode[name](frame), frame.t_ns, k) for k, frame in enumerate(frames) for name in encode]
 
 
 def _own(path: Path, compression: str, rows: list[_Row]) -> None:
-    with LogWriter(path, overwrite=True, options=BagOptions(compression)) as bag:
+    with BagWriter(path, overwrite=True, options=BagOptions(compression)) as bag:
         for name in {name for name, *_ in rows}:
             bag.add_channel(name, channels()[name])
         for row in rows:
@@ -103,7 +104,7 @@ def table(rows: list[Written]) -> str:
     """Return the rows as Markdown with the circumstances above them."""
     lines = [f'{circumstances()}. {rows[0].ticks} ticks of {_SCENE.dragon.benches} benches: {rows[0].messages} '
              f'messages, {rows[0].raw_bytes / 1e6:.1f} MB.', '',
-             '| writer | compression | MB/s | us a message | ticks/s | times 100 Hz | size | kB a tick |',
+             '| writer | compression | MB/s | µs per message | ticks/s | times 100 Hz | size | kB per tick |',
              '|---|---|---:|---:|---:|---:|---:|---:|']
     lines += [f'| {row.writer} | {row.compression} | {row.mb_s:.0f} | {row.message_us:.1f} | {row.ticks_s:.0f} '
               f'| {row.ticks_s / 100:.0f} | {row.share:.1%} | {row.bag_bytes / row.ticks / 1000:.1f} |' for row in rows]
@@ -111,7 +112,7 @@ def table(rows: list[Written]) -> str:
 
 
 def summary(rows: list[Written]) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
@@ -123,7 +124,7 @@ def csv_text(rows: list[Written]) -> str:
 
 
 def picture(rows: list[Written]) -> Figure:
-    """Return throughput against size, one point a writer and compression."""
+    """Return throughput against size, one point per writer and compression."""
     figure = Figure(figsize=(8, 5), layout='constrained')
     axes = figure.subplots()
     for row in rows:

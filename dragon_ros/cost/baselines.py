@@ -1,4 +1,4 @@
-"""What a user would otherwise pick: public recipes for the same chain, written as they are usually written."""
+"""What a user would otherwise use: public recipes for the same chain, as they are usually written."""
 from collections.abc import Callable
 from functools import partial
 from math import cos, inf, pi, sin, sqrt
@@ -6,12 +6,12 @@ from math import cos, inf, pi, sin, sqrt
 import numpy as np
 from scipy.optimize import brentq, fsolve
 
-from dragon_ros.core.chain import SpiralChain
-from dragon_ros.core.march import Effort, place
+from dragon_ros.core.chain.chain import Chain, chain_of
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.path import points
-from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spiral import points
 
 Solver = Callable[[Scene, float], Floats]
 
@@ -19,7 +19,7 @@ Solver = Callable[[Scene, float], Floats]
 def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
     """Return handles (N+1, 2) by a recipe for the next angle from (theta, chord in units of b)."""
     b = scene.spiral.b_m
-    theta = [scene.spiral.inward(*scene.head.travelled_m(t_s)).hi]
+    theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(float(next_angle(theta[-1], link / b)))
     angle = np.array(theta)
@@ -64,15 +64,15 @@ def by_bisection(tolerance: float, theta: float, chord: float) -> float:
     return 0.5 * (low + high)
 
 
-def euler_steps(scene: Scene, step_s: float) -> tuple[SpiralChain, Callable[[SpiralChain], SpiralChain]]:
+def euler_steps(scene: Scene, step_s: float) -> tuple[Chain, Callable[[Chain], Chain]]:
     """Return the exact chain at 0 s and a function that advances all handles by one explicit Euler step."""
-    start = place(scene.spiral, scene.dragon.link_lengths_m, scene.spiral.start, Effort(1e-8))
+    start = compile_scene(scene).model.march((0.0, 0.0), Effort())
     b = scene.spiral.b_m
 
-    def advance(chain: SpiralChain) -> SpiralChain:
-        v = np.hypot(*velocities(chain, scene.steady_m_s).T)
-        theta = chain.theta - step_s * v / (b * np.sqrt(1 + chain.theta**2))
-        return SpiralChain(chain.p, chain.links_m, 0, theta, np.zeros_like(theta), np.diff(theta))
+    def advance(chain: Chain) -> Chain:
+        v = np.hypot(*chain.velocities(scene.steady_m_s).T)
+        theta = chain.u - step_s * v / (b * np.sqrt(1 + chain.u**2))
+        return chain_of(chain.track, chain.links_m, chain.direction, (chain.segment, theta, np.zeros_like(theta)), 0)
     return start, advance
 
 

@@ -1,12 +1,12 @@
-"""``cost``: the pages that show what accuracy and effects cost."""
+"""``cost``: measures the pages that show what accuracy and effects cost."""
 from argparse import Namespace
 from functools import partial
 from importlib import import_module
 from pathlib import Path
 
+from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import MissingError
-from dragon_ros.wire import cli, figures
 
 PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'contact': 'dragon_ros.cost.contacts',
          'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
@@ -15,19 +15,20 @@ PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'contact': 'dragon_ros.cost.con
 
 def main(argv: list[str]) -> int:
     """Measure one page; return the exit code."""
-    options = cli.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
-                         'python -m dragon_ros cost accuracy --output docs/cost')
+    options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
+                                  'python -m dragon_ros cost accuracy --output docs/cost')
     options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers; '
-                         'contact: the first contact against looking every so often, and growth with benches; '
+                         'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'tick: where the time of one tick goes; scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; effects: what each effect adds to a tick; '
-                         'memory: that of a recorder over a long run')
-    options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER', help='where it goes (cost)')
-    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds for each timing (0.3)')
+                         'memory: that of a recorder during a long run')
+    options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER',
+                         help='folder for the results (cost)')
+    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (0.3)')
     options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
-                         help='length of the run of memory (10)')
+                         help='length of the run of the page memory (10)')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')
-    return cli.guarded('cost', partial(_run, options.parse_args(argv)))
+    return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 
 
 def _run(arguments: Namespace) -> int:
@@ -47,7 +48,7 @@ def _run(arguments: Namespace) -> int:
         renew(arguments.readme, arguments.page, page.summary(rows))
         paths.append(arguments.readme)
     print('\n' + '\n'.join(map(str, paths)))
-    return cli.OK
+    return command_line.OK
 
 
 def renew(path: Path, page: str, text: str) -> None:

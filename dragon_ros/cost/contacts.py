@@ -1,4 +1,4 @@
-"""``cost contact``: finding the first contact against looking every so often, and how one check of all grows."""
+"""``cost contact``: finding the first contact against sampling at fixed steps, and the growth of one check."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -10,22 +10,22 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cost.measure import TIMES, circumstances, timed
-from dragon_ros.wire.cli import csv_of
 
 T_STAR_S = 412.473837682115         # of the classic run, to the last digit
-WIDER_S = 409.775927737801          # the same with benches 1 mm wider: a contact that lasts 0.11 s, two before the next
-_KNOWN_S = 1e-12                    # nothing can be told apart below this
-_WRONG_S = 5e-7                     # a time without a stated bound is marked from here: six decimals are wrong
+WIDER_S = 409.775927737801          # with benches 1 mm wider: a contact that lasts 0.11 s, 2 s before the next
+_KNOWN_S = 1e-12                    # times closer than this count as equal
+_WRONG_S = 5e-7                     # error from which a time without a stated bound is marked: six decimals are wrong
 _STEPS_S = (1.0, 0.1, 0.01)
 _WANTED_S = (1e-3, 1e-6, 1e-9, 1e-12)
 _WIDER = ', benches 1 mm wider'
@@ -34,7 +34,7 @@ _OWN = 'first_contact'
 
 @dataclass(frozen=True)
 class Search:
-    """One way to find a contact: its answer, the error it asks for, the overlap then, its work, and the truth."""
+    """One way to find a contact: its answer, the requested error, the overlap then, its work, and the truth."""
 
     solver: str
     wanted_s: float | None
@@ -51,7 +51,7 @@ class Search:
 
     @property
     def verdict(self) -> str:
-        """'WRONG' where the answer misses what was asked for, or its sixth decimal where nothing was."""
+        """'WRONG' where the answer misses the requested error, or its sixth decimal where none was requested."""
         return 'WRONG' if abs(self.late_s) > max(self.wanted_s or _WRONG_S, _KNOWN_S) else 'right'
 
 
@@ -91,25 +91,25 @@ def _smallest(scene: Scene, t_s: float) -> float:
 
 
 def _scanned(step_s: float, scene: Scene) -> list[Search]:
-    """Look every ``step_s`` from 0 s and report the first time with contact."""
+    """Sample every ``step_s`` from 0 s and report the first time with contact."""
     start, tick = time.perf_counter(), 0
     while (gap := _smallest(scene, tick * step_s)) > 0:
         tick += 1
     spent_s = time.perf_counter() - start
-    return [Search(f'look every {step_s:g} s', None, tick * step_s, -gap, tick + 1, spent_s)]
+    return [Search(f'sample every {step_s:g} s', None, tick * step_s, -gap, tick + 1, spent_s)]
 
 
 def _polished(wanted: tuple[float, ...], scene: Scene, what: str = '', true_s: float = T_STAR_S) -> list[Search]:
-    """Look every second, then halve the second in question until it is as short as wanted."""
+    """Sample every second, then bisect the second with the contact down to each of the ``wanted`` lengths."""
     scan = _scanned(1.0, scene)[0]
     low, high = scan.t_s - 1, scan.t_s
-    looks, start, out = scan.states, time.perf_counter(), []
+    samples, start, out = scan.states, time.perf_counter(), []
     for wanted_s in wanted:
         while high - low > wanted_s and low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if _smallest(scene, middle) <= 0 else (middle, high)
-            looks += 1
+            samples += 1
         spent_s, name = scan.spent_s + time.perf_counter() - start, f'every 1 s, then halve to {wanted_s:g} s{what}'
-        out.append(Search(name, wanted_s, high, max(0.0, -_smallest(scene, high)), looks, spent_s, true_s))
+        out.append(Search(name, wanted_s, high, max(0.0, -_smallest(scene, high)), samples, spent_s, true_s))
     return out
 
 
@@ -130,7 +130,7 @@ def _search_table(rows: Measured) -> str:
 
 
 def summary(rows: Measured) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
@@ -170,7 +170,7 @@ def _search_panel(axes: Axes, rows: Measured) -> None:
     spent = [row.spent_s for row in rows.searches]
     axes.set_xlim(0.5 * min(spent), 150 * max(spent))
     axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
-    axes.annotate('t* is known to here', (120 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
+    axes.annotate('t* is known to this', (120 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
                   fontsize=7, ha='right')
 
 

@@ -1,20 +1,18 @@
-"""The named hard cases of tracks made of pieces, of head laws and of a lead by the tail, beside ``problems``.
+"""The named hard cases of composite tracks, of head laws and of a leading tail; ``problems`` has the others.
 
-They are hard at the joints: a link across one joint or several, a handle exactly on a joint, a track that comes back so
-that a chord has several roots, a bend almost too tight to follow.
+They are hard at the joints: a link across one joint or several, a handle exactly on a joint, a track that returns to
+itself so that a chord has several roots, a bend almost too tight to follow.
 """
 from dataclasses import replace
 from functools import lru_cache
 
-from dragon_ros.core.dragon import AnyDragon, Dragon
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Piece, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn
 from dragon_ros.cost.problems import MIXED, Problem
 
-_TURNING = Scene(track=Turn(before_m=100.0), run=Run(0, 200))
+_TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 _SHORT = Dragon(12, 2.2, 2.2)
 _EXIT_S = 113.62124490682112        # the head of ``turning`` leaves the turn, to the float
 _WIGGLE: tuple[Piece, ...] = (Line(2.0), *(Arc(1.6, (-1) ** k * 20.0) for k in range(12)), Line(0.25), Line(0.25),
@@ -24,7 +22,7 @@ _WIGGLE: tuple[Piece, ...] = (Line(2.0), *(Arc(1.6, (-1) ** k * 20.0) for k in r
 def _on(name: str, why: str, pieces: tuple[Piece, ...], times_s: tuple[float, ...],
         dragon: AnyDragon | None = None) -> Problem:
     dragon = dragon or Dragon(12)
-    return Problem(name, Scene(dragon=dragon, track=Joined(pieces), run=Run(0, max(times_s))), times_s,
+    return Problem(name, Scene(dragon=dragon, track=Composite(pieces), run=Run(0, max(times_s))), times_s,
                    tuple(range(dragon.benches + 1)), why)
 
 
@@ -42,35 +40,36 @@ def dances() -> tuple[Problem, ...]:
     return (
         Problem('turning', _TURNING, (0.0, 50.0, 100.0, 100.5, 102.86, 109.0, _EXIT_S, 114.47997, 150.0, 200.0),
                 tuple(range(224)), 'the contest scene of the turn, all handles; the head on both ends of it'),
-        _like('tight', 'the second arc almost too tight for the head link', replace(_TURNING, track=Turn(
+        _like('tight', 'the second arc almost too tight for the head link', replace(_TURNING, track=STurn(
             ratio=2.12, before_m=10.0)), (0.0, 20.0, 22.0, 23.62, 25.0, 26.0)),
-        _like('equal-arcs', 'two arcs of one radius', replace(_TURNING, track=Turn(ratio=1.0)), (3.0, 8.0, 14.0)),
+        _like('equal-arcs', 'two arcs of one radius', replace(_TURNING, track=STurn(ratio=1.0)), (3.0, 8.0, 14.0)),
         *(_like(f'turn-{scale:g}', f'every length and the speed times {scale:g}', _scaled(scale), (0.0, 9.0, 20.0))
           for scale in (1e-3, 1e3)),
         _like('turn-joined-handles', 'links of zero length on a turn',
-              replace(_TURNING, dragon=Dragon(8, 3.41, 0.55), track=Turn()), (1.0, 10.0, 15.0)),
+              replace(_TURNING, dragon=Dragon(8, 3.41, 0.55), track=STurn()), (1.0, 10.0, 15.0)),
         _on('joint-at-handles', 'head and handle 1 exactly on joints, one of them between collinear lines',
             (Line(10.0), Line(2.86), Arc(2.0, 90.0), Line(10.0)), (10.0, 12.86, 14.0, 20.0)),
-        _on('wiggle', 'pieces shorter than a link: it reaches across up to five joints', _WIGGLE,
+        _on('wiggle', 'segments shorter than a link, which reaches across up to five joints', _WIGGLE,
             (2.0, 3.0, 5.0, 7.1, 8.6, 9.5, 12.0)),
-        _on('loop', 'the track crosses itself: many places behind are a link away, the first counts',
+        _on('loop', 'the track crosses itself: many places behind are a link away, and the first one counts',
             (Line(5.0), Arc(1.0, 360.0), Line(1.0), Arc(0.9, -540.0), Line(9.0)), (5.0, 8.0, 11.3, 12.0, 15.0, 22.0),
             _SHORT),
         _on('hairpin', 'a half turn almost too tight to follow', (Line(5.0), Arc(1.45, 180.0), Line(9.0)),
             (6.0, 8.0, 9.5, 9.6, 12.0)),
         _on('spirals', 'out on one spiral and in on another, left and right',
-            (Line(4.0), Wind(1.0, 2.0, 4.0, 'right'), Wind(2.0, 2.0, 1.0, 'right'), Wind(3.0, 0.8, 2.0, 'left')),
+            (Line(4.0), SpiralArc(1.0, 2.0, 4.0, 'right'), SpiralArc(2.0, 2.0, 1.0, 'right'),
+             SpiralArc(3.0, 0.8, 2.0, 'left')),
             (4.5, 20.0, 60.0, 81.0, 92.5)),
-        _on('circle', 'round and round on a circle that is continued backwards', (Arc(3.0, 90.0), Line(4.0)),
+        _on('circle', 'several rounds on a circle that is extended backwards', (Arc(3.0, 90.0), Line(4.0)),
             (0.0, 4.0, 7.0), Dragon(40)),
         _like('law', 'ramps, a turn back, a jump and a hold; times inside ramps',
               replace(_TURNING, head=law), (3.0, 8.0, 59.0, 61.3, 64.1, 70.0, 85.0, 91.7, 100.0)),
-        _like('unwinding', 'led by the tail, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
+        _like('unwinding', 'the tail leads, on one spiral', Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail')),
               (0.0, 0.1, 60.0, 300.0), 224),
         _like('mixed-by-the-tail', 'benches of six lengths behind their tail, links in reverse on a turn',
-              Scene(dragon=MIXED, track=Turn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
-        _like('turn-by-the-tail', 'led by the tail, back through a turn that the head had left',
-              replace(_TURNING, dragon=Dragon(30), track=Turn(before_m=-20.0), head=Head(0.7, 'tail')),
+              Scene(dragon=MIXED, track=STurn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
+        _like('turn-by-the-tail', 'the tail leads back through a turn that the head has left',
+              replace(_TURNING, dragon=Dragon(30), track=STurn(before_m=-20.0), head=Head(0.7, 'tail')),
               (0.0, 5.0, 20.0, 40.0)),
     )
 
@@ -78,4 +77,4 @@ def dances() -> tuple[Problem, ...]:
 def _scaled(scale: float) -> Scene:
     d = Dragon(30)
     dragon = Dragon(30, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale)
-    return Scene(dragon=dragon, track=Turn(1.7 * scale, 9.0 * scale, 2.0), head=Head(scale))
+    return Scene(dragon=dragon, track=STurn(1.7 * scale, 9.0 * scale, 2.0), head=Head(scale))

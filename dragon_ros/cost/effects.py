@@ -7,11 +7,11 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from dragon_ros.core.effects import known
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.flags import known
 from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.cost.prices import ALONE, Price, Whole, price, wholes
-from dragon_ros.wire.cli import csv_of
-from dragon_ros.wire.scenes import load_scene, scene_names
+from dragon_ros.scenes.load import load_scene, scene_names
 
 
 @dataclass(frozen=True)
@@ -34,12 +34,12 @@ def measure(budget_s: float = 0.3) -> Measured:
 def table(rows: Measured) -> str:
     """Return both tables as Markdown with the circumstances above them."""
     scenes = list(dict.fromkeys(row.scene for row in rows.prices))
-    lines = [f'{circumstances()}.', '', '| us a tick | bytes | ' + ' | '.join(scenes) + ' |',
+    lines = [f'{circumstances()}.', '', '| µs per tick | bytes | ' + ' | '.join(scenes) + ' |',
              '|---|---:|' + '---:|' * len(scenes)]
     for effect in dict.fromkeys(row.effect for row in rows.prices):
         mine = {row.scene: row for row in rows.prices if row.effect == effect}
         lines.append(f'| {effect} | {mine[ALONE].size:,} | ' + ' | '.join(_cell(mine[name]) for name in scenes) + ' |')
-    lines += ['', '| a whole tick of the classic scene | us | quartiles | times | of |', '|---|---:|---|---:|---|']
+    lines += ['', '| a whole tick of the classic scene | µs | quartiles | times | of |', '|---|---:|---|---:|---|']
     lines += [f'| {row.name} | {row.timing.median_s * 1e6:.0f} | {row.timing.low_s * 1e6:.0f} to '
               f'{row.timing.high_s * 1e6:.0f} | {row.ratio:.3f} | {row.over} |' for row in rows.wholes]
     return '\n'.join(lines)
@@ -50,7 +50,7 @@ def _cell(row: Price) -> str:
 
 
 def summary(rows: Measured) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
@@ -84,11 +84,11 @@ def _price_panel(axes: Axes, prices: list[Price]) -> None:
             us = row.timing.median_s * 1e6
             axes.barh(n + shift, us, 0.36, color=colour, label=scene if n == 0 else None)
             size = f', {row.size:,} bytes' if scene == ALONE else ''
-            axes.annotate(f'{us:.3g} us{size}', (max(us, 0.0), n + shift), xytext=(4, 0), textcoords='offset points',
+            axes.annotate(f'{us:.3g} µs{size}', (max(us, 0.0), n + shift), xytext=(4, 0), textcoords='offset points',
                           va='center', fontsize=8)
     axes.set_yticks(range(len(names)), names)
     axes.invert_yaxis()
-    axes.set(xlabel='added to a tick, computed and encoded (us)', title='What each effect adds')
+    axes.set(xlabel='added to a tick, computed and encoded (µs)', title='What each effect adds')
     axes.set_xlim(right=1.25 * axes.get_xlim()[1])
     axes.legend(loc='lower right', fontsize=9)
 
@@ -98,10 +98,10 @@ def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
     for n, row in enumerate(shown.values()):
         us = row.timing.median_s * 1e6
         axes.barh(n, us, 0.6, color='#009E73')
-        axes.annotate(f'{us:.0f} us', (us, n), xytext=(4, 0), textcoords='offset points', va='center', fontsize=9)
+        axes.annotate(f'{us:.0f} µs', (us, n), xytext=(4, 0), textcoords='offset points', va='center', fontsize=9)
     axes.set_yticks(range(len(shown)), list(shown))
     axes.invert_yaxis()
-    axes.set(xlabel='a whole tick, computed and encoded (us)', title='Whole ticks of the classic dragon')
+    axes.set(xlabel='a whole tick, computed and encoded (µs)', title='Whole ticks of the classic dragon')
     axes.set_xlim(right=1.2 * axes.get_xlim()[1])
 
 

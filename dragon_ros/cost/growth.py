@@ -1,4 +1,4 @@
-"""How one check of all benches for contact grows with their number: three ways, and all that the monitor does."""
+"""The growth of one contact check of all benches with their number: three methods, and the whole monitor."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
@@ -7,11 +7,11 @@ from itertools import count
 import numpy as np
 from matplotlib.axes import Axes
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.contact.tracker import NEAR_M, Sight, Watch
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
@@ -19,7 +19,7 @@ from dragon_ros.cost.measure import Timing, timed
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 20_000, 30_000, 100_000)
 _MOST_OF_ALL_PAIRS = 3000
-_ALL, _BOXES, _LAYER, _WATCH = 'all pairs', 'STRtree', 'adjacent layer', "the monitor's look"
+_ALL, _BOXES, _LAYER, _WATCH = 'all pairs', 'STRtree', 'adjacent layer', "the monitor's check"
 _COLOURS = {_ALL: '#D55E00', _BOXES: '#E69F00', _LAYER: '#0072B2', _WATCH: '#009E73'}
 _MARKERS = {_ALL: 's', _BOXES: '^', _LAYER: 'o', _WATCH: 'v'}
 _SAME_M = 1e-12
@@ -28,7 +28,7 @@ METHODS = tuple(_COLOURS)
 
 @dataclass(frozen=True)
 class Check:
-    """One look at all benches of a dragon: candidates and gaps. ``right`` tells if the smallest gap is."""
+    """One check of all benches of a dragon: candidates and gaps. ``right`` is whether the smallest gap is."""
 
     method: str
     benches: int
@@ -38,7 +38,7 @@ class Check:
 
 
 def checks_of(size: int, budget_s: float) -> list[Check]:
-    """Check a dragon of so many benches at 300 s in each way; compare first, then time."""
+    """Check a dragon of this many benches at 300 s with each method; compare first, then time."""
     scene = Scene(dragon=Dragon(size))
     chain = state(scene, 300.0)
     benches = benches_of(chain, scene.dragon, axes_of(chain))
@@ -48,16 +48,16 @@ def checks_of(size: int, budget_s: float) -> list[Check]:
         _LAYER: lambda: candidates(chain.p, benches)}
     if size > _MOST_OF_ALL_PAIRS:
         del ways[_ALL]
-    looks = {way: _look(benches, *pairs()) for way, pairs in ways.items()}
-    least = min(gap for _, gap in looks.values())
-    out = [Check(way, size, looks[way][0], _agree(looks[way][1], least, reach),
-                 timed(partial(_looked, benches, pairs), budget_s, 3))
+    found = {way: _smallest_of(benches, *pairs()) for way, pairs in ways.items()}
+    least = min(gap for _, gap in found.values())
+    out = [Check(way, size, found[way][0], _agree(found[way][1], least, reach),
+                 timed(partial(_checked, benches, pairs), budget_s, 3))
            for way, pairs in ways.items()]
     return [*out, _watched(chain.p, benches, least, budget_s)]
 
 
-def _looked(benches: Benches, pairs: Callable[[], tuple[Ints, Ints]]) -> tuple[int, float]:
-    return _look(benches, *pairs())
+def _checked(benches: Benches, pairs: Callable[[], tuple[Ints, Ints]]) -> tuple[int, float]:
+    return _smallest_of(benches, *pairs())
 
 
 def _agree(gap: float, least: float, reach: float) -> bool:
@@ -65,13 +65,13 @@ def _agree(gap: float, least: float, reach: float) -> bool:
 
 
 def _watched(p: Floats, benches: Benches, least: float, budget_s: float) -> Check:
-    """Look as the monitor does, tick after tick: order, candidates, gaps and episodes, without the messages."""
+    """Check as the monitor does, tick by tick: order, candidates, gaps and contact intervals, without messages."""
     watch, ticks = Watch(), count(1)
 
-    def look() -> float:
+    def check() -> float:
         return watch.look(Sight(next(ticks) * 20_000_000, p, benches))[0].clearance_m
-    return Check(_WATCH, len(benches.centre), candidates(p, benches, NEAR_M)[0].size, _agree(look(), least, NEAR_M),
-                 timed(look, budget_s, 3))
+    return Check(_WATCH, len(benches.centre), candidates(p, benches, NEAR_M)[0].size, _agree(check(), least, NEAR_M),
+                 timed(check, budget_s, 3))
 
 
 def _every(size: int) -> tuple[Ints, Ints]:
@@ -79,8 +79,8 @@ def _every(size: int) -> tuple[Ints, Ints]:
     return i, j
 
 
-def _look(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
-    """Return how many pairs were looked at, and their smallest gap."""
+def _smallest_of(benches: Benches, i: Ints, j: Ints) -> tuple[int, float]:
+    """Return how many pairs were examined, and their smallest gap."""
     return i.size, float(np.min(gaps(benches, i, j), initial=np.inf))
 
 
@@ -92,7 +92,7 @@ def exponent(checks: list[Check], method: str) -> float:
 
 
 def check_table(checks: list[Check]) -> str:
-    """Return the checks as a Markdown table, a line for each size."""
+    """Return the checks as a Markdown table, one line per size."""
     methods = list(METHODS)
     lines = ['| ms for one check of N benches | ' + ' | '.join(methods) + ' | pairs: ' + ', '.join(methods) + ' |',
              '|---:|' + '---:|' * len(methods) + '---:|']

@@ -1,4 +1,4 @@
-"""Sim, monitor and recorder as processes over DDS: what rate they hold, at what CPU, and whether anything is lost."""
+"""Sim, monitor and recorder as processes over DDS: the rate that they hold, their CPU time, and losses."""
 import re
 import signal
 import subprocess
@@ -12,9 +12,9 @@ from tempfile import TemporaryDirectory
 
 import psutil
 
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.errors import DragonError
-from dragon_ros.wire.domain import free_domain, local_environment
-from dragon_ros.wire.log_read import LogReader
 
 ROLES = ('sim', 'monitor', 'record')
 RATES_HZ = (5, 10, 20, 30, 50, 70, 100, 150, 200, 300, 500, 700, 1000, 1500, 2000, 3000)
@@ -28,7 +28,7 @@ _OVERRUNS, _SEEN = re.compile(r'; (\d+) overruns'), re.compile(r'saw (\d+) ticks
 
 @dataclass(frozen=True)
 class Usage:
-    """CPU of one process in cores, and how much its memory grew, from the first to the last look at it."""
+    """CPU of one process in cores, and the growth of its memory, from the first to the last sample."""
 
     cores: float
     rss_mb: float
@@ -37,7 +37,7 @@ class Usage:
 
 @dataclass(frozen=True)
 class Live:
-    """One run: benches, ticks a second (0: as fast as the readers follow), ticks, wall time, what went wrong."""
+    """One run: benches, ticks per second (0: as fast as the readers follow), ticks, wall time, overruns and losses."""
 
     benches: int
     rate_hz: float
@@ -59,12 +59,12 @@ class Live:
 
     @property
     def reached_hz(self) -> float:
-        """Ticks for each second of wall time."""
+        """Ticks per second of wall time."""
         return self.ticks / self.wall_s
 
 
 def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Live:
-    """Run so many ticks at a rate (0: as fast as the readers follow) with monitor and recorder."""
+    """Run this many ticks at a rate (0: as fast as the readers follow) with monitor and recorder."""
     rate = rate_hz or 50.0
     stop_s = _START_S + (ticks - 1) / rate
     with TemporaryDirectory() as name, processes(Path(name)) as start:
@@ -79,7 +79,7 @@ def run(benches: int, rate_hz: float, ticks: int, markers: str = 'cubes') -> Liv
         start.running['monitor'].send_signal(signal.SIGINT)
         ended(start.running['monitor'])
         overruns, seen = (_number(*which) for which in ((_OVERRUNS, start.text()), (_SEEN, start.text('monitor'))))
-        with LogReader(bag) as reader:
+        with BagReader(bag) as reader:
             counts = {topic.name.removeprefix('/dragon/'): topic.messages for topic in reader.topics}
     missing = {'seen': ticks - seen, **{topic: ticks - counts.get(topic, 0) for topic in _COUNTED}}
     return Live(benches, rate_hz, ticks, wall_s, overruns, missing, usage)
@@ -162,7 +162,7 @@ def alive(start: Start, deadline: float) -> None:
 
 
 def ended(process: 'subprocess.Popen[bytes]') -> None:
-    """Wait for the end of a process. Raises DragonError where it does not come."""
+    """Wait for the end of a process. Raises DragonError where it hangs."""
     try:
         process.wait(timeout=_LONGEST_S)
     except subprocess.TimeoutExpired:
@@ -170,6 +170,6 @@ def ended(process: 'subprocess.Popen[bytes]') -> None:
 
 
 def _number(pattern: 're.Pattern[str]', text: str) -> int:
-    """Return the number that a log tells, 0 where it tells none."""
+    """Return the number that a log contains, 0 if there is none."""
     found = pattern.search(text)
     return int(found[1]) if found else 0

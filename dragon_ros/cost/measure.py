@@ -1,4 +1,4 @@
-"""Measuring: medians with spread, the first call apart, and what machine it was."""
+"""Measuring: medians with their spread, without the first call, and a description of the machine."""
 import platform
 import sys
 import time
@@ -16,7 +16,7 @@ TIMES = ('median_s', 'low_s', 'high_s', 'calls')
 
 @dataclass(frozen=True)
 class Timing:
-    """Seconds a call: median, quartiles, and how many calls after the first."""
+    """Seconds per call: median, quartiles, and the number of calls after the first."""
 
     median_s: float
     low_s: float

@@ -1,4 +1,4 @@
-"""``cost memory``: the resident memory of a recorder over a long run, and how fast it grows once it runs."""
+"""``cost memory``: the resident memory of a recorder during a long run, and its growth."""
 import csv
 import io
 import time
@@ -13,15 +13,15 @@ from matplotlib.figure import Figure
 from mcap.reader import make_reader
 from tqdm import tqdm
 
+from dragon_ros.bags.write.mcap import packed_bytes
 from dragon_ros.cost.live import Start, alive, ended, processes
 from dragon_ros.cost.measure import circumstances
-from dragon_ros.wire.mcap_parts import packed_bytes
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')
-_WAY_M = 400.0          # of the head in the run, however long it takes: the bytes of a tick are always as many
+_WAY_M = 400.0          # path of the head in the run, whatever its duration: the size of a tick is constant
 _EACH_S = 5.0
 _SETTLED_S = 60.0       # growth is fitted from here on, or from a tenth of a shorter run
-_STEP_MB = 0.1          # between two looks: a backlog, whose room the middleware keeps
+_STEP_MB = 0.1          # change between two samples: a backlog, whose memory the middleware keeps
 
 
 @dataclass(frozen=True)
@@ -29,7 +29,7 @@ class Recorded:
     """A recording: its resident memory (MB) at times (s), what it missed, and its bag."""
 
     seconds: float
-    looks: tuple[tuple[float, float], ...]
+    samples: tuple[tuple[float, float], ...]
     ticks: int
     missing: int
     chunks: int
@@ -38,41 +38,41 @@ class Recorded:
 
     @property
     def settled(self) -> list[tuple[float, float]]:
-        """The looks that growth is told from."""
-        return [look for look in self.looks if look[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
+        """The samples from which growth is fitted."""
+        return [sample for sample in self.samples if sample[0] >= min(_SETTLED_S, 0.1 * self.seconds)]
 
     @property
     def fit(self) -> tuple[float, float]:
-        """Growth in MB a second, and MB at time 0."""
+        """Growth in MB per second, and MB at time 0."""
         times_s, resident_mb = np.array(self.settled).T
         slope, start = np.polyfit(times_s, resident_mb, 1)
         return float(slope), float(start)
 
     @property
     def grows_kb_min(self) -> float:
-        """Growth in kB a minute."""
+        """Growth in kB per minute."""
         return 6e4 * self.fit[0]
 
     @property
     def steps_mb(self) -> float:
-        """Growth in steps: where the recorder was held up and messages waited for it."""
+        """Growth in steps: where the recorder was delayed and messages were queued."""
         changes = np.diff([mb for _, mb in self.settled])
         return float(np.sum(changes[np.abs(changes) >= _STEP_MB]))
 
     @property
     def creeps_kb_min(self) -> float:
-        """Growth in kB a minute without the steps."""
+        """Growth in kB per minute without the steps."""
         (first_s, first), (last_s, last) = self.settled[0], self.settled[-1]
         return 6e4 * (last - first - self.steps_mb) / (last_s - first_s)
 
     @property
     def index_kb_min(self) -> float:
-        """What is kept of the chunks for the index at the end, in kB a minute."""
+        """What is kept of chunks for the final index, in kB per minute."""
         return 0.06 * self.index_bytes / self.seconds
 
 
 def measure(run_s: float = 600.0) -> Recorded:
-    """Record a run of so many seconds; progress goes to standard error."""
+    """Record a run of this many seconds; progress goes to standard error."""
     ticks = round(run_s * _RATE_HZ)
     with TemporaryDirectory() as name, processes(Path(name)) as start:
         bag = Path(name) / 'run.mcap'
@@ -80,12 +80,12 @@ def measure(run_s: float = 600.0) -> Recorded:
         start('sim', '--set', f'dragon.benches={_BENCHES}', '--set', f'head.speed_m_s={_WAY_M / run_s!r}', '--set',
               f'run.stop_s={(ticks - 1) / _RATE_HZ!r}', '--ros-args', '-p', f'rate_hz:={float(_RATE_HZ)}', '-p',
               f'wait_subscribers:=[{",".join(f"{topic}=1" for topic in _TOPICS)}]')
-        looks = _watched(start, psutil.Process(record.pid), run_s)
+        samples = _watched(start, psutil.Process(record.pid), run_s)
         ended(record)
-        return _recorded(bag, run_s, ticks, looks)
+        return _recorded(bag, run_s, ticks, samples)
 
 
-def _recorded(bag: Path, run_s: float, ticks: int, looks: list[tuple[float, float]]) -> Recorded:
+def _recorded(bag: Path, run_s: float, ticks: int, samples: list[tuple[float, float]]) -> Recorded:
     with bag.open('rb') as file:
         summary = make_reader(file).get_summary()
     assert summary is not None
@@ -94,7 +94,7 @@ def _recorded(bag: Path, run_s: float, ticks: int, looks: list[tuple[float, floa
               for number, channel in summary.channels.items()}
     missing = sum(ticks - counts.get(f'/dragon/{topic}', 0) for topic in _TOPICS)
     kept = sum(packed_bytes(len(chunk.message_index_offsets)) for chunk in summary.chunk_indexes)
-    return Recorded(run_s, tuple(looks), ticks, missing, len(summary.chunk_indexes), kept, bag.stat().st_size)
+    return Recorded(run_s, tuple(samples), ticks, missing, len(summary.chunk_indexes), kept, bag.stat().st_size)
 
 
 def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[float, float]]:
@@ -115,7 +115,7 @@ def _watched(start: Start, process: psutil.Process, run_s: float) -> list[tuple[
 
 def table(row: Recorded) -> str:
     """Return the run as Markdown with the circumstances above it."""
-    (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.looks)
+    (first_s, first), (_, last), most = row.settled[0], row.settled[-1], max(mb for _, mb in row.samples)
     return '\n'.join([
         f'{circumstances()}. {row.ticks:,} ticks of {_BENCHES} benches at {_RATE_HZ} Hz over DDS, zstd.', '',
         '| recorded (min) | missing | resident (MB) after | at the end | most | grows (kB/min) | of that in steps (MB) '
@@ -123,20 +123,20 @@ def table(row: Recorded) -> str:
         f'| {row.seconds / 60:.3g} | {row.missing} | {first_s:.0f} s: {first:.2f} | {last:.2f} | {most:.2f} '
         f'| {row.grows_kb_min:.0f} | {row.steps_mb:.2f} | {row.creeps_kb_min:.0f} | {row.index_kb_min:.0f} '
         f'| {row.chunks:,} | {row.bag_bytes / 1e6:.0f} |', '',
-        'A step is a change of 0.1 MB or more within 5 s: a recorder that is held up finds a backlog afterwards, and '
-        'the middleware keeps the room of the largest.'])
+        'A step is a change of 0.1 MB or more within 5 s: a recorder that is delayed finds a backlog afterwards, and '
+        'the middleware keeps the memory of the largest.'])
 
 
 def summary(row: Recorded) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(row)
 
 
 def csv_text(row: Recorded) -> str:
-    """Return the looks as CSV."""
+    """Return the samples as CSV."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator='\n')
-    writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.looks)])
+    writer.writerows([('seconds', 'resident_mb'), *((f'{t_s:.2f}', f'{mb:.3f}') for t_s, mb in row.samples)])
     return out.getvalue()
 
 
@@ -144,13 +144,13 @@ def picture(row: Recorded) -> Figure:
     """Return resident memory against time, with the fitted growth."""
     figure = Figure(figsize=(8, 4), layout='constrained')
     axes = figure.subplots()
-    axes.plot(*zip(*row.looks, strict=True), '.', color='#0072B2', label='resident')
+    axes.plot(*zip(*row.samples, strict=True), '.', color='#0072B2', label='resident')
     slope, start = row.fit
     ends = np.array([row.settled[0][0], row.settled[-1][0]])
     axes.plot(ends, start + slope * ends, '-', color='#D55E00', label=f'grows by {row.grows_kb_min:.0f} kB/min')
     axes.set(xlabel='time (s)', ylabel='memory of the recorder (MB)',
              title=f'Recording {_BENCHES} benches at {_RATE_HZ} Hz')
-    axes.set_ylim(0, 1.15 * max(mb for _, mb in row.looks))
+    axes.set_ylim(0, 1.15 * max(mb for _, mb in row.samples))
     axes.grid(True, linewidth=0.4)
     axes.legend(loc='lower right')
     figure.supxlabel(circumstances(), fontsize=7)

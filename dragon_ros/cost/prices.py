@@ -1,25 +1,25 @@
-"""What each effect adds to a tick, and whole ticks side by side."""
+"""The price of each effect in a tick, and whole ticks side by side."""
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from itertools import count
 from statistics import median, quantiles
 
-from dragon_ros.core.benches import axes_of
-from dragon_ros.core.effects import NEEDS, Effect, known
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.chain.rectangles import axes_of
+from dragon_ros.core.flags import NEEDS, Effect, known
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, plan, state, tick
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire.cdr import PoseArrayTemplate
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.encode import Encode, encoders
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.cdr import PoseArrayTemplate
+from dragon_ros.messages.channels import live
+from dragon_ros.messages.encode import Encode, encoders
+from dragon_ros.scenes.load import load_scene
 
 ALONE = 'alone'
 ALL = ~Effect.NONE
 _LEAST, _MOST = 15, 400         # calls
-_TICKS, _PLACES = 97, 7         # ticks apart, and places along the run: successive calls are of unlike ones
+_TICKS, _PLACES = 97, 7         # distance of ticks, and places along the run: successive calls are for different ones
 Call = Callable[[], object]
 
 
@@ -27,7 +27,7 @@ Call = Callable[[], object]
 class Price:
     """What an effect adds to a tick of a scene (ALONE: of the classic one with what it needs), and to its bytes.
 
-    ``timing`` is None where the scene refuses the effect, or where nothing is computed for it.
+    ``timing`` is None where nothing is computed for it.
     """
 
     effect: str
@@ -47,15 +47,12 @@ class Whole:
 
 
 def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
-    """Return what an effect adds to a scene that has all that it needs, and nothing that needs it.
+    """Return what an effect adds to a scene that has all effects that it needs, and none that need it.
 
-    Timed is what it alone does: fill its field of a frame that has the others, and encode its topics.
+    Only its own work is timed: filling its field of a frame that has the others, and encoding its topics.
     """
     without = scene.effects & ~effect & ~_above(effect) | _below(effect)
-    try:
-        off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
-    except FieldError:
-        return Price(effect.names[0], name, 0, None)
+    off, on = (replace(scene, effects=effects) for effects in (without, without | effect))
     encode = encoders(on)
     encode = {row.name: encode[row.name] for row in live(on.effects) if row.effect is effect}
     size = sum(len(one(tick(on, 0))) for one in encode.values())
@@ -64,14 +61,15 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
 
 def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
     """Time an effect's own work on frames of a scene that is without it, each of them new."""
-    times = [scene.run.time_ns(k * scene.last_tick // _PLACES) for k in range(_PLACES)]
+    simulation = compile_scene(scene)
+    times = [scene.run.time_ns(k * simulation.last_tick // _PLACES) for k in range(_PLACES)]
     spent: list[float] = []
     while len(spent) <= _LEAST or (sum(spent) < budget_s and len(spent) < _MOST):
         t_ns = times[len(spent) % _PLACES]
         frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
         for name, compute in plan(effect):
-            object.__setattr__(frame, name, compute(scene, frame))      # as frame_of does
+            frame = replace(frame, **{name: compute(simulation, frame)})     # as frame_of does
         for one in encode:
             one(frame)
         spent.append(time.perf_counter() - start)
@@ -79,7 +77,7 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
 
 
 def wholes(budget_s: float) -> list[Whole]:
-    """Return whole ticks: everything on, the defaults, nothing on, and a program that knows no effects."""
+    """Return whole ticks: all effects, the defaults, none, and a program without effects."""
     scene = load_scene('minimal')
     everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
     rows = [('everything on', worker(everything), 'minimal', worker(scene)),
@@ -96,7 +94,7 @@ def wholes(budget_s: float) -> list[Whole]:
 def worker(scene: Scene) -> Call:
     """Return a call that computes and encodes one tick of a scene, another each time."""
     encode, numbers = encoders(scene), count(0, _TICKS)
-    ticks = scene.last_tick + 1
+    ticks = compile_scene(scene).last_tick + 1
 
     def work() -> object:
         frame = tick(scene, next(numbers) % ticks)
@@ -105,9 +103,9 @@ def worker(scene: Scene) -> Call:
 
 
 def bare(scene: Scene) -> Call:
-    """Return a call that does the same for handles alone, written out as if there were no effects."""
+    """Return a call that does the same for handles alone, written as if effects did not exist."""
     template, numbers = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon'), count(0, _TICKS)
-    ticks = scene.last_tick + 1
+    ticks = compile_scene(scene).last_tick + 1
 
     def work() -> object:
         t_ns = scene.run.time_ns(next(numbers) % ticks)

@@ -1,20 +1,20 @@
 """The named hard cases: one list, with ladders towards each singularity, shared by the tests and the cost pages.
 
-Reference positions and speeds for every case, to 50 digits, are in ``test/data`` beside the script that makes them.
+Reference positions and speeds of every case, to 50 digits, are in ``test/data`` beside the script that computes them.
 """
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi
 
-from dragon_ros.core.dragon import AnyDragon, Dragon, Group, Mixed
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Spiral
 
 
 @dataclass(frozen=True)
 class Problem:
-    """A scene, the times at which it is hard, and the handles that the reference holds (the worst are among them)."""
+    """A scene, the times at which it is hard, and the handles in the reference (the worst are among them)."""
 
     name: str
     scene: Scene
@@ -24,7 +24,7 @@ class Problem:
 
 
 _CLASSIC = Scene()
-_LOCK_S = 432.91792422838296       # of the classic dragon, to the float; the model's own is tested against it
+_LOCK_S = 432.91792422838296       # of the classic dragon, to the nearest float; the model's is tested against it
 _ALL = tuple(range(224))
 MIXED = Mixed((Group(3.41), Group(2.2, 10), Group(1.1), Group(4.0, 2), Group(0.55), Group(0.9, 15), Group(2.2, 10)))
 _LONG_FOURTH, _FOURTH_LOCKS_S = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6))), 430.61003584845963
@@ -61,12 +61,12 @@ def problems() -> tuple[Problem, ...]:
                 'the contest scene, all handles'),
         *(Problem(f'lock-1e-{k}', twenty, (_LOCK_S - 10.0 ** -k,), tuple(range(21)),
                   f'1e-{k} s before the smallest root of the chord equation vanishes') for k in range(0, 13, 2)),
-        _with('across', 'the first link stands almost across the track: its follower stops and turns back',
+        _with('across', 'the first link is almost perpendicular to the track: its follower stops and turns back',
               (432.0, 432.3, 432.5, 432.6, 432.7, 432.8), Dragon(20)),
         _with('inner-turn', 'short links down to the last turn before the centre', (0.0, 2.5, 3.0, 3.1),
               Dragon(40, 0.7, 0.65), Spiral(0.55, 1.4)),
         _with('centre', 'the head reaches the centre itself', (0.0, 6.0, 6.425), Dragon(6, 0.6, 0.6), Spiral(1.0, 1.4)),
-        _with('link-beyond-diameter', 'a head link longer than the diameter where its front is', (432.85, 432.9),
+        _with('link-beyond-diameter', 'a head link longer than the diameter at its front', (432.85, 432.9),
               Dragon(20)),
         _with('link-is-diameter', 'a head link of exactly the diameter 2 theta + pi', (0.0,), Dragon(20), diameter),
         _with('tiny-pitch', 'eight thousand turns, almost circles', (0.0, 100.0, 1000.0, 1.9e5), None,
@@ -80,7 +80,7 @@ def problems() -> tuple[Problem, ...]:
         _with('far-1e9', 'polar angles near 1e9 rad', (0.0, 300.0), None, Spiral(0.55, 1e9 / (2 * pi))),
         _with('joined-handles', 'body links of zero length', (0.0, 300.0), Dragon(10, 3.41, 0.55)),
         _with('almost-joined', 'body links of a nanometre', (0.0, 300.0), Dragon(10, 3.41, 0.55 + 1e-9)),
-        _with('mixed', 'benches of six lengths, one of them with both handles in one place', (0.0, 300.0, 412.0, 432.0),
+        _with('mixed', 'benches of six lengths, one of them with coinciding handles', (0.0, 300.0, 412.0, 432.0),
               MIXED),
         _with('mixed-lock', 'a long fourth link that vanishes first, 1e-2 to 1e-8 s before',
               tuple(_FOURTH_LOCKS_S - 10.0 ** -k for k in (2, 4, 6, 8)), _LONG_FOURTH),

@@ -1,4 +1,4 @@
-"""The 50-digit reference of the hard cases, and how far a solver is from it."""
+"""The 50-digit reference of the hard cases, and the error of a solver against it."""
 import json
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -21,7 +21,7 @@ Solve = Callable[[float], tuple[Floats, Floats]]
 
 @dataclass(frozen=True)
 class Truth:
-    """Wanted handles at the times of a problem, each number as a float and what it misses.
+    """Reference handles at the times of a problem, each number as a float and its remainder.
 
     (times, handles, 3): x, y, speed; or (times, handles, 4): x, y, vx, vy.
     """
@@ -50,7 +50,7 @@ def _everything() -> dict[str, Any]:
 
 @lru_cache(maxsize=64)
 def truth(problem: Problem) -> Truth:
-    """Return the reference of a hard case. Raises MissingError where it has none for these times and handles."""
+    """Return the reference of a hard case. Raises MissingError where it lacks these times and handles."""
     row = _everything().get(problem.name)
     if row is None or tuple(row['times_s']) != problem.times_s or tuple(
             row['handles']) != problem.handles:

@@ -1,29 +1,30 @@
 """``cost scale``: time and memory of each stage from 10 to 100,000 benches, and the rates that processes hold."""
 import tracemalloc
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
+from time import perf_counter
 
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
-from dragon_ros.cost import builds
-from dragon_ros.cost.builds import Build, build
+from dragon_ros.core.shift_map.table import Tile
 from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
-from dragon_ros.wire.cli import csv_of
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
 _AT_S = 300.0
 _FITTED = 1000          # exponents are fitted from here on
-_LIVE_TIMES = 10        # a live run is so many times as long as a timing
+_LIVE_TIMES = 10        # length of a live run in timings
 _COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#CCBB00', '#E69F00', '#D55E00'), strict=True))
 
 _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
@@ -31,13 +32,24 @@ _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
 
 @dataclass(frozen=True)
 class Stage:
-    """One stage at one number of benches: its time, and the most memory that it held at once, in bytes."""
+    """One stage at one number of benches: its time, and its peak memory in bytes."""
 
     solver: str
     stage: str
     benches: int
     timing: Timing
     peak_bytes: int
+
+
+@dataclass(frozen=True)
+class Build:
+    """The table of one dragon: rows, terms of its series, seconds to build it, bytes."""
+
+    benches: int
+    rows: int
+    terms: int
+    seconds: float
+    memory_bytes: int
 
 
 @dataclass(frozen=True)
@@ -69,13 +81,29 @@ def _stages(solver: str, benches: int, budget_s: float) -> list[Stage]:
 
 
 def _peak(call: Callable[[], object]) -> int:
-    """Return the most bytes that a call held at once (a call apart: tracing slows it)."""
+    """Return the peak memory of a call in bytes (in a separate call, since tracing slows it)."""
     tracemalloc.start()
     try:
         call()
         return tracemalloc.get_traced_memory()[1]
     finally:
         tracemalloc.stop()
+
+
+def build(scene: Scene) -> Build | None:
+    """Return what the first tile of a scene's shift map costs, the faster of two builds; None where it has none."""
+    spent, tiles, gone_m = [], list[Tile](), scene.head.travelled_m(scene.run.start_s)
+    for _ in range(2):
+        model = replace(compile_scene(scene).model)     # a model keeps its tiles
+        leader = model.leader.place(gone_m)
+        start = perf_counter()
+        model.placement.place(leader)
+        spent.append(perf_counter() - start)
+        tiles = [tile for shift in model.placement.maps.values() for tile in shift.tiles]
+    if not tiles:
+        return None
+    table = tiles[0].table
+    return Build(scene.dragon.benches, table.rows, table.nodes, min(spent), table.memory_bytes)
 
 
 def exponent(rows: list[Stage], value: Callable[[Stage], float]) -> float:
@@ -91,7 +119,7 @@ def table(rows: Measured) -> str:
         mine = [row for row in rows.stages if row.solver == solver]
         parts += [_stage_table(f'ms of N benches ({solver}, exact)', mine, _milliseconds, '.3g'),
                   _stage_table(f'MB at once ({solver}, exact)', mine, _megabytes, '.3g')]
-    return '\n\n'.join([*parts, builds.markdown(rows.builds), _live_table(rows)])
+    return '\n\n'.join([*parts, _build_table(rows.builds), _live_table(rows)])
 
 
 def _stage_table(title: str, rows: list[Stage], value: Callable[[Stage], float], form: str) -> str:
@@ -111,8 +139,17 @@ def _megabytes(row: Stage) -> float:
     return row.peak_bytes / 1e6
 
 
+def _build_table(rows: list[Build]) -> str:
+    """Return the rows as a Markdown table."""
+    lines = ['| shift table of N benches | rows | terms | built in (ms) | memory (MB) |', '|---:|---:|---:|---:|---:|']
+    lines += [f'| {row.benches:,} | {row.rows:,} | {row.terms} | {row.seconds * 1e3:.3g} '
+              f'| {row.memory_bytes / 1e6:.3g} |'
+              for row in rows]
+    return '\n'.join(lines)
+
+
 def _live_table(rows: Measured) -> str:
-    """Return the runs of processes: freely, then at rates up to the first that is not held."""
+    """Return the runs of processes: free ones, then at rates up to the first that is not held."""
     lines = ['| benches | rate (Hz) | reached (Hz) | times real time | overruns | lost | held | '
              + ' | '.join(f'{role} (cores)' for role in ROLES) + ' | record grew (MB) |',
              '|---:|---:|---:|---:|---:|---:|---|' + '---:|' * (len(ROLES) + 1)]
@@ -128,7 +165,7 @@ def _live_table(rows: Measured) -> str:
 
 
 def summary(rows: Measured) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
@@ -179,7 +216,7 @@ def _rates(axes: Axes, rows: Measured) -> None:
               label='free: as fast as the readers follow')
     axes.plot([], [], 'o', color='#0072B2', label='held: no overrun, nothing lost')
     axes.plot([], [], 'x', color='#D55E00', label='not held')
-    axes.set(xscale='log', yscale='log', ylabel='ticks a second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
+    axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
              title='Sim, monitor and recorder over DDS')
     axes.legend(fontsize=8)
 

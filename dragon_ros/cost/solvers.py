@@ -6,36 +6,41 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
-from dragon_ros.core.chain import Chain
-from dragon_ros.core.march import place
+from dragon_ros.core.chain.chain import Chain, marched
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.composite import Place
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.cost.baselines import by_newton
 
-ChainSolver = Callable[[Scene, Angle], Chain]
+ChainSolver = Callable[[Scene, Place], Chain]
 _TOLERANCE_RAD = 1e-9       # of plain Newton
 
 
-def _plain(scene: Scene, head: Angle) -> Chain:
-    """Place the chain as it is usually written in Python: Newton on the cosine rule, a point after another."""
+def _plain(scene: Scene, head: Place) -> Chain:
+    """Place the chain as usual Python code does: Newton on the cosine rule, point by point."""
     b = scene.spiral.b_m
-    theta = [head.hi]
+    theta = [head.u.hi]
     for link in scene.dragon.link_lengths_m.tolist():
         theta.append(by_newton(_TOLERANCE_RAD, theta[-1], link / b))
-    return PlainChain(np.array([(b * t * cos(t), b * t * sin(t)) for t in theta]), scene.dragon.link_lengths_m, 0,
-                      tuple(theta))
+    p = np.array([(b * t * cos(t), b * t * sin(t)) for t in theta])
+    return PlainChain(p, scene.dragon.link_lengths_m, 0, compile_scene(scene).model.track, BEHIND, (), tuple(theta))
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class PlainChain(Chain):
     """A chain of plain floats."""
 
     theta: tuple[float, ...]
-    solver = 'plain'
+
+    @property
+    def solver(self) -> str:
+        """Usual Python code."""
+        return 'plain'
 
     def velocities(self, head_speed_m_s: Any) -> Floats:
-        """Return the velocities as they are usually written: link after link, from the angles with both tangents."""
+        """Return the velocities as usual code does: link by link, from the angles with both tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
             x, y = cos(t) - t * sin(t), sin(t) + t * cos(t)
@@ -48,15 +53,15 @@ class PlainChain(Chain):
         return np.array(rows)
 
 
-def _march(scene: Scene, head: Angle) -> Chain:
-    """Place handle after handle."""
-    return place(scene.spiral, scene.dragon.link_lengths_m, head, scene.effort)
+def _march(scene: Scene, head: Place) -> Chain:
+    """Place one handle after the other."""
+    model = compile_scene(scene).model
+    return marched(model.track, model.links_m, head, model.direction, model.effort)
 
 
-def _table(scene: Scene, head: Angle) -> Chain:
-    """Place all handles at once."""
-    chain = scene.table.place(head) if scene.table else None
-    return chain or _march(scene, head)
+def _table(scene: Scene, head: Place) -> Chain:
+    """Place all handles at once, where a table serves."""
+    return compile_scene(scene).model.placement.place(head)
 
 
 CHAIN_SOLVERS: dict[str, ChainSolver] = {'plain': _plain, 'march': _march, 'table': _table}

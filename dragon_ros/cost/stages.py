@@ -1,17 +1,18 @@
-"""The stages of one tick, from the head to the bytes, each to be measured alone."""
+"""The stages of one tick, from the head to the bytes, each measured alone."""
 from collections.abc import Callable
 from functools import partial
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, velocity_of
+from dragon_ros.core.tracks.composite import Place
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
-from dragon_ros.wire.encode import encoders
+from dragon_ros.messages.encode import encoders
 
 MODEL = ('head', 'chain', 'velocities', 'benches')
 CHECK = ('neighbours', 'gaps')
@@ -19,7 +20,7 @@ STAGES = (*MODEL, *CHECK, 'encode')
 
 
 def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], object]]:
-    """Return a call for each stage at one time; what a stage needs from those before is computed here."""
+    """Return a call for each stage at one time; the results of earlier stages are computed here."""
     head = _head(scene, t_s)
     chain = CHAIN_SOLVERS[solver](scene, head)
     axis = axes_of(chain)
@@ -35,6 +36,7 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
             'encode': lambda: [one(frame) for one in encode]}
 
 
-def _head(scene: Scene, t_s: float) -> Angle:
-    scene.check_time(t_s)
-    return scene.spiral.inward(*scene.head.travelled_m(t_s))
+def _head(scene: Scene, t_s: float) -> Place:
+    simulation = compile_scene(scene)
+    simulation.check_time(t_s)
+    return simulation.model.leader.place(scene.head.travelled_m(t_s))

@@ -1,4 +1,4 @@
-"""``cost tick``: where the microseconds of one tick go, stage by stage, for solver and tier, before and after."""
+"""``cost tick``: the time of one tick by stages, for solver and tier, with messages as objects and as bytes."""
 import json
 import subprocess
 import sys
@@ -12,13 +12,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT, PAPER, TIERS
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
-from dragon_ros.wire.cli import csv_of
-from dragon_ros.wire.domain import free_domain, local_environment
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
 _ALL = (*STAGES, 'publish')
@@ -29,7 +29,7 @@ _LONGEST_S = 120.0
 
 @dataclass(frozen=True)
 class Row:
-    """One way to make a tick: solver, tier, what its messages are made as, and the time of each stage."""
+    """One way to compute a tick: solver, tier, kind of messages, and the time of each stage."""
 
     solver: str
     tier: str
@@ -43,12 +43,12 @@ class Row:
 
     @property
     def name(self) -> str:
-        """What stands beside its bar."""
+        """The label of its bar."""
         return f'{self.solver}, {self.tier}, {self.messages}'
 
 
 def measure(budget_s: float = 0.3) -> list[Row]:
-    """Measure everything; progress goes to standard error. The first row is how it was before: objects."""
+    """Measure everything; progress goes to standard error. The first row has messages as objects."""
     messages = _messages(budget_s)
     ways = [(solver, name) for solver in CHAIN_SOLVERS for name, tier in TIERS.items()
             if tier is EXACT or (tier is not PAPER and solver != 'plain')]
@@ -76,12 +76,12 @@ def _row(solver: str, tier: str, messages: dict[str, Timing], budget_s: float) -
 
 
 def _messages(budget_s: float) -> dict[str, Timing]:
-    """Return what building and publishing messages costs, measured in a process with rclpy; {} where there is none."""
+    """Return the cost of building and publishing messages, measured in a process with rclpy; {} without rclpy."""
     done = subprocess.run([sys.executable, '-m', 'dragon_ros.nodes.publish_cost', str(budget_s)],
                           capture_output=True, text=True, check=False, timeout=_LONGEST_S,
                           env=local_environment(free_domain()))
     if done.returncode:
-        print(f'cost: publishing is left out: {(done.stderr.strip().splitlines() or ["?"])[-1]}', file=sys.stderr)
+        print(f'cost: publishing is omitted: {(done.stderr.strip().splitlines() or ["?"])[-1]}', file=sys.stderr)
         return {}
     spent: dict[str, list[float]] = json.loads(done.stdout)
     return {name: Timing(median(each), quantiles(each, n=4)[0], quantiles(each, n=4)[2], len(each))
@@ -90,8 +90,8 @@ def _messages(budget_s: float) -> dict[str, Timing]:
 
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table with the circumstances above it."""
-    head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (us)' for name in _ALL)
-            + ' | all (us) | times faster |\n|---|---|---|' + '---:|' * (len(_ALL) + 2))
+    head = ('| solver | tier | messages | ' + ' | '.join(f'{name} (µs)' for name in _ALL)
+            + ' | all (µs) | times faster |\n|---|---|---|' + '---:|' * (len(_ALL) + 2))
     lines = [_line(row, rows[0].total_s) for row in rows]
     return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *lines])
 
@@ -103,19 +103,19 @@ def _line(row: Row, before_s: float) -> str:
 
 
 def summary(rows: list[Row]) -> str:
-    """Return what belongs into the README: all of it."""
+    """Return the part for the README: everything."""
     return table(rows)
 
 
 def csv_text(rows: list[Row]) -> str:
-    """Return the rows as CSV, one line a stage, times in seconds."""
+    """Return the rows as CSV, one line per stage, times in seconds."""
     return csv_of(['solver', 'tier', 'messages', 'stage', *TIMES],
                   [(row.solver, row.tier, row.messages, stage, *timing.cells)
                    for row in rows for stage, timing in row.stages.items()])
 
 
 def picture(rows: list[Row]) -> Figure:
-    """Return stacked bars: before and after, and after alone on a scale of its own."""
+    """Return stacked bars: before and after, and the latter alone on its own scale."""
     figure = Figure(figsize=(13, 0.55 * len(rows) + 2.6), layout='constrained')
     before, after = figure.subplots(1, 2)
     _bars(before, rows)

@@ -1,4 +1,4 @@
-"""``cost accuracy``: error against time for every tier and for what a user would otherwise pick, in one run."""
+"""``cost accuracy``: error against time for every tier and for what a user would otherwise use, in one run."""
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -9,32 +9,34 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.path import points
-from dragon_ros.core.rates import conditioning
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.cost.problems import Problem, problems
 from dragon_ros.cost.reference import truth
-from dragon_ros.wire.cli import csv_of
 
-_TICK_S = 1.0           # a tick of the classic table, for solvers that integrate
+_TICK_S = 1.0           # step between ticks, for solvers that integrate
 _EULER_S = (1.0, 0.1, 0.01)
 _MARCHED = ', marched'
 _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left', 7, -11),
            'Euler 0.01 s': ('right', -7, -3),
            'exact': ('left', 9, 0), 'fine': ('left', 9, 9), 'standard': ('left', 9, -9),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
-_WRONG_M = 0.01         # a solver without a promise is marked from here
+_WRONG_M = 0.01         # error from which a solver without a promise is marked
 
 
 @dataclass(frozen=True)
 class Row:
-    """One solver on one problem: its largest error, and its time a tick for positions and, if it has them, velocities.
+    """One solver on one problem: its largest error, and its time per tick for positions and any velocities.
 
     ``promise_m`` is None for a solver without promise.
     """
@@ -49,7 +51,7 @@ class Row:
 
     @property
     def verdict(self) -> str:
-        """'kept' or 'BROKEN' for a promise; '' or 'WRONG' without one; 'FAILS' where there is no answer."""
+        """'kept' or 'BROKEN' for a promise; '' or 'WRONG' without one; 'FAILS' without an answer."""
         if not np.isfinite(self.error_m):
             return 'FAILS'
         if self.promise_m is None:
@@ -64,7 +66,7 @@ def measure(budget_s: float = 0.3) -> list[Row]:
 
 
 def _hard() -> tuple[Problem, ...]:
-    """Return the hard cases of single spirals, then those of joined tracks and of dances."""
+    """Return the hard cases of single spirals, then those of composite tracks, head laws and leading tails."""
     return (*problems(), *dances())
 
 
@@ -73,9 +75,9 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
         for tier in TIERS:
             if tier != 'paper' or problem.name == 'classic':
                 yield partial(_tier_row, problem, tier, 'table', budget_s)
-            if tier != 'paper' and problem.scene.table:
+            if tier != 'paper' and compile_scene(problem.scene).model.placement.maps:
                 yield partial(_tier_row, problem, tier, 'march', budget_s)
-        if problem.name != 'long' and problem.scene.led is None:     # the others know one spiral only
+        if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others know no other track
             for name in SOLVERS:
                 yield partial(_baseline_row, problem, name, budget_s)
         if problem.name == 'classic':
@@ -85,13 +87,18 @@ def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
                 yield partial(_euler_row, problem, step_s)
 
 
+def _is_one_spiral(scene: Scene) -> bool:
+    return isinstance(scene.track, Spiral) and scene.head.lead == 'head'
+
+
 def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
     """A tier by the default solver, or by the march where the default is the table."""
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
+        compiled = compile_scene(scene)
     except FieldError:
-        return Row(problem.name, name, np.inf, None, None, 'refused: floats cannot keep it')
+        return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep it')
     times = [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
     error, worst = 0.0, 1.0
     for number, t_s in enumerate(problem.times_s):
@@ -100,7 +107,7 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
             error = max(error, float(np.max(truth(problem).distance(number, chain.p[list(problem.handles)]))))
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
-    promise = None if scene.tier is PAPER else position_promise_m(scene.tier, scene.size_m, worst)
+    promise = None if compiled.tier is PAPER else position_promise_m(compiled.tier, compiled.size_m, worst)
     both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s), t_s), times, budget_s)
     alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
     return Row(problem.name, name, error, promise, alone, note, both)
@@ -114,8 +121,8 @@ def _batch_row(problem: Problem, ticks: int, budget_s: float) -> Row:
     alone = timed(lambda: states(scene, table_s), budget_s).shared_by(ticks)
     both = timed(lambda: velocity_of(scene, states(scene, table_s), table_s), budget_s).shared_by(ticks)
     handle_ns = both.median_s * 1e9 / (scene.dragon.benches + 1)
-    note = f'{ticks:,} ticks in one call; {handle_ns:.1f} ns a handle with velocities'
-    return Row(problem.name, f'exact, {ticks:,} at once', error, scene.promise_m, alone, note, both)
+    note = f'{ticks:,} ticks in one call; {handle_ns:.1f} ns per handle with velocities'
+    return Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both)
 
 
 def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
@@ -153,7 +160,7 @@ def _euler_row(problem: Problem, step_s: float) -> Row:
         for _ in range(wanted - steps):
             chain = advance(chain)
         steps = wanted
-        p = points(scene.spiral.b_m, chain.theta, chain.theta_lo)[list(problem.handles)]
+        p = chain.p[list(problem.handles)]
         error = max(error, float(np.max(truth(problem).distance(number, p))))
     per = _TICK_S / step_s
     scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)
@@ -166,8 +173,8 @@ def _us(seconds: float) -> str:
 
 def table(rows: list[Row]) -> str:
     """Return the rows as a Markdown table with the circumstances above it."""
-    head = ('| problem | solver | largest error (m) | promise (m) | verdict | us a tick | quartiles | with velocities |'
-            ' note |\n|---|---|---:|---:|---|---:|---|---:|---|')
+    head = ('| problem | solver | largest error (m) | promise (m) | verdict | µs per tick | quartiles | '
+            'with velocities | note |\n|---|---|---:|---:|---|---:|---|---:|---|')
     return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
 
 
@@ -183,7 +190,7 @@ def _line(row: Row) -> str:
 
 
 def summary(rows: list[Row]) -> str:
-    """Return the classic scene's part of the table, and how the promises fared."""
+    """Return the classic scene's part of the table, and how many promises are kept."""
     broken = [row for row in rows if row.verdict == 'BROKEN']
     kept = sum(row.verdict == 'kept' for row in rows)
     return (table([row for row in rows if row.problem == 'classic']) + f'\n\nOn all {len(_hard())} hard cases '
@@ -212,7 +219,7 @@ def picture(rows: list[Row]) -> Figure:
         label = f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver
         classic.annotate(label, (row.timing.median_s * 1e6, row.error_m), xytext=(x, y), textcoords='offset points',
                          ha=side, fontsize=8)
-    classic.set(xlabel='time a tick (µs): positions of 224 handles', ylabel='largest error (m)',
+    classic.set(xlabel='time per tick (µs): positions of 224 handles', ylabel='largest error (m)',
                 title='Classic scene: dragon_ros tiers (circles) and others (squares)')
     _hard_panel(hard, rows)
     for axes in (classic, hard):

@@ -1,15 +1,60 @@
-"""What every node of the package has: its namespace, its parameters from a table, its log, and a look at /clock."""
+"""What all nodes of the package share: namespace, parameters from a table, log, and a check of /clock."""
 from typing import Any
 
-from rcl_interfaces.msg import SetParametersResult
+from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
+from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from dragon_ros.core.errors import DragonError
+from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.nodes import logs
-from dragon_ros.nodes.declare import check, declare, widened
 from dragon_ros.nodes.params import Parameter
+
+
+def declare(node: Node, parameter: Parameter) -> Any:
+    """Declare a parameter and return its value. Raises InputError that names it, the value and the limits."""
+    given = node._parameter_overrides.get(parameter.name)
+    if given is not None:
+        node._parameter_overrides[parameter.name] = widened(parameter, given)
+    try:
+        value = node.declare_parameter(parameter.name, parameter.default, descriptor_of(parameter)).value
+    except InvalidParameterTypeException:
+        wanted = type(parameter.default).__name__
+        raise InputError(f'parameter {parameter.name}: is not of type {wanted}; {parameter.text}') from None
+    except InvalidParameterValueException:
+        raise InputError(f'parameter {parameter.name}: is outside {parameter.low} to {parameter.high}; '
+                         f'{parameter.text}') from None
+    check(parameter, value)
+    return value
+
+
+def check(parameter: Parameter, value: Any) -> None:
+    """Raise InputError where the value is not one of the choices; ROS checks types and ranges."""
+    if parameter.choices and value not in parameter.choices:
+        raise InputError(f'parameter {parameter.name}: {value!r} is not one of {", ".join(parameter.choices)}; '
+                         f'{parameter.text}')
+
+
+def widened(parameter: Parameter, given: RosParameter) -> RosParameter:
+    """Accept an integer for a float parameter: ``-p rate_hz:=50`` means 50.0."""
+    whole = isinstance(parameter.default, float) and type(given.value) is int
+    return RosParameter(given.name, value=float(given.value)) if whole else given
+
+
+def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
+    """Return what ``ros2 param describe`` shows."""
+    choices = f'one of {", ".join(parameter.choices)}' if parameter.choices else ''
+    out = ParameterDescriptor(name=parameter.name, description=parameter.text, read_only=not parameter.live,
+                              additional_constraints=choices)
+    low, high = parameter.low, parameter.high
+    if low is not None and high is not None:
+        if isinstance(parameter.default, float):
+            out.floating_point_range = [FloatingPointRange(from_value=float(low), to_value=float(high))]
+        else:
+            out.integer_range = [IntegerRange(from_value=int(low), to_value=int(high), step=1)]
+    return out
+
 
 NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
@@ -17,14 +62,14 @@ _NO_CLOCK_S = 3.0
 
 
 class DragonNode(Node):
-    """A node in namespace /dragon, unless told otherwise; it works in any executor.
+    """A node in namespace /dragon by default; it works in any executor.
 
-    ``setting`` holds the values of its parameters. A subclass says in ``refuse`` what may not be set, and does in
-    ``changed`` what a change calls for.
+    ``setting`` holds the values of its parameters. A subclass rejects values in ``refuse`` and acts on changes in
+    ``changed``.
     """
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
-        """Declare the parameters of the table; ``overrides`` come before the command line's."""
+        """Declare the parameters of the table; ``overrides`` take precedence over the command line."""
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
             RosParameter(key, value=value) for key, value in (overrides or {}).items()])
         self._table = {parameter.name: parameter for parameter in table}
@@ -33,10 +78,10 @@ class DragonNode(Node):
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
         self._ros_time = self.get_clock()
-        self._patience = self.create_timer(_NO_CLOCK_S, self._look_for_clock, clock=STEADY)
+        self._patience = self.create_timer(_NO_CLOCK_S, self._check_clock, clock=STEADY)
 
     def get_logger(self) -> logs.Logger:
-        """Return the logger of the node, which also speaks JSON."""
+        """Return the logger of the node, which can also write JSON."""
         return logs.logger(super().get_logger().name)
 
     def refuse(self, name: str, value: Any) -> None:
@@ -64,10 +109,10 @@ class DragonNode(Node):
                 self.setting[one.name] = one.value
                 self.changed(one.name)
 
-    def _look_for_clock(self) -> None:
-        """Say it, once, where ROS time is to come from /clock and none came."""
+    def _check_clock(self) -> None:
+        """Warn, once, where ROS time should come from /clock and nothing has arrived."""
         self._patience.cancel()
         if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
-            self.get_logger().warning(f'use_sim_time is true, and nothing came on /clock for {_NO_CLOCK_S:g} s: stamps '
-                                      'of wall time stay 0; start one sim or replay with publish_clock:=true, or set '
-                                      'use_sim_time to false')
+            self.get_logger().warning(f'use_sim_time is true, but nothing arrived on /clock for {_NO_CLOCK_S:g} s: '
+                                      'stamps of wall time stay 0; start one sim or replay with publish_clock:=true, '
+                                      'or set use_sim_time to false')

@@ -1,32 +1,32 @@
-"""/clock: the simulation time for other nodes."""
+"""/clock: the simulation time, for other nodes."""
 import time
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rosgraph_msgs.msg import Clock
 
+from dragon_ros.messages.cdr import stamp_of
 from dragon_ros.nodes.base import STEADY
-from dragon_ros.wire.cdr import stamp_of
 
 _BEAT_S = 1.0
 
 
-class SimulationTime:
-    """Publishes /clock at each tick; while time stands still, the same time again each second, for late joiners."""
+class ClockPublisher:
+    """Publishes /clock at each tick; while time stands still, it repeats the time every second for late joiners."""
 
     def __init__(self, node: Node, t_ns: int) -> None:
         """Start at a time."""
         self._publisher = node.create_publisher(Clock, '/clock', QoSProfile(depth=10))
-        self._t_ns, self._told = t_ns, 0.0
+        self._t_ns, self._sent_s = t_ns, 0.0
         node.create_timer(_BEAT_S, self._beat, clock=STEADY)
 
-    def tell(self, t_ns: int) -> None:
+    def publish(self, t_ns: int) -> None:
         """Publish the time."""
-        self._t_ns, self._told = t_ns, time.monotonic()
+        self._t_ns, self._sent_s = t_ns, time.monotonic()
         message = Clock()
         message.clock.sec, message.clock.nanosec = stamp_of(t_ns)
         self._publisher.publish(message)
 
     def _beat(self) -> None:
-        if time.monotonic() - self._told >= _BEAT_S:
-            self.tell(self._t_ns)
+        if time.monotonic() - self._sent_s >= _BEAT_S:
+            self.publish(self._t_ns)

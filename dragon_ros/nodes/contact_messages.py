@@ -1,4 +1,4 @@
-"""What the monitor says, as messages: contacts and health."""
+"""The messages of the monitor: contacts and health."""
 from collections.abc import Mapping
 from math import isnan
 
@@ -7,7 +7,7 @@ from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 
 from dragon_ros.core.contact.tracker import NS, EpisodeEnd, Event, Report
-from dragon_ros.wire.cdr import stamp_of
+from dragon_ros.messages.cdr import stamp_of
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
@@ -18,14 +18,14 @@ def header_of(frame_id: str, t_ns: int) -> Header:
 
 
 def collision_of(report: Report) -> DiagnosticArray | None:
-    """Return the contacts that began or ended with a tick; None where none did."""
+    """Return the contacts that began or ended with a tick; None if there are none."""
     rows = [end_status_of(end) for end in report.ends] + [status_of(event, report.more) for event in report.begins]
     sight = report.sight
     return DiagnosticArray(header=header_of(sight.frame_id, sight.t_ns), status=rows) if rows else None
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return the begin of a contact as a diagnostic status with all its numbers; ``more`` began unreported."""
+    """Return the start of a contact as a diagnostic status with all its numbers; ``more`` others are not reported."""
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {
         'phase': 'begin', 'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
@@ -41,7 +41,7 @@ def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
 
 
 def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
-    """Return the end of a contact as a diagnostic status: OK, since ERROR is for contact and nothing else."""
+    """Return the end of a contact as a diagnostic status: OK, since ERROR is reserved for contact."""
     values = {
         'phase': 'end', 'inner': str(end.benches[0]), 'outer': str(end.benches[1]), 't_end_s': f'{end.t_end_s:.9f}',
         'deepest_gap_m': f'{end.deepest_gap_m:.12f}', 't_deepest_s': f'{end.deepest_ns / NS:.9f}',
@@ -59,17 +59,17 @@ def point_of(event: Event) -> PointStamped:
 
 
 def level_of(report: Report | None, warn_below_m: float) -> bytes:
-    """Return ERROR for contact, WARN for a clearance below ``warn_below_m``, else OK."""
+    """Return ERROR for contact, WARN for a clearance below ``warn_below_m``, otherwise OK."""
     if report is None or (not report.count and report.clearance_m >= warn_below_m):
         return bytes(DiagnosticStatus.OK)
     return bytes(DiagnosticStatus.ERROR if report.count else DiagnosticStatus.WARN)
 
 
 def health_of(name: str, report: Report | None, warn_below_m: float, dropped: int) -> DiagnosticStatus:
-    """Return OK, WARN or ERROR for the last tick that was seen, with its numbers."""
+    """Return OK, WARN or ERROR for the last observed tick, with its numbers."""
     level = level_of(report, warn_below_m)
     if report is None:
-        return _status(level, name, 'waits for handles and benches', {'dropped': str(dropped)})
+        return _status(level, name, 'waiting for handles and benches', {'dropped': str(dropped)})
     pair = ' and '.join(map(str, report.closest or ()))
     message = {DiagnosticStatus.OK: f'clearance {report.clearance_m:.6f} m',
                DiagnosticStatus.WARN: f'benches {pair} are {report.clearance_m:.6f} m apart',

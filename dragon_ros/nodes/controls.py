@@ -1,7 +1,7 @@
-"""Playing frames in simulation time, under control: pause, resume, reset, step, seek, speed; in any executor.
+"""Playback of frames in simulation time: pause, resume, reset, step, seek and speed, in any executor.
 
-A steady timer, set to when the next frame is due, plays it. The services stand below the node's name, as those of a
-rosbag2 player do (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not get into each other's way.
+A steady timer, set to the time when the next frame is due, plays it. The services are named after the node, as those
+of a rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
 """
 import time
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
-_POLL_NS = 20_000_000       # looks so often whether it may start
-_SLICE_S = 0.005            # plays so long before others in the executor have their turn
-_TELL_S = 1.0               # progress comes so often
+_POLL_NS = 20_000_000       # interval between checks whether it may start
+_SLICE_S = 0.005            # longest time of playback before the executor serves others
+_PROGRESS_S = 1.0               # interval of progress messages
 
 
-class Reel(Protocol):
-    """What is played: frames in the order of simulation time, and a place among them."""
+class PlaySource(Protocol):
+    """What is played: frames in order of simulation time, with a current position."""
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end."""
@@ -30,10 +30,10 @@ class Reel(Protocol):
         """Return the time of the last frame."""
 
     def show(self) -> None:
-        """Publish the next frame, and move on."""
+        """Publish the next frame and advance."""
 
     def flush(self) -> bool:
-        """Publish what slow readers held back; return whether nothing is held back any more."""
+        """Publish what slow readers held back; return whether nothing is held back now."""
 
     def rewind(self) -> None:
         """Move to the first frame."""
@@ -42,19 +42,19 @@ class Reel(Protocol):
         """Move to the last frame at or before ``t_ns``. Raises DragonError where there is none."""
 
     def place(self) -> str:
-        """Return where the last frame that was shown stands, for people."""
+        """Return the position of the last frame shown, as text."""
 
     def ending(self) -> str:
-        """Return why there is no next frame, for people."""
+        """Return why there is no next frame, as text."""
 
 
 class Player:
-    """Plays a reel on a node that has the parameters ``CONTROLS``; ``done`` once it has ended for good."""
+    """Plays a source on a node that has the parameters ``CONTROLS``; ``done`` once it has ended for good."""
 
-    def __init__(self, node: DragonNode, reel: Reel, time_scale: float, ready: Callable[[], bool]) -> None:
-        """Offer the services; play from the moment when ``ready()`` is true."""
+    def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
+        """Offer the services; playback starts when ``ready()`` is true."""
         self.pacer, self.paused, self.done = Pacer(time_scale), False, False
-        self._node, self._reel, self._ready = node, reel, ready
+        self._node, self._source, self._ready = node, source, ready
         self._waiting, self._owed = True, 0
         self._note_place()
         self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
@@ -62,42 +62,42 @@ class Player:
             node.create_service(Trigger, f'~/{name}', self._service(getattr(self, name)))
 
     def pause(self) -> str:
-        """Stand still after the last frame."""
+        """Pause after the last frame."""
         self.paused = True
-        return f'paused {self._reel.place()}'
+        return f'paused {self._source.place()}'
 
     def resume(self) -> str:
-        """Go on; the next frame is due one tick from now. Raises DragonError at an end that holds."""
-        if self._reel.next_ns() is None and self._node.setting['at_end'] == 'hold':
-            raise DragonError(f'{self._reel.ending()}: nothing comes after it; reset or seek first')
+        """Resume; the next frame is due one tick from now. Raises DragonError at an end that holds."""
+        if self._source.next_ns() is None and self._node.setting['at_end'] == 'hold':
+            raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
         self.paused = False
         self._wake()
-        return f'goes on {self._reel.place()}'
+        return f'resumed {self._source.place()}'
 
     def reset(self) -> str:
-        """Go back to the first frame and show it: time goes back as well. Whether it is paused does not change."""
-        self._reel.rewind()
+        """Return to the first frame and show it; time jumps back. A pause is kept."""
+        self._source.rewind()
         return self._show_now(1)
 
     def step(self) -> str:
         """Pause, then play the next ``step_ticks`` frames at once."""
         self.paused = True
-        if self._reel.next_ns() is None:
-            raise DragonError(f'{self._reel.ending()}: nothing comes after it; reset or seek first')
+        if self._source.next_ns() is None:
+            raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
         return self._show_now(self._node.setting['step_ticks'])
 
     def seek(self) -> str:
-        """Go to the last frame at or before ``seek_s`` and show it. Whether it is paused does not change."""
-        self._reel.seek(round(self._node.setting['seek_s'] * NS))
+        """Move to the last frame at or before ``seek_s`` and show it. A pause is kept."""
+        self._source.seek(round(self._node.setting['seek_s'] * NS))
         return self._show_now(1)
 
     def set_speed(self, time_scale: float) -> None:
-        """Go on at another speed from where it is, without a jump."""
+        """Continue at another speed from the current time, without a jump."""
         self.pacer.scale = time_scale
         self._wake()
 
     def stands(self) -> bool:
-        """Return whether time stands still: before the start, in a pause, at the end."""
+        """Return whether time stands still: before the start, during a pause, at the end."""
         return self._waiting or self.paused or self.done
 
     def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
@@ -111,29 +111,29 @@ class Player:
         return serve
 
     def _show_now(self, frames: int) -> str:
-        """Show so many frames at once, or as soon as slow readers let them pass."""
+        """Show this many frames at once, or as soon as slow readers follow."""
         self._owed, self.done = frames, False
         while self._owed and self._play_owed():
             pass
         self._wake()
-        return self._reel.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
+        return self._source.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
 
     def _play_owed(self) -> bool:
         """Show one frame that is owed; return whether that was possible."""
-        t_ns = self._reel.next_ns()
+        t_ns = self._source.next_ns()
         if t_ns is None:
             self._owed = 0
-        elif self._reel.flush():
+        elif self._source.flush():
             self._owed -= 1
             self.pacer.rest()
             self.pacer.start(t_ns)
-            self._reel.show()
+            self._source.show()
         else:
             return False
         return True
 
     def _wake(self, delay_ns: int = 0) -> None:
-        """Come back to play after ``delay_ns`` of wall time."""
+        """Call the timer after ``delay_ns`` of wall time."""
         self._timer.timer_period_ns = delay_ns
         self._timer.reset()
 
@@ -145,22 +145,22 @@ class Player:
             self._wake(delay_ns)
 
     def _play(self) -> int | None:
-        """Play what is due; return the wall time until there is more to do, None where only a service changes that."""
+        """Play what is due; return the wall time until the next action, None if only a service call leads to one."""
         if self._waiting and not self._owed:
             if not self._ready():
                 return _POLL_NS
             self._waiting = False
-            self._node.get_logger().info(f'starts {self._reel.place()}')
+            self._node.get_logger().info(f'starts {self._source.place()}')
         until = time.monotonic() + _SLICE_S
         delay_ns: int | None = 0
         while delay_ns == 0 and time.monotonic() < until:
             delay_ns = self._play_one()
-        self._tell()
+        self._log_progress()
         return delay_ns
 
     def _play_one(self) -> int | None:
-        """Play one frame if it is due; return as ``_play`` does."""
-        if not self._reel.flush():
+        """Play one frame if it is due; the result is that of ``_play``."""
+        if not self._source.flush():
             return 0
         if self._owed:
             self._play_owed()
@@ -168,52 +168,52 @@ class Player:
         if self.paused or self.done:
             self.pacer.rest()
             return None
-        t_ns = self._reel.next_ns()
+        t_ns = self._source.next_ns()
         if t_ns is None:
             return self._end()
         if delay_ns := self.pacer.delay_ns(t_ns):
             return delay_ns
         self.pacer.start(t_ns)
-        self._reel.show()
+        self._source.show()
         return 0
 
     def _end(self) -> int | None:
-        """Do at the end what ``at_end`` says; return as ``_play`` does."""
+        """Act at the end as ``at_end`` says; the result is that of ``_play``."""
         at_end = self._node.setting['at_end']
         if at_end == 'loop':
-            self._reel.rewind()
+            self._source.rewind()
             self.pacer.rest()
             return 0
         self.paused, self.done = at_end == 'hold', at_end == 'stop'
-        self._log_end(': holds there until a signal, reset or seek' if self.paused else '')
+        self._log_end(': holding until a signal, reset or seek' if self.paused else '')
         return None
 
     def _log_end(self, then: str) -> None:
         pacer = self.pacer
         if pacer.overruns:
-            self._node.get_logger().warning(f'{self._reel.ending()}{then}; {pacer.overruns} overruns, the worst '
+            self._node.get_logger().warning(f'{self._source.ending()}{then}; {pacer.overruns} overruns, the worst '
                                             f'{pacer.worst_late_s:.3f} s late')
         else:
-            self._node.get_logger().info(f'{self._reel.ending()}{then}')
+            self._node.get_logger().info(f'{self._source.ending()}{then}')
 
-    def _tell(self) -> None:
-        """Log the progress each second, where somebody follows it."""
-        if time.monotonic() - self._told_s >= _TELL_S and logs.progress_wanted() and not self.stands():
+    def _log_progress(self) -> None:
+        """Log the progress every second if somebody follows it."""
+        if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
             self._node.get_logger().info(
-                f'{self._reel.place()}{left}, {pacer.overruns} overruns',
+                f'{self._source.place()}{left}, {pacer.overruns} overruns',
                 data={'t_s': (pacer.last_ns or 0) / NS, 'left_s': left_s, 'overruns': pacer.overruns,
                       'time_scale': pacer.scale})
             self._note_place()
 
     def _left_s(self) -> float | None:
-        """Return the wall time until the end at the speed since it was last noted; None where it did not move on."""
+        """Return the wall time until the end at the recent speed; None where time has not advanced."""
         t_ns = self.pacer.last_ns
-        if t_ns is None or self._told_ns is None or t_ns <= self._told_ns:
+        if t_ns is None or self._logged_ns is None or t_ns <= self._logged_ns:
             return None
-        wall_s = time.monotonic() - self._told_s
-        return round(wall_s * (self._reel.last_ns() - t_ns) / (t_ns - self._told_ns), 3)
+        wall_s = time.monotonic() - self._logged_s
+        return round(wall_s * (self._source.last_ns() - t_ns) / (t_ns - self._logged_ns), 3)
 
     def _note_place(self) -> None:
-        self._told_s, self._told_ns = time.monotonic(), self.pacer.last_ns
+        self._logged_s, self._logged_ns = time.monotonic(), self.pacer.last_ns

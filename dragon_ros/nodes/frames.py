@@ -1,20 +1,22 @@
-"""The frames of a run in order, and a place among them: its ticks, and the contact's own frame where it ends there."""
+"""The frames of a run in order, with a current position: its ticks, then the contact's frame where it ends there."""
 from dataclasses import replace
 
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import Frame, frame_of, state, tick
+from dragon_ros.core.step import frame_of, state, tick
 
 
 class Frames:
-    """Ticks 0, 1, 2, ... of a scene; with a contact, those before it and then the frame of exactly its time."""
+    """Ticks 0, 1, 2, ... of a scene; with a contact, those before it and then the frame at exactly its time."""
 
     def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
-        """Stand before the first frame."""
+        """Start before the first frame."""
         self._scene, self._contact = scene, contact
         self._last = contact_frame(scene, contact) if contact else None
-        ticks = scene.last_tick + 1
+        ticks = compile_scene(scene).last_tick + 1
         self._ticks = min(ticks, ticks_before(scene, contact)) if contact else ticks
         self.count = self._ticks + (contact is not None)
         self.k = 0
@@ -28,7 +30,7 @@ class Frames:
         return self._time_ns(self.count - 1)
 
     def take(self) -> Frame:
-        """Return the next frame, and move on."""
+        """Return the next frame and advance."""
         k, self.k = self.k, self.k + 1
         return self._last if self._last and k == self._ticks else tick(self._scene, k)
 
@@ -43,24 +45,24 @@ class Frames:
         self.k = self._ticks if self._last and t_ns >= self._last.t_ns else k
 
     def check_time(self, t_ns: int) -> None:
-        """Raise FieldError where the run has no frame at or before ``t_ns``, or has ended long before."""
+        """Raise FieldError where ``t_ns`` lies before the first frame or after the end of the run."""
         first, last = self._time_ns(0), self.last_ns()
-        end = max(last, round(self._scene.end.t_s * NS)) if self._last is None else last
+        end = max(last, round(compile_scene(self._scene).end.t_s * NS)) if self._last is None else last
         if not first <= t_ns <= end:
             raise FieldError('seek_s', t_ns / NS, f'the run goes from {first / NS:.9g} s to {end / NS:.9g} s',
                              'seek within it')
 
     def place(self) -> str:
-        """Return where the last frame that was taken stands, for people."""
+        """Return the position of the last frame taken, as text."""
         k = max(self.k - 1, 0)
         return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
 
     def ending(self) -> str:
-        """Return why there is no next frame, for people."""
+        """Return why there is no next frame, as text."""
         if self._contact:
             inner, outer = self._contact.benches
             return f'the run ends in the contact of benches {inner} and {outer} at {self._contact.t_s:.9f} s'
-        end = self._scene.end
+        end = compile_scene(self._scene).end
         why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
         return f'{why[end.reason]} at {end.t_s:.6f} s after {self.count} ticks'
 
@@ -69,12 +71,12 @@ class Frames:
 
 
 def contact_frame(scene: Scene, contact: Contact) -> Frame:
-    """Return the frame of exactly the time of contact, at the exact tier; its stamp is rounded to a nanosecond."""
+    """Return the frame at exactly the time of contact, at the exact tier; its stamp is rounded to a nanosecond."""
     exact = replace(scene, accuracy='exact')
     return frame_of(exact, None, round(contact.t_s * NS), state(exact, contact.t_s))
 
 
 def ticks_before(scene: Scene, contact: Contact) -> int:
-    """Return how many ticks are before the stamp of the contact."""
+    """Return the number of ticks before the stamp of the contact."""
     t_ns = round(contact.t_s * NS)
     return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

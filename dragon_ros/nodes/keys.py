@@ -1,4 +1,4 @@
-"""Keys of a terminal that control what is played: space pauses and goes on, s steps, the arrows seek."""
+"""Keyboard control of a replay in a terminal: space pauses and resumes, s steps, the arrows seek."""
 import os
 import select
 import sys
@@ -18,14 +18,14 @@ _POLL_S = 0.05
 
 @contextmanager
 def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]:
-    """Call an action at its key while the block runs, and log what it says; False where nobody sits at a terminal."""
+    """Run the action of each key pressed inside the block, and log its result; yields False without a terminal."""
     number = _terminal()
     if number is None:
         yield False
         return
     before = termios.tcgetattr(number)
     tty.setcbreak(number)
-    timer = node.create_timer(_POLL_S, lambda: _look(node, number, actions), clock=STEADY)
+    timer = node.create_timer(_POLL_S, lambda: _poll(node, number, actions), clock=STEADY)
     try:
         yield True
     finally:
@@ -34,7 +34,7 @@ def keys(node: Node, actions: Mapping[str, Callable[[], str]]) -> Iterator[bool]
 
 
 def split(text: str, known: Mapping[str, object]) -> list[str]:
-    """Return the known keys in what was typed; an arrow is three characters."""
+    """Return the known keys in the input; an arrow is three characters."""
     found = []
     while text:
         key = next((key for key in sorted(known, key=len, reverse=True) if text.startswith(key)), None)
@@ -44,7 +44,7 @@ def split(text: str, known: Mapping[str, object]) -> list[str]:
 
 
 def _terminal() -> int | None:
-    """Return standard input where it is a terminal and this process is in front."""
+    """Return standard input if it is a terminal and this process is in the foreground."""
     try:
         number = sys.stdin.fileno()
         return number if os.isatty(number) and os.tcgetpgrp(number) == os.getpgrp() else None
@@ -52,7 +52,7 @@ def _terminal() -> int | None:
         return None
 
 
-def _look(node: Node, number: int, actions: Mapping[str, Callable[[], str]]) -> None:
+def _poll(node: Node, number: int, actions: Mapping[str, Callable[[], str]]) -> None:
     if not select.select([number], [], [], 0)[0]:
         return
     for key in split(os.read(number, 64).decode(errors='replace'), actions):

@@ -1,4 +1,4 @@
-"""The log of the nodes: as ROS writes it, or for machines, as one JSON object a line on standard error."""
+"""The log of the nodes: as ROS writes it, or for machines, one JSON object per line on standard error."""
 import json
 import sys
 import time
@@ -12,39 +12,39 @@ _mode = {'json': False}
 
 
 class Logger(rcutils_logger.RcutilsLogger):
-    """ROS's own logger; with JSON on, what it lets pass is also written as JSON, with ``data`` as further keys."""
+    """ROS's logger; in JSON mode, what passes its filters is also written as JSON, with ``data`` as further keys."""
 
     def log(self, message: str, severity: int, data: dict[str, Any] | None = None, **filters: Any) -> bool:
-        """Log a message unless the severity or a filter holds it back; return whether it did."""
+        """Log a message unless its severity or a filter suppresses it; return whether it was logged."""
         passed: bool = super().log(message, severity, **filters)
         if passed and _mode['json']:
             write(rcutils_logger.LoggingSeverity(severity).name.lower(), self.name, message, data)
         return passed
 
 
-# Filters such as throttle_duration_sec count by the line that logs: this file is not it.
+# Filters such as throttle_duration_sec are kept per calling line, which is not in this file.
 rcutils_logger._internal_callers.append(__file__)
 
 
 @cache
 def logger(name: str) -> Logger:
-    """Return the logger of a name, always the same one."""
+    """Return the logger with a name, always the same object."""
     return Logger(name)
 
 
 def speak_json() -> list[str]:
-    """Write JSON from now on; return the ROS arguments that silence ROS's own lines on the console."""
+    """Switch to JSON; return the ROS arguments that silence ROS's own console output."""
     _mode['json'] = True
     return _PLAIN_ROS
 
 
 def progress_wanted() -> bool:
-    """Return whether somebody follows: a person at a terminal, or a machine that reads JSON."""
+    """Return whether somebody follows the log: a person at a terminal, or a machine that reads JSON."""
     return _mode['json'] or sys.stderr.isatty()
 
 
 def say(level: str, name: str, message: str) -> None:
-    """Write one line without a node: as text, or as JSON where that is on."""
+    """Write one line without a node, as text or as JSON."""
     if _mode['json']:
         write(level, name, message, None)
     else:

@@ -1,4 +1,4 @@
-"""``monitor``: watches the handles and benches of any publisher and reports each contact, clearance and health."""
+"""``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health."""
 import threading
 import time
 from collections.abc import Callable
@@ -9,72 +9,72 @@ from std_msgs.msg import Bool
 
 from dragon_ros.core.contact.tracker import NS, Report, Watch
 from dragon_ros.core.errors import InputError
+from dragon_ros.messages.cdr import float64_of
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import Poses
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers
+from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
+from dragon_ros.messages.synchronizer import Synchronizer
 from dragon_ros.nodes import contact_messages as messages
-from dragon_ros.nodes import outlet, qos, shell
+from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
-from dragon_ros.nodes.intake import subscribe_raw
 from dragon_ros.nodes.params import MONITOR
-from dragon_ros.wire.cdr import float64_of
-from dragon_ros.wire.cdr_read import Poses
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.contact_markers import clearance_marker, contact_markers
-from dragon_ros.wire.pairing import Pairing
-from dragon_ros.wire.sights import Shown, check_handles, read_benches, sight_of
+from dragon_ros.nodes.raw_subscription import subscribe_raw
 
-_PARTNER_S = 10.0       # to wait for the other half of a tick: what is lost is sent again within 3 s (Fast DDS)
-_SHOW_S = 0.1           # clearance/marker comes no more often than this
-_TELL_S = 1.0           # /diagnostics comes so often, in wall time
+_PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
+_MARKER_S = 0.1           # shortest interval of clearance/marker
+_HEALTH_S = 1.0           # interval of /diagnostics in wall time
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
            '/diagnostics')
 
 
 class Monitor(DragonNode):
-    """Pairs handles with benches by their stamp, looks at each pair, says what it sees."""
+    """Pairs handles with benches by their stamp, tracks the contacts of each pair, and publishes them."""
 
     def __init__(self, **overrides: Any) -> None:
         """Subscribe to the raw bytes of handles and benches."""
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._watch = Pairing(), Watch(self._warn_below_m)
+        self._pairs, self._watch = Synchronizer(), Watch(self._warn_below_m)
         self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
-        self.outlets = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
+        self.topic_publishers = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
                         for name, row in rows.items() if name in _TOPICS}
-        self.outlets['collision/active'].publish(Bool(data=False))
-        self.create_timer(_TELL_S, self._on_timer, clock=STEADY)
+        self.topic_publishers['collision/active'].publish(Bool(data=False))
+        self.create_timer(_HEALTH_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
             subscribe_raw(self, shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)))
 
     def _on_handles(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_handles(check_handles(data), time.monotonic())))
+        self._guarded(lambda: self._look(self._pairs.add_handles(read_handles(data), time.monotonic())))
 
     def _on_benches(self, data: bytes, _: Any) -> None:
         self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
-        """Give up messages whose partner does not come, and tell the health."""
+        """Drop messages whose partner has not arrived, and publish the health."""
         self._pairs.expire(time.monotonic() - _PARTNER_S)
-        self._tell_unmatched()
-        self._tell_health(always=True)
+        self._drop_unmatched()
+        self._publish_health(always=True)
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do the work; a message that nobody can use is counted and logged, and the node goes on."""
+        """Do the work; an unusable message is counted and logged, and the node continues."""
         try:
             work()
         except InputError as error:
             self._drop(str(error))
 
-    def _tell_unmatched(self) -> None:
+    def _drop_unmatched(self) -> None:
         for topic, t_ns in self._pairs.take_unmatched():
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
-            self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} came with that stamp')
+            self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
-    def _look(self, pair: tuple[Poses, Shown] | None) -> None:
-        self._tell_unmatched()
-        for report in self._watch.look(sight_of(*pair)) if pair else []:
+    def _look(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
+        self._drop_unmatched()
+        for report in self._watch.look(observation_of(*pair)) if pair else []:
             self._report(report)
 
     def _drop(self, why: str) -> None:
@@ -82,40 +82,40 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish what one tick tells, each topic only where it changes or somebody listens."""
+        """Publish the result of one tick, each topic only where it changes or has subscribers."""
         active = self._last is not None and self._last.count > 0
         self._last = report
         self.seen += 1
-        if self.outlets['clearance'].get_subscription_count():
-            self.outlets['clearance'].publish(float64_of(report.clearance_m))
+        if self.topic_publishers['clearance'].get_subscription_count():
+            self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
         self._show_clearance(report)
         if message := messages.collision_of(report):
-            self.outlets['collision'].publish(message)
+            self.topic_publishers['collision'].publish(message)
             self._log(message)
         if active != (report.count > 0):
-            self.outlets['collision/active'].publish(Bool(data=report.count > 0))
+            self.topic_publishers['collision/active'].publish(Bool(data=report.count > 0))
         for event in report.begins:
-            self.outlets['collision/point'].publish(messages.point_of(event))
-        markers = self.outlets['collision/markers']
+            self.topic_publishers['collision/point'].publish(messages.point_of(event))
+        markers = self.topic_publishers['collision/markers']
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
-            markers.publish(contact_markers(report))
-        self._tell_health()
+            markers.publish(report_markers(report))
+        self._publish_health()
 
     def _show_clearance(self, report: Report) -> None:
-        """Publish the clearance for the eye, as often as an eye can read."""
-        marker, now = self.outlets['clearance/marker'], time.monotonic()
-        if marker.get_subscription_count() and now - self._shown >= _SHOW_S:
+        """Publish the clearance as a marker, no more often than one can read."""
+        marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
+        if marker.get_subscription_count() and now - self._shown >= _MARKER_S:
             self._shown = now
             marker.publish(clearance_marker(report))
 
     def _log(self, message: DiagnosticArray) -> None:
         for status in message.status:
-            if status.level == status.ERROR:    # rclpy wants one severity for each line of code
+            if status.level == status.ERROR:    # rclpy requires one severity per line of code
                 self.get_logger().error(status.message)
             else:
                 self.get_logger().info(status.message)
 
-    def _tell_health(self, always: bool = False) -> None:
+    def _publish_health(self, always: bool = False) -> None:
         """Publish on /diagnostics, at changes of the level unless ``always``."""
         name = f'{self.get_namespace().strip("/")}: clearance'
         level = messages.level_of(self._last, self._warn_below_m)
@@ -124,15 +124,15 @@ class Monitor(DragonNode):
             status = messages.health_of(name, self._last, self._warn_below_m, self.dropped)
             message = DiagnosticArray(status=[status])
             message.header.stamp = self.get_clock().now().to_msg()
-            self.outlets['/diagnostics'].publish(message)
+            self.topic_publishers['/diagnostics'].publish(message)
 
 
 def run(stop: threading.Event) -> int:
-    """Watch in an executor of its own until told to stop; return the exit code."""
+    """Run the monitor in an executor of its own until ``stop``; return the exit code."""
     node = Monitor()
     try:
         code = shell.spin(node, stop)
-        outlet.drain(node.outlets.values())
+        publisher_queue.drain(node.topic_publishers.values())
         return code
     finally:
         node.get_logger().info(f'saw {node.seen} ticks')

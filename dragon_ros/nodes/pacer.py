@@ -1,4 +1,4 @@
-"""Pacing by a steady clock: due times follow from simulation time, never from a sum of waits."""
+"""Pacing by a steady clock: due times follow from simulation time, never from accumulated waits."""
 import time
 
 from dragon_ros.core.errors import FieldError
@@ -7,11 +7,11 @@ _MADE_UP_NS = 50_000_000
 
 
 class Pacer:
-    """Says when each simulation time is due; ``scale`` 0 means at once.
+    """Gives the time when each simulation time is due; ``scale`` 0 means immediately.
 
-    A tick that starts late is made up for: the next ones follow at once until they are on time again, so that a short
-    stall does not lower the rate. A tick that starts later than the one after it was due, and by more than 50 ms, is
-    an overrun. It is counted, and pacing goes on from there at the steady rate: no burst follows.
+    After a late tick the next ones follow immediately until they are on time again, so that a short stall does not
+    lower the rate. A tick that starts after its successor was due, and more than 50 ms late, is an overrun. It is
+    counted, and pacing continues from there at the steady rate, without a burst.
     """
 
     def __init__(self, scale: float) -> None:
@@ -19,7 +19,7 @@ class Pacer:
         self._scale = _checked(scale)
         self._origin: tuple[int, int] | None = None
         self.last_ns: int | None = None
-        self.late_ns = 0            # how late the last tick started
+        self.late_ns = 0            # delay of the start of the last tick
         self.overruns = 0
         self.worst_late_s = 0.0
 
@@ -35,15 +35,15 @@ class Pacer:
             self._origin = (now, self._origin[1] + round((now - self._origin[0]) * old)) if old and scale else None
 
     def rest(self) -> None:
-        """Forget the pace: what comes next is due one step after the last tick, counted from when it is asked for."""
+        """Reset the pace: the next tick is due one step after the last one, counted from the first request for it."""
         self._origin = None
 
     def delay_ns(self, t_ns: int) -> int:
-        """Return how long ``t_ns`` is ahead in nanoseconds of wall time; 0 where it is due."""
+        """Return the wall time in ns until ``t_ns`` is due; 0 if it is."""
         return max(0, -self._late_ns(t_ns)) if self._scale else 0
 
     def start(self, t_ns: int) -> None:
-        """Note that the tick at ``t_ns`` starts now."""
+        """Record that the tick at ``t_ns`` starts now."""
         step_ns = t_ns - self.last_ns if self.last_ns is not None else 0
         self.last_ns = t_ns
         if not self._scale:

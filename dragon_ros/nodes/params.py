@@ -1,8 +1,8 @@
-"""Parameters of the nodes, each listed once: name, default, limits and text. Imports little, so that help is quick."""
+"""Parameters of the nodes, each declared once: name, default, limits and text. Imports little to keep --help quick."""
 from dataclasses import dataclass
 from typing import Any
 
-# A test keeps these two equal to those of core.scene and core.contact.tracker, which are slow to import.
+# A test keeps these equal to those of core.scene and core.contact.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
 _AS_SCENE = -1.0
@@ -10,9 +10,9 @@ _AS_SCENE = -1.0
 
 @dataclass(frozen=True)
 class Parameter:
-    """One parameter; the type is that of the default, numbers have limits, texts may have choices.
+    """One parameter; its type is that of the default, numbers have limits, texts may have choices.
 
-    A ``live`` one can be set while the node runs; the others are read when it starts, and read-only from then on.
+    A ``live`` one can be set while the node runs; the others are read at the start and read-only afterwards.
     """
 
     name: str
@@ -24,10 +24,10 @@ class Parameter:
     live: bool = False
 
 
-# Of every node that plays something: nodes/controls.py reads them.
+# For every node that plays frames: nodes/controls.py reads them.
 CONTROLS = (
     Parameter('step_ticks', 1, 'How many ticks the service step plays', 1, 1000, live=True),
-    Parameter('seek_s', 0.0, 'Where the service seek goes: to the last tick at or before this time, in seconds',
+    Parameter('seek_s', 0.0, 'Time in seconds to which the service seek moves: to the last tick at or before it',
               0.0, LATEST_S, live=True),
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (it stays for reset, seek and step); '
               'loop (it starts again)', choices=('stop', 'hold', 'loop'), live=True),
@@ -43,8 +43,8 @@ SIM = (
     Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
     Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
-    Parameter('wait_subscribers', [''], 'Start when topics have so many subscribers, e.g. [handles=2, velocities=1]'),
-    Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame of exactly that time '
+    Parameter('wait_subscribers', [''], 'Start when topics have this many subscribers, e.g. [handles=2, velocities=1]'),
+    Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame at exactly that time '
               'and stay, as with at_end hold); stop (end with that frame)', choices=('continue', 'hold', 'stop')),
     *CONTROLS,
     Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),

@@ -1,4 +1,4 @@
-"""What publishing one tick costs, as bytes and as message objects: ``cost tick`` runs it and reads seconds as JSON."""
+"""The cost of publishing one tick as bytes and as message objects; ``cost tick`` runs it and reads seconds as JSON."""
 import json
 import sys
 import time
@@ -11,12 +11,13 @@ from rclpy.publisher import Publisher
 from std_msgs.msg import ColorRGBA, Float64MultiArray, Header, MultiArrayDimension, MultiArrayLayout
 from visualization_msgs.msg import Marker, MarkerArray
 
+from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import Frame, tick
+from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import half_turns, stamp_of
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
 from dragon_ros.nodes import qos, shell
-from dragon_ros.wire.cdr import half_turns, stamp_of
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
 
 _WARM = 3
 
@@ -38,7 +39,7 @@ def main(budget_s: float) -> None:
 
 
 def _heard(node: Node, name: str) -> Publisher:
-    """Return a publisher that somebody listens to."""
+    """Return a publisher with one subscriber."""
     row = channels()[name]
     kind, profile = shell.message_type(row.type), qos.profile('reliable', 'volatile', 10)
     node.create_subscription(kind, name, lambda _: None, profile, raw=True)
@@ -60,7 +61,7 @@ def _spent(call: Callable[[], object], budget_s: float) -> list[float]:
 
 
 def _objects(scene: Scene, frame: Frame) -> dict[str, object]:
-    """Return the messages of a frame as objects, as they are usually written."""
+    """Return the messages of a frame as objects, as nodes usually build them."""
     header = Header(frame_id='dragon')
     header.stamp.sec, header.stamp.nanosec = stamp_of(frame.t_ns)
     turns = half_turns(frame.axis).tolist()

@@ -3,7 +3,7 @@ from typing import Any
 
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
-from dragon_ros.wire.channels import Channel
+from dragon_ros.messages.channels import Channel
 
 
 def profile(reliability: str, durability: str, depth: int) -> QoSProfile:
@@ -19,18 +19,18 @@ def of_channel(channel: Channel) -> QoSProfile:
 
 
 def lossless(qos: QoSProfile) -> QoSProfile:
-    """Return the profile with unbounded history: a full queue holds a lossless publisher back, nothing is dropped.
+    """Return the profile with unbounded history: a full queue blocks a lossless publisher, and nothing is dropped.
 
-    Depth bounds nothing then; the middleware does (5,000 messages with Fast DDS).
+    Then the limit of the middleware applies instead of the depth (5,000 messages with Fast DDS).
     """
     qos.history = HistoryPolicy.KEEP_ALL
     return qos
 
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:
-    """Return the profile that a bag has for a topic; where it says nothing, reliable and volatile.
+    """Return the profile that a bag stores for a topic; reliable and volatile if it stores none.
 
-    rosbag2 wrote numbers before it wrote names.
+    Older versions of rosbag2 store numbers instead of names.
     """
     def policy(key: str, allowed: tuple[str, ...], numbers: dict[int, str]) -> str:
         named = qos.get(key)

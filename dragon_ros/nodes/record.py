@@ -1,4 +1,4 @@
-"""``record``: the topics of a dragon, as raw bytes, into an MCAP bag, and an account of what is missing in it."""
+"""``record``: records the topics of a dragon as raw bytes in an MCAP bag, with an account of what is missing."""
 import os
 import resource
 import threading
@@ -7,50 +7,52 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from dragon_ros.bags.record.loss_accounting import LossAccount
+from dragon_ros.bags.record.simulation_clock import SimulationClock
+from dragon_ros.bags.record.writer_thread import WriterThread
+from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
-from dragon_ros.nodes import intake, qos, shell
+from dragon_ros.messages.channels import Channel, channels
+from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string
+from dragon_ros.nodes import qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.wire import cli, origin
-from dragon_ros.wire.background import BackgroundWriter
-from dragon_ros.wire.cdr_read import MessageError, read_stamp_ns, read_string
-from dragon_ros.wire.channels import Channel, channels
-from dragon_ros.wire.ledger import Ledger
-from dragon_ros.wire.log_write import LogWriter
-from dragon_ros.wire.recording import SimulationClock
+from dragon_ros.scenes import provenance
 
-_REST_S = 5.0       # to write what had come when the signal came
-_QUIET_S = 0.5      # the run has ended when its publisher has gone and nothing came for this long
-_IDLE_S = 0.25      # what has no stamp waits no longer for the next handles when nothing comes
-_LOOK_S = 1.0       # how often publishers are counted
+_REST_S = 5.0       # longest time to write what had arrived before a signal
+_QUIET_S = 0.5      # the run has ended when its publisher has left and nothing arrived for this long
+_IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
+_COUNT_S = 1.0       # interval between counts of publishers
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
-RECEIVED = 'dragon_ros.received'     # the metadata record with what came and what is missing
+RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 
 
 class Recorder(DragonNode):
-    """Subscribes to every topic of topics.yaml and writes what it gets."""
+    """Subscribes to every topic of topics.yaml and writes what it receives."""
 
-    def __init__(self, bag: LogWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
+    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
         """Subscribe; ``bag`` is closed by ``close``."""
         super().__init__('record')
-        self.bag, self.ledger = bag, Ledger()
-        self.writer = BackgroundWriter(bag, flush_s, queue_mb)
+        self.bag, self.losses = bag, LossAccount()
+        self.writer = WriterThread(bag, flush_s, queue_mb)
         self._simulation = SimulationClock(self._log)
-        self._last, self._seen, self._looked, self._scene = time.monotonic(), False, 0.0, ''
+        self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
-            intake.subscribe_raw(self, shell.message_type(channel.type), name, self._take(self._names[name], channel),
-                                 qos.lossless(qos.of_channel(channel)))
+            raw_subscription.subscribe_raw(self, shell.message_type(channel.type), name,
+                                           self._take(self._names[name], channel),
+                                           qos.lossless(qos.of_channel(channel)))
 
     def poll(self, keep_going: bool) -> bool:
-        """Do what is due beside the messages; return whether the recording has ended."""
+        """Do periodic work; return whether the recording has ended."""
         now = time.monotonic()
         if now - self._last > _IDLE_S:
             self._simulation.flush(_IDLE_S)
-        if now - self._looked > _LOOK_S:
-            self._looked = now
-            self.ledger.share(topic for topic in self._names.values() if self.count_publishers(topic) > 1)
+        if now - self._counted > _COUNT_S:
+            self._counted = now
+            self.losses.share(topic for topic in self._names.values() if self.count_publishers(topic) > 1)
         if self.writer.error is not None:
             return True
         quiet = self._seen and not keep_going and now - self._last > _QUIET_S
@@ -60,35 +62,35 @@ class Recorder(DragonNode):
         return False
 
     def close(self) -> bool:
-        """Write what is held back and the account, close the bag; return whether it has all. Raises DiskError."""
+        """Write held messages and the account, close the bag; return whether it is complete. Raises DiskError."""
         gone = not self.count_publishers('handles')
         self._simulation.flush()
         self.writer.stop()
         try:
             with suppress(DiskError):
-                self.bag.describe(RECEIVED, self.ledger.report(gone) | self._pressure())
+                self.bag.describe(RECEIVED, self.losses.report(gone) | self._pressure())
             self.bag.close()
             if self.writer.error is not None:
                 raise self.writer.error
         finally:
-            self._tell(gone)
-        return self.ledger.complete(gone)
+            self._log_summary(gone)
+        return self.losses.complete(gone)
 
-    def _tell(self, gone: bool) -> None:
+    def _log_summary(self, gone: bool) -> None:
         counts = ', '.join(f'{topic} {count}' for topic, count in self.bag.counts.items())
         writer, log = self.writer, self.get_logger()
         log.info(f'closed {self.bag.path}: {counts}')
         log.info(f'{self.bag.kept} messages are in the bag; the queue was {writer.fullest:.1%} full at most, the '
                  f'longest write took {writer.slowest_write_s:.3f} s')
-        for lack in self.ledger.lines(gone):
+        for lack in self.losses.lines(gone):
             log.warning(lack)
         if writer.waits:
             log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in all')
-        if self.ledger.received > self.bag.kept:
-            log.warning(f'{self.ledger.received - self.bag.kept} messages that came are not in the bag')
+        if self.losses.received > self.bag.kept:
+            log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 
     def _pressure(self) -> dict[str, str]:
-        """Return how close the recorder was to its limits."""
+        """Return how close the recorder came to its limits."""
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'slowest write_s': f'{writer.slowest_write_s:.6f}',
@@ -96,13 +98,13 @@ class Recorder(DragonNode):
                 'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
 
     def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
-        self.ledger.note(topic, t_ns, sequence)
+        self.losses.note(topic, t_ns, sequence)
         self.writer.write(topic, data, t_ns, sequence, source_ns)
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
-        shared = channel.name.startswith('/')      # by every node of the graph, and stamped with wall time
-        once = channel.latched and channel.publisher == 'sim'      # for all ticks, whatever its stamp
+        shared = channel.name.startswith('/')      # published by all nodes of the graph, and stamped with wall time
+        once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, whatever its stamp
         stamp_at = None if shared or once else _STAMP_AT.get(channel.type, 4)
         handles, scene = channel.name == 'handles', channel.name == 'scene'
 
@@ -117,8 +119,8 @@ class Recorder(DragonNode):
                     self._simulation.unstamped(topic, data, source_ns, sequence, channel.latched)
                     return
                 t_ns = read_stamp_ns(data[:4] + data[stamp_at:stamp_at + 8])
-                if handles:     # first what belongs to the tick before, so that the bag is in order
-                    self.ledger.stamp(t_ns)
+                if handles:     # first the messages of the tick before, to keep the bag in order
+                    self.losses.stamp(t_ns)
                     self._simulation.mark(source_ns, t_ns)
                 self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:
@@ -126,28 +128,28 @@ class Recorder(DragonNode):
         return callback
 
     def _learn(self, text: str) -> None:
-        """Keep the scene of the run as metadata and attachment, and learn its ticks."""
+        """Store the scene of the run as metadata and attachment, and account for its ticks."""
         if text == self._scene:
             return
         self._scene = text
-        scene = origin.scene_in(text)
+        scene = provenance.scene_in(text)
         if scene is None:
-            self.get_logger().warning('scene: this version cannot read it; it is recorded as it is')
-        self.ledger.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
-        told = {key: str(value) for key, value in vars(self.bag.options).items()}
-        told |= origin.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
-                                     'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
-        self.writer.describe(origin.RECORD, origin.run_metadata(text, told))
-        self.writer.attach(origin.ATTACHMENT, 'application/yaml', text.encode())
+            self.get_logger().warning('scene: this version cannot read it; it is recorded unchanged')
+        self.losses.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
+        settings = {key: str(value) for key, value in vars(self.bag.options).items()}
+        settings |= provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
+                                             'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
+        self.writer.describe(provenance.RECORD, provenance.run_metadata(text, settings))
+        self.writer.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
 
 
-def run(bag: LogWriter, keep_going: bool, flush_s: float, queue_mb: float, stop: threading.Event) -> int:
-    """Record into a bag until the run ends or a signal comes; return the exit code."""
+def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, stop: threading.Event) -> int:
+    """Record a bag until the run ends or a signal arrives; return the exit code."""
     node = Recorder(bag, flush_s, queue_mb)
     try:
-        node.get_logger().info(f'records to {bag.path}')
+        node.get_logger().info(f'recording to {bag.path}')
         shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S)
     finally:
         complete = node.close()
         node.destroy_node()
-    return cli.OK if complete else cli.INCOMPLETE
+    return command_line.OK if complete else command_line.INCOMPLETE

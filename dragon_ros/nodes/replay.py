@@ -1,4 +1,4 @@
-"""``replay``: a bag back onto its topics, at the recorded spacing, under control."""
+"""``replay``: publishes a bag on its topics at the recorded spacing, under control."""
 import threading
 from collections import Counter
 from collections.abc import Callable
@@ -7,22 +7,22 @@ from typing import Any, NamedTuple
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.scene import NS
-from dragon_ros.nodes import keys, outlet, qos, shell
+from dragon_ros.nodes import keys, publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
-from dragon_ros.nodes.clock import SimulationTime
+from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.params import REPLAY
-from dragon_ros.nodes.reel import BagReel
-from dragon_ros.wire.log_read import LogReader
+from dragon_ros.nodes.replay_source import ReplaySource
 
 _JUMP_S = 5.0
 _CLOCK = '/clock'
 
 
 class Choice(NamedTuple):
-    """What is played of a bag: seconds from its start, topics (None: all), and who must listen first."""
+    """The part of a bag to play: seconds from its start, topics (None: all), and subscribers to wait for."""
 
     start_s: float = 0.0
     end_s: float | None = None
@@ -33,25 +33,26 @@ class Choice(NamedTuple):
 class Replay(DragonNode):
     """Publishes the bytes of a bag under the recorded names, in any executor; ``player.done`` at the end."""
 
-    def __init__(self, bag: LogReader, choice: Choice, **overrides: Any) -> None:
-        """Advertise the topics of the bag with their recorded QoS. Raises InputError where the choice does not fit."""
+    def __init__(self, bag: BagReader, choice: Choice, **overrides: Any) -> None:
+        """Advertise the topics of the bag with their recorded QoS. Raises InputError for an impossible choice."""
         super().__init__('replay', REPLAY, overrides)
         start_ns, end_ns = span_of(bag, choice)
         self._lossless = self.setting['time_scale'] == 0
-        self.outlets = self._advertise(bag, choice.topics)
-        self.reel = BagReel(bag, self.outlets, start_ns, end_ns)
+        self.topic_publishers = self._advertise(bag, choice.topics)
+        self.source = ReplaySource(bag, self.topic_publishers, start_ns, end_ns)
         self.late_us: Counter[int] = Counter()
-        wanted = outlet.wanted_readers(choice.wait_subscribers, self.outlets)
-        self.player = Player(self, self.reel, self.setting['time_scale'], lambda: outlet.readers_are_there(wanted))
-        self.reel.also.append(self._note_late)
+        wanted = publisher_queue.wanted_readers(choice.wait_subscribers, self.topic_publishers)
+        self.player = Player(self, self.source, self.setting['time_scale'],
+                             lambda: publisher_queue.readers_are_there(wanted))
+        self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
-            if _CLOCK in self.outlets:
-                raise InputError(f'--clock: the bag has {_CLOCK} itself; choose --topics without it')
-            self.reel.also.append(SimulationTime(self, start_ns).tell)
+            if _CLOCK in self.topic_publishers:
+                raise InputError(f'--clock: the bag itself has {_CLOCK}; choose --topics without it')
+            self.source.also.append(ClockPublisher(self, start_ns).publish)
 
     @property
     def actions(self) -> dict[str, Callable[[], str]]:
-        """What each key does."""
+        """The action of each key."""
         player = self.player
         return {' ': lambda: player.resume() if player.paused else player.pause(), 's': player.step,
                 keys.RIGHT: lambda: self._jump(_JUMP_S), keys.LEFT: lambda: self._jump(-_JUMP_S)}
@@ -59,25 +60,25 @@ class Replay(DragonNode):
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""
         if name == 'seek_s':
-            self.reel.check_time(round(value * NS))
+            self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
-            raise FieldError('time_scale', value, 'a replay that loses nothing has topics of its own kind from the '
+            raise FieldError('time_scale', value, 'a lossless replay needs lossless topics from the '
                              'start', 'start it with --rate 0, or set it above 0')
 
     def changed(self, name: str) -> None:
-        """Take a new speed over."""
+        """Apply a new speed."""
         if name == 'time_scale':
             self.player.set_speed(self.setting['time_scale'])
 
     def summary(self) -> str:
-        """Return how much was published, and how late."""
-        count = sum(self.reel.published.values())
+        """Return how many messages were published, and how late."""
+        count = sum(self.source.published.values())
         if not self.late_us:
             return f'{count} messages published, as fast as the readers follow'
-        return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} us (median), '
-                f'{quantile(self.late_us, 0.99)} us (99th percentile), {max(self.late_us)} us (worst)')
+        return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
+                f'{quantile(self.late_us, 0.99)} µs (99th percentile), {max(self.late_us)} µs (worst)')
 
-    def _advertise(self, bag: LogReader, topics: list[str] | None) -> dict[str, Publisher]:
+    def _advertise(self, bag: BagReader, topics: list[str] | None) -> dict[str, Publisher]:
         rows = [row for row in bag.topics if topics is None or row.name in topics]
         profiles = {row.name: qos.of_bag(row.qos) for row in rows}
         return {row.name: self.create_publisher(
@@ -96,8 +97,8 @@ class Replay(DragonNode):
         return self.player.seek()
 
 
-def span_of(bag: LogReader, choice: Choice) -> tuple[int, int]:
-    """Return the first and the last log time to play. Raises InputError where the choice does not fit the bag."""
+def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
+    """Return the first and the last log time to play. Raises InputError where the bag does not have it."""
     length_s = (bag.end_ns - bag.start_ns) / NS
     if not 0 <= choice.start_s <= length_s:
         raise InputError(f'--start {choice.start_s:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')
@@ -112,7 +113,7 @@ def span_of(bag: LogReader, choice: Choice) -> tuple[int, int]:
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the value that ``part`` of the counted ones do not exceed."""
+    """Return the value that a ``part`` of the counted ones does not exceed."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]
@@ -121,16 +122,16 @@ def quantile(counts: Counter[int], part: float) -> int:
     return max(counts, default=0)
 
 
-def run(bag: LogReader, choice: Choice, given: dict[str, Any], stop: threading.Event) -> int:
+def run(bag: BagReader, choice: Choice, given: dict[str, Any], stop: threading.Event) -> int:
     """Replay a bag in an executor of its own; return the exit code."""
     node = Replay(bag, choice, **given)
     try:
         with keys.keys(node, node.actions) as listens:
             if listens:
-                node.get_logger().info('keys: space pauses and goes on, s steps, the arrows seek 5 s')
+                node.get_logger().info('keys: space pauses and resumes, s steps, the arrows seek 5 s')
             code = shell.spin(node, stop, lambda: node.player.done)
         node.get_logger().info(node.summary())
-        outlet.drain(node.outlets.values())
+        publisher_queue.drain(node.topic_publishers.values())
         return code
     finally:
         node.destroy_node()

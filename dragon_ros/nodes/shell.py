@@ -1,4 +1,4 @@
-"""The life of a node: signals, spinning, errors in one line, exit codes."""
+"""The life cycle of a node: signals, spinning, one-line errors, exit codes."""
 import importlib
 import signal
 import threading
@@ -12,17 +12,17 @@ from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
+from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
 from dragon_ros.core.errors import DiskError, DragonError, MissingError
 from dragon_ros.nodes import logs
-from dragon_ros.wire.cli import BAD_INPUT, FAILED, OK
 
-_EMPTY_LOOKS = 3
+_EMPTY_WAITS = 3
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
     """Initialise ROS, run ``body(stop)`` and shut down; SIGINT and SIGTERM set ``stop``. Logs as JSON if asked.
 
-    rclpy's own signal handlers would end the context in the middle of a tick; here a node always ends between two.
+    rclpy's own signal handlers would shut down the context in the middle of a tick; here a node ends between two.
     """
     stop = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
@@ -39,7 +39,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
-    """Serve a node's callbacks until a signal or until ``until()``; then what came by then, ``rest_s`` at most."""
+    """Serve a node's callbacks until a signal or ``until()``; then those already due, for ``rest_s`` at most."""
     executor = SingleThreadedExecutor()
     executor.add_node(node)
     while not stop.is_set() and not until():
@@ -50,9 +50,9 @@ def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: 
 
 
 def _serve_rest(executor: SingleThreadedExecutor, rest_s: float) -> None:
-    """Serve what is ready; a look that finds nothing may have found a wake-up call, so look again."""
+    """Serve what is ready; an empty wait may have consumed a wake-up call, so wait again."""
     end, empty = time.monotonic() + rest_s, 0
-    while time.monotonic() < end and empty < _EMPTY_LOOKS:
+    while time.monotonic() < end and empty < _EMPTY_WAITS:
         try:
             handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
         except TimeoutException:

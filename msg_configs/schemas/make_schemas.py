@@ -1,4 +1,4 @@
-"""Write the MCAP schemas of every topic from an installed ROS 2: run it where ROS is, commit what it writes.
+"""Write the MCAP schemas of every topic from an installed ROS 2: run it with ROS, and commit the result.
 
 A schema is the ros2msg text of a type followed by those of the types in it, as rosbag2 stores it; ``types.yaml``
 holds the type hashes. With them bags can be written where no ROS is installed.
@@ -10,7 +10,7 @@ from pathlib import Path
 import yaml
 from ament_index_python.packages import get_package_share_directory
 
-from dragon_ros.wire.channels import channels
+from dragon_ros.messages.channels import channels
 
 _PRIMITIVE = re.compile(r'(bool|byte|char|u?int\d+|float\d+|w?string)\b')
 
@@ -22,7 +22,7 @@ def definition(name: str) -> str:
 
 
 def parts(name: str) -> list[str]:
-    """Return the types that stand in a type, in order."""
+    """Return the types of the fields of a type, in order."""
     package, found = name.split('/')[0], []
     for line in definition(name).splitlines():
         kind = re.split(r'[\s\[]', line.split('#')[0].strip())[0].split('<')[0]
@@ -52,7 +52,7 @@ def type_hash(name: str) -> str:
 
 
 def main() -> None:
-    """Write one file a type, and the hashes."""
+    """Write one file per type, and the hashes."""
     here = Path(__file__).parent
     types = sorted({channel.type for channel in channels().values()})
     for name in types:

@@ -4,21 +4,20 @@ from math import cos, hypot, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import adjacent_layer_windows
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.path import arc_between
-from dragon_ros.core.rates import velocities
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spiral import arc_between
 
 SCENE = Scene(solver='march')
-B, P, V, THETA0 = SCENE.track.b_m, 0.55, 1.0, 32 * pi
+B, P, V, THETA0 = SCENE.spiral.b_m, 0.55, 1.0, 32 * pi
 RHO0 = B * THETA0
 
 
 def true_theta(t_s):
-    return float(state(SCENE, t_s).theta[0])
+    return float(state(SCENE, t_s).u[0])
 
 
 def test_equation_5_arc_length():
@@ -61,7 +60,7 @@ def test_equations_12_to_14_velocity_of_the_head(t_s):
     w = sqrt(1 + theta**2)
     tangential, radial = V * theta / w, -V / w
     corrected = (tangential * sin(theta) + radial * cos(theta), -tangential * cos(theta) + radial * sin(theta))
-    assert velocities(state(SCENE, t_s), V)[0] == pytest.approx(corrected, abs=1e-12)
+    assert state(SCENE, t_s).velocities(V)[0] == pytest.approx(corrected, abs=1e-12)
     printed = (V * sin(theta) + radial * cos(theta), V * cos(theta) + radial * sin(theta))
     assert hypot(*corrected) == pytest.approx(V, abs=1e-14)
     assert hypot(printed[0] - corrected[0], printed[1] - corrected[1]) > 0.5
@@ -69,9 +68,9 @@ def test_equations_12_to_14_velocity_of_the_head(t_s):
 
 def test_equation_17_next_handle():
     chain = state(SCENE, 300.0)
-    delta = float(chain.delta[0])
+    delta = float(chain.u[1] - chain.u[0])
     for sign, right in ((1, True), (-1, False)):
-        theta = float(chain.theta[0]) + sign * delta
+        theta = float(chain.u[0]) + sign * delta
         place = B * theta * cos(theta), B * theta * sin(theta)
         assert (hypot(*(chain.p[0] - place)) == pytest.approx(2.86, abs=1e-9)) == right
 
@@ -120,7 +119,7 @@ def test_equation_24_range_of_an_edge():
 
 
 def test_section_3_4_next_layer_is_outside():
-    angle = state(SCENE, 412.473837682).theta
+    angle = state(SCENE, 412.473837682).u
     first, last = adjacent_layer_windows(angle)
     assert first[0] <= 8 <= last[0]
     inwards = np.searchsorted(angle, angle[:2] - 2 * pi)

@@ -1,13 +1,13 @@
-"""The page on bags: its figures follow from what was measured, and its bags are whole."""
+"""The page on bags: its figures follow from the measurements, and its bags are complete."""
 import csv
 import io
 
 import pytest
 
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli import figures
 from dragon_ros.cost import bags
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire import figures
-from dragon_ros.wire.log_read import LogReader
 
 
 def row(writer='dragon_ros', compression='zstd', seconds=0.5):
@@ -33,6 +33,6 @@ def test_table_csv_and_picture_have_every_row(tmp_path):
 def test_each_writer_of_the_page_writes_the_same_messages(tmp_path, writer):
     rows = bags._rows()[:30]
     bags._WRITERS[writer](tmp_path / 'a.mcap', 'lz4', rows)
-    with LogReader(tmp_path / 'a.mcap') as bag:
+    with BagReader(tmp_path / 'a.mcap') as bag:
         found = [(message.topic, message.data, message.t_ns, message.sequence) for message in bag.messages()]
     assert sorted(found) == sorted(rows)

@@ -2,12 +2,12 @@
 import numpy as np
 import pytest
 
+from dragon_ros.cli import figures
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.cost import contacts, growth
 from dragon_ros.cost.measure import Timing
-from dragon_ros.wire import figures
 
 
 def search(late_s, wanted_s=None):
@@ -40,7 +40,7 @@ def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     assert 'N^1.00' in contacts.summary(rows)
 
 
-def test_every_way_of_checking_finds_the_same_smallest_gap():
+def test_every_method_of_checking_finds_the_same_smallest_gap():
     for size in (10, 223):
         assert [check.right for check in growth.checks_of(size, 0.0)] == [True] * 4
 

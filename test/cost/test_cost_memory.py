@@ -1,4 +1,4 @@
-"""The page on the memory of a recorder: its figures follow from the looks, and its run is whole."""
+"""The page on the memory of a recorder: its figures follow from the samples, and its run is complete."""
 import csv
 import io
 from dataclasses import replace
@@ -6,25 +6,25 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dragon_ros.cli import figures
 from dragon_ros.cost import memory
-from dragon_ros.wire import figures
 
 
 def recorded(seconds=600.0, growth_mb_s=1e-4):
-    looks = tuple((float(t), 80.0 + growth_mb_s * t + (5.0 if t < 50 else 0.0)) for t in range(0, round(seconds), 5))
-    return memory.Recorded(seconds, looks, 60_000, 0, 4800, 345_600, 10**9)
+    samples = tuple((float(t), 80.0 + growth_mb_s * t + (5.0 if t < 50 else 0.0)) for t in range(0, round(seconds), 5))
+    return memory.Recorded(seconds, samples, 60_000, 0, 4800, 345_600, 10**9)
 
 
-def test_growth_is_told_from_the_time_after_the_first_minute():
+def test_growth_is_fitted_from_the_first_minute_on():
     row = recorded()
     assert row.grows_kb_min == pytest.approx(6.0)
     assert row.index_kb_min == pytest.approx(34.56)
     assert row.settled[0] == (60.0, pytest.approx(80.006))
 
 
-def test_a_step_is_told_apart_from_steady_growth():
+def test_a_step_is_distinguished_from_steady_growth():
     row = recorded()
-    stepped = replace(row, looks=tuple((t_s, mb + (2.0 if t_s > 300 else 0.0)) for t_s, mb in row.looks))
+    stepped = replace(row, samples=tuple((t_s, mb + (2.0 if t_s > 300 else 0.0)) for t_s, mb in row.samples))
     assert stepped.steps_mb == pytest.approx(2.0, abs=1e-3)
     assert stepped.creeps_kb_min == pytest.approx(6.0, rel=0.02)
     assert (row.steps_mb, row.creeps_kb_min) == (0.0, pytest.approx(6.0))
@@ -46,4 +46,4 @@ def test_a_short_run_is_recorded_to_the_last_message():
     assert (row.ticks, row.missing) == (300, 0)
     assert row.chunks > 3
     assert 52 * row.chunks < row.index_bytes < 92 * row.chunks      # one topic to five
-    assert all(resident > 10 for _, resident in row.looks)
+    assert all(resident > 10 for _, resident in row.samples)

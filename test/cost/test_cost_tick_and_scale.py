@@ -2,15 +2,16 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.cli import figures
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost import live, scale, ticks
-from dragon_ros.cost.builds import build
 from dragon_ros.cost.measure import Timing
+from dragon_ros.cost.scale import build
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.cost.stages import STAGES, stages_of
-from dragon_ros.wire import figures
 
 
 def timing(seconds):
@@ -22,7 +23,7 @@ def test_the_stages_of_a_tick_are_those_of_the_model(solver):
     scene = Scene(dragon=Dragon(30))
     calls = stages_of(scene, solver, 300.0)
     assert tuple(calls) == STAGES
-    np.testing.assert_allclose(calls['chain']().p, state(scene, 300.0).p, atol=scene.promise_m)
+    np.testing.assert_allclose(calls['chain']().p, state(scene, 300.0).p, atol=compile_scene(scene).promise_m)
     assert len(calls['encode']()) == 3
     assert calls['gaps']() > 0
 
@@ -33,7 +34,7 @@ def tick_rows():
             ticks.Row('march', 'exact', 'bytes', stages)]
 
 
-def test_the_tick_page_tells_how_many_times_faster_than_before(tmp_path):
+def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
     with np.errstate(all='warn'):
         paths = ticks.write(tick_rows(), tmp_path, figures.save)
     assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']
@@ -45,7 +46,7 @@ def test_the_tick_page_tells_how_many_times_faster_than_before(tmp_path):
 def test_without_ros_the_tick_page_leaves_publishing_out(monkeypatch, capsys):
     monkeypatch.setattr(ticks.sys, 'executable', 'false')
     assert ticks._messages(0.0) == {}
-    assert 'publishing is left out' in capsys.readouterr().err
+    assert 'publishing is omitted' in capsys.readouterr().err
     row = ticks.Row('march', 'exact', 'bytes', {name: timing(1e-5) for name in STAGES})
     assert '| - | 70 |' in ticks.table([row])
 
@@ -63,7 +64,9 @@ def run(benches, rate_hz, overruns=0, missing=0, wall_s=2.0):
 def test_the_page_says_what_a_table_takes_and_nothing_where_there_is_none():
     scene = Scene(dragon=Dragon(30))
     row = build(scene)
-    assert (row.rows, row.terms, row.memory_bytes) == (scene.table.rows, scene.table.nodes, scene.table.memory_bytes)
+    state(scene, 0.0)
+    (tile,) = (tile for shift in compile_scene(scene).model.placement.maps.values() for tile in shift.tiles)
+    assert (row.rows, row.terms, row.memory_bytes) == (tile.table.rows, tile.table.nodes, tile.table.memory_bytes)
     assert row.seconds > 0
     assert build(Scene(dragon=Dragon(3))) is None
 

@@ -18,11 +18,9 @@ import mpmath
 from make_reference import AGREED, DIGITS, WRITTEN, Handle, Number, joined, note
 from mpmath import mp, mpc, mpf
 
-from dragon_ros.core.head import Head
-from dragon_ros.core.joined import Arc, Joined, Line
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.problems import Problem
 
@@ -173,17 +171,17 @@ def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:
 
 def track_of(scene: Scene) -> tuple[Track, Number]:
     """Return the track and where the head is on it at t = 0."""
-    if isinstance(scene.track, Turn):
+    if isinstance(scene.track, STurn):
         return turn_of(scene.track), -mpf(scene.track.before_m)
     if isinstance(scene.track, Spiral):
         start = 2 * mp.pi * mpf(scene.track.start_turns)
         spiral = Winding(mpf(scene.track.pitch_m) / (2 * mp.pi), mpc(0), mpc(1), 1, BACK, start, None, mpf(0))
         return Track([spiral], [mp.zero]), mp.zero
-    assert isinstance(scene.track, Joined)
+    assert isinstance(scene.track, Composite)
     return laid(scene.track), mpf(scene.track.start_m)
 
 
-def turn_of(turn: Turn) -> Track:
+def turn_of(turn: STurn) -> Track:
     """Return the S-turn: the arcs turn by 2 gamma, with radii of the ratio and the sum R / sin gamma."""
     b, radius = mpf(turn.pitch_m) / (2 * mp.pi), mpf(turn.diameter_m) / 2
     theta = radius / b
@@ -199,7 +197,7 @@ def turn_of(turn: Turn) -> Track:
     return Track([into, one, two, out], [mp.zero, mp.zero, one.last, one.last + two.last])
 
 
-def laid(track: Joined) -> Track:
+def laid(track: Composite) -> Track:
     """Return joined pieces in the plane; the first one open to where the head comes from."""
     pieces: list[Any] = []
     origins, point, direction = [mp.zero], mpc(0), mpc(1)

@@ -8,7 +8,7 @@ import time
 
 import pytest
 
-from dragon_ros.wire.domain import free_domain, local_environment
+from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 pytest.importorskip('rclpy')
 

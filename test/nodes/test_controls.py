@@ -1,4 +1,4 @@
-"""Control of a running sim: services, live parameters, /clock, and nodes in other people's executors."""
+"""Control of a running sim: services, live parameters, /clock, and nodes in executors of other programs."""
 import gc
 import json
 import threading
@@ -15,9 +15,9 @@ from std_srvs.srv import Trigger
 
 from dragon_ros.core import scene
 from dragon_ros.core.contact import tracker
+from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.nodes import params
 from dragon_ros.nodes.params import SIM
-from dragon_ros.wire.cdr_read import read_pose_array
 
 TICK_NS = 20_000_000
 START_NS = 400_000_000_000
@@ -80,7 +80,7 @@ def paused(start, node):
     return remote
 
 
-def test_step_plays_so_many_ticks_and_stands_again(paused):
+def test_step_plays_the_requested_ticks_and_pauses_again(paused):
     assert paused.call('step') == (True, 'at 400.020 s, tick 1 of 651')
     paused.shown(1)
     assert paused.set('step_ticks', 3) == (True, '')
@@ -97,10 +97,10 @@ def test_seek_shows_the_last_tick_at_or_before_the_time_and_does_not_start_what_
     paused.shown(0)
 
 
-def test_what_is_resumed_goes_on_from_where_it_was_without_a_gap(paused, node):
+def test_a_resumed_run_continues_where_it_was_without_a_gap(paused, node):
     paused.set('seek_s', 405.0)
     paused.call('seek')
-    assert paused.call('resume') == (True, 'goes on at 405.000 s, tick 250 of 651')
+    assert paused.call('resume') == (True, 'resumed at 405.000 s, tick 250 of 651')
     node.until(lambda: len(paused.stamps) > 10)
     assert paused.call('pause')[0]
     steps = {after - before for before, after in zip(paused.stamps, paused.stamps[1:], strict=False)}
@@ -111,19 +111,19 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
     paused.set('seek_s', 412.98)
     paused.call('seek')
     paused.call('resume')
-    paused.process.wait_for('holds there until a signal')
+    paused.process.wait_for('holding until a signal')
     paused.shown(649, 650)
     for name in ('resume', 'step'):
         succeeded, why = paused.call(name)
         assert not succeeded
-        assert 'the run ends at 413.000000 s after 651 ticks: nothing comes after it; reset or seek' in why
+        assert 'the run ends at 413.000000 s after 651 ticks: nothing follows; reset or seek' in why
     assert paused.call('reset')[0]
     assert paused.call('step')[0]
     paused.shown(0, 1)
     assert paused.process.stop() == 0
 
 
-def test_a_run_can_loop_and_be_told_to_stop_at_its_end(start, node):
+def test_a_run_can_loop_and_be_stopped_at_its_end(start, node):
     remote = Remote(node)
     process = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=400.1', '--ros-args', '-p',
                     'wait_subscribers:=[handles=1]', '-p', 'at_end:=loop')
@@ -137,7 +137,7 @@ def test_the_speed_changes_live_and_whole_numbers_are_taken(paused, node):
     assert paused.set('time_scale', 100) == (True, '')
     assert paused.get('time_scale').double_value == 100.0
     paused.call('resume')
-    paused.process.wait_for('holds there until a signal')
+    paused.process.wait_for('holding until a signal')
     node.until(lambda: len(paused.stamps) == 650)
     assert paused.process.stop() == 0
 
@@ -171,7 +171,7 @@ def test_the_tables_that_import_little_have_the_limits_of_the_core():
     assert (params.NEAR_M, params.LATEST_S) == (tracker.NEAR_M, scene.LATEST_S)
 
 
-def test_the_clock_follows_every_tick_goes_back_at_a_reset_and_is_told_while_time_stands(start, node):
+def test_the_clock_follows_every_tick_jumps_back_at_a_reset_and_repeats_while_time_stands(start, node):
     times = []
     node.create_subscription(Clock, '/clock', lambda m: times.append(m.clock.sec * 10**9 + m.clock.nanosec), 100)
     remote = Remote(node)
@@ -189,10 +189,10 @@ def test_the_clock_follows_every_tick_goes_back_at_a_reset_and_is_told_while_tim
 
 def test_a_node_on_simulation_time_says_once_that_no_clock_comes(start):
     monitor = start('monitor', '--ros-args', '-p', 'use_sim_time:=true')
-    monitor.wait_for('nothing came on /clock for 3 s')
+    monitor.wait_for('nothing arrived on /clock for 3 s')
     assert 'publish_clock:=true' in monitor.text
     assert monitor.stop() == 0
-    assert monitor.text.count('nothing came on /clock') == 1
+    assert monitor.text.count('nothing arrived on /clock') == 1
 
 
 def test_the_stamps_of_the_monitor_follow_the_clock(start, node):

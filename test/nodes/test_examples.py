@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from dragon_ros.core.step import state, velocity_of
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.scenes.load import load_scene
 
 EXAMPLES = Path(__file__).parents[2] / 'docs' / 'examples'
 PATIENCE_S = 60.0

@@ -12,7 +12,7 @@ from conftest import Process
 from geometry_msgs.msg import PoseArray
 from rcl_interfaces.srv import GetParameters
 
-from dragon_ros.wire.log_read import LogReader
+from dragon_ros.bags.read.reader import BagReader
 
 ROOT = Path(__file__).parents[2]
 LAUNCH = """
@@ -80,7 +80,7 @@ def test_a_recorded_run_ends_by_itself_when_all_is_written(launch, tmp_path):
     run = launch('scene:=first_contact', 'time_scale:=10', 'at_end:=stop', 'record:=run.mcap', 'headless:=true')
     assert run.end() == 0, run.text
     assert 'contact of benches 0 and 8 at 412.47383' in run.text
-    with LogReader(tmp_path / 'run.mcap') as bag:
+    with BagReader(tmp_path / 'run.mcap') as bag:
         counts = {topic.name: topic.messages for topic in bag.topics}
     assert [counts[f'/dragon/{name}'] for name in ('handles', 'benches', 'velocities', 'collision')] == [651] * 3 + [1]
 

@@ -1,16 +1,16 @@
-"""What the monitor says on each of its topics, and the sim that acts on a contact: real nodes over real DDS."""
+"""The topics of the monitor, and the sim that acts on a contact: real nodes over real DDS."""
 from importlib.util import find_spec
 
 import numpy as np
 import pytest
 
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.step import state, tick
-from dragon_ros.wire.cdr_read import read_diagnostics, read_pose_array
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_diagnostics, read_pose_array
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
 
 T_STAR_NS = 412_473_837_682
 
@@ -53,7 +53,7 @@ def values(status):
     return {pair.key: pair.value for pair in status.values}
 
 
-def test_an_episode_is_told_from_its_begin_to_its_end_on_every_topic(start, node):
+def test_a_contact_is_reported_from_start_to_end_on_every_topic(start, node):
     from visualization_msgs.msg import Marker
     start('monitor')
     heard = Listener(node, 'collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance')
@@ -102,11 +102,11 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     assert float(values(last)['clearance_m']) > 0.001
 
 
-def test_health_is_told_again_and_again_without_a_message(start, node):
+def test_health_is_repeated_without_a_message(start, node):
     start('monitor')
     heard = Listener(node, '/diagnostics')
     node.until(lambda: len(heard.got['/diagnostics']) >= 2)
-    assert {status.message for status in heard.statuses('/diagnostics')} == {'waits for handles and benches'}
+    assert {status.message for status in heard.statuses('/diagnostics')} == {'waiting for handles and benches'}
 
 
 def test_a_monitor_or_listener_that_comes_late_knows_the_contact(start, node):
@@ -146,7 +146,7 @@ def test_lost_doubled_reordered_and_broken_messages_and_a_restart_cost_no_contac
     assert 'Traceback' not in monitor.text
 
 
-def test_a_dragon_with_another_number_of_benches_ends_what_was_open_and_is_watched_afresh(start, node):
+def test_a_dragon_with_another_number_of_benches_ends_open_contacts_and_is_tracked_anew(start, node):
     monitor = start('monitor')
     heard = Listener(node, 'collision', 'collision/active', 'clearance')
     source = Publisher(node)
@@ -181,7 +181,7 @@ def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
     assert monitor.stop() == 0, monitor.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         counts = {topic.name: topic.messages for topic in run.topics}
         assert run.start_ns >= 412 * 10**9
         assert run.end_ns <= 413 * 10**9
@@ -204,7 +204,7 @@ def test_the_sim_ends_or_holds_in_exactly_the_contact(start, node, mode):
                 f'on_contact:={mode}', '-p', 'wait_subscribers:=[handles=2,benches=1]', '-p', 'time_scale:=0.0')
     node.until(lambda: len(bytes_) == 10 and heard.statuses())
     if mode == 'hold':
-        sim.wait_for('holds there until a signal')
+        sim.wait_for('holding until a signal')
         assert sim.stop() == 0, sim.text
     assert sim.end() == 0, sim.text
     assert 'contact of benches 0 and 8 at 412.473837682 s' in sim.text
@@ -217,7 +217,7 @@ def test_the_sim_ends_or_holds_in_exactly_the_contact(start, node, mode):
     assert values(heard.statuses()[0])['t_contact_s'] == '412.473837682'
 
 
-def test_a_contact_at_the_start_is_the_only_frame_and_without_contact_the_run_goes_on(start, node):
+def test_a_contact_at_the_start_is_the_only_frame_and_without_contact_the_run_continues(start, node):
     from geometry_msgs.msg import PoseArray
     stamps = []
     node.create_subscription(PoseArray, 'handles', lambda data: stamps.append(read_pose_array(data).t_ns), 1000,
@@ -235,7 +235,7 @@ def test_a_contact_at_the_start_is_the_only_frame_and_without_contact_the_run_go
     assert sim.end() == 0
 
 
-def test_who_looks_late_still_sees_the_track_and_who_looks_now_the_clearance(start, node):
+def test_late_subscribers_receive_the_track_and_current_ones_the_clearance(start, node):
     from visualization_msgs.msg import Marker
     start('monitor')
     start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1]',
@@ -254,7 +254,7 @@ def test_who_looks_late_still_sees_the_track_and_who_looks_now_the_clearance(sta
 
 
 def test_the_ends_of_the_dragon_are_frames_with_the_pose_of_their_handles():
-    from dragon_ros.nodes.ends import transforms_of
+    from dragon_ros.nodes.tf_publisher import transforms_of
     scene = load_scene('winding')
     frame = tick(scene, 500)
     head, tail = transforms_of(frame, 'sea')

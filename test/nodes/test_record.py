@@ -1,4 +1,4 @@
-"""Recorders that are killed, starved of disk or of messages: what was recorded stays, and what is missing is told."""
+"""Recorders that are killed, starved of disk or of messages: what was recorded stays, and losses are reported."""
 import resource
 import signal
 import time
@@ -12,12 +12,12 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 
 from dragon_ros.__main__ import main
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.scene import Run
-from dragon_ros.wire.cdr import Writer, stamp_of
-from dragon_ros.wire.compare import compare_with_model
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.origin import scene_in
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.messages.cdr import Writer, stamp_of
+from dragon_ros.scenes.load import load_scene
+from dragon_ros.scenes.provenance import scene_in
 
 READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'
 LATCHED = '/dragon/scene', '/dragon/track'
@@ -92,7 +92,7 @@ def check_repaired(bag, whole, scene, capsys):
         return
     assert main(['inspect', str(bag), '--repair', str(whole)]) == 0
     assert main(['inspect', str(whole)]) == 0
-    with LogReader(whole) as run:
+    with BagReader(whole) as run:
         found = compare_with_model(run, scene)
     assert found.equal == sum(topic.messages for topic in run.topics if topic.name not in LATCHED)
     assert all('is missing' in fault for fault in found.faults)
@@ -113,7 +113,7 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     with bag.open('rb') as file:
         (attachment,) = make_reader(file).iter_attachments()
     assert (attachment.name, scene_in(attachment.data.decode())) == ('scene.yaml', scene)
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
     assert info['message_count'] == 3 * 26 + 2      # and track and scene
@@ -135,7 +135,7 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
         (tmp_path / 'bags').rename(tmp_path / 'moved')
         bag = tmp_path / 'moved' / 'run.mcap'
     assert record.end() == 1, record.text
-    says = {'full': 'File too large', 'limit': '--max-size-mb', 'gone': 'no longer there'}[how]
+    says = {'full': 'File too large', 'limit': '--max-size-mb', 'gone': 'no longer exists'}[how]
     assert says in record.text
     assert 'Traceback' not in record.text
     with bag.open('rb') as file:
@@ -145,15 +145,15 @@ def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path,
     assert publisher.stop() == 0, publisher.text        # it was still there
 
 
-def test_lost_and_missing_ticks_are_told_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
+def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_the_exit_code(start, node, tmp_path):
     from geometry_msgs.msg import PoseArray
     from std_msgs.msg import String
 
     from dragon_ros.core.scene import Scene
+    from dragon_ros.messages.cdr import string_message
+    from dragon_ros.messages.channels import channels
     from dragon_ros.nodes import qos
-    from dragon_ros.wire.cdr import string_message
-    from dragon_ros.wire.channels import channels
-    from dragon_ros.wire.origin import scene_file
+    from dragon_ros.scenes.provenance import scene_file
     run = Run(0, 1, 30)
     scene = node.create_publisher(String, 'scene', qos.of_channel(channels()['scene']))
     handles = node.create_publisher(PoseArray, 'handles', 100)

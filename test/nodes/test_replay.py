@@ -1,17 +1,17 @@
-"""Replay as a user drives it: from where, how fast, with pause, step and seek, and what comes first."""
+"""Replay under control: start, speed, pause, step and seek, and the order of latched messages."""
 from collections import Counter
 
 import pytest
 
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.cdr import string_message
-from dragon_ros.wire.cdr_read import read_pose_array, read_string
-from dragon_ros.wire.channels import channels
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.log_write import LogWriter
-from dragon_ros.wire.origin import scene_file
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_pose_array, read_string
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.provenance import scene_file
 
 SCENE = Scene(run=Run(10, 12, 10))
 NS = 10**9
@@ -20,7 +20,7 @@ NS = 10**9
 @pytest.fixture(scope='module')
 def recorded(tmp_path_factory):
     path, encode = tmp_path_factory.mktemp('bag') / 'short.mcap', encoders(SCENE)
-    with LogWriter(path) as bag:
+    with BagWriter(path) as bag:
         for name in (*encode, 'scene'):
             bag.add_channel(f'/dragon/{name}', channels()[name])
         for k in range(21):
@@ -71,7 +71,7 @@ def put(node):
 
 def by_topic(path):
     out = {}
-    with LogReader(path) as bag:
+    with BagReader(path) as bag:
         for message in bag.messages():
             out.setdefault(message.topic, []).append((message.t_ns, message.sequence, message.data))
     return out
@@ -111,7 +111,7 @@ def test_what_is_latched_comes_first_wherever_it_starts(start, node, recorded):
     assert Counter(heard) == {scene_file(SCENE): 1, 'handles': 6}
 
 
-def test_replay_pauses_steps_seeks_and_goes_on_by_service(start, node, recorded, stamps, call, put):
+def test_replay_pauses_steps_seeks_and_resumes_by_service(start, node, recorded, stamps, call, put):
     replay = start('replay', recorded, '--rate', '2', '--topics', '/dragon/handles', '--wait-subscribers',
                    '/dragon/handles=1')
     node.until(lambda: len(stamps) >= 3)
@@ -147,7 +147,7 @@ def test_replay_options_that_do_not_fit_are_refused(start, recorded, options, sa
     assert says in process.text
 
 
-def test_typed_keys_are_told_apart():
+def test_typed_keys_are_distinguished():
     from dragon_ros.nodes import keys
     known = {' ': 0, 's': 0, keys.RIGHT: 0, keys.LEFT: 0}
     assert keys.split('s \x1b[C\x1b[Dxs\x1b[', known) == ['s', ' ', keys.RIGHT, keys.LEFT, 's']
@@ -176,7 +176,7 @@ def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
     os.write(terminal, b's')
     wait_for('at ')
     os.write(terminal, b' ')
-    wait_for('goes on at')
+    wait_for('resumed at')
     os.write(terminal, b'\x1b[C')
     wait_for('seek_s')
     os.write(terminal, b'\x03')

@@ -1,11 +1,12 @@
 """Every scene of the package runs in sim, and every effect is published and recorded as the model says."""
 import pytest
 
-from dragon_ros.core.effects import Effect, known
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.compare import compare_with_model
-from dragon_ros.wire.log_read import LogReader
-from dragon_ros.wire.scenes import load_scene, scene_names
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.flags import Effect, known
+from dragon_ros.core.model import compile_scene
+from dragon_ros.messages.channels import live
+from dragon_ros.scenes.load import load_scene, scene_names
 
 TICKS = 3
 CONTACT = 'run.start_s=412.4', 'run.stop_s=412.5', 'run.rate_hz=20'
@@ -22,10 +23,10 @@ def recorded(start, bag, scene, changes):
                 '-p', f'wait_subscribers:=[{readers}]')
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
-    with LogReader(bag) as run:
+    with BagReader(bag) as run:
         result = compare_with_model(run, loaded)
         assert result.faults == []
-        assert result.equal == len(topics) * (loaded.last_tick + 1)
+        assert result.equal == len(topics) * (compile_scene(loaded).last_tick + 1)
         # track and scene are latched and told once
         return {topic.name.removeprefix('/dragon/') for topic in run.topics} - {'track', 'scene'}
 

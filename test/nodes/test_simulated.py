@@ -1,7 +1,7 @@
 """The bag that is simulated offline is the one that real nodes record."""
 from dragon_ros.__main__ import main
-from dragon_ros.wire.bag_frames import scene_of_bag
-from dragon_ros.wire.log_read import LogReader
+from dragon_ros.bags.read.frames import scene_of_bag
+from dragon_ros.bags.read.reader import BagReader
 
 SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
 READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'
@@ -23,7 +23,7 @@ def test_the_scene_recorded_live_and_simulated_offline_give_equal_messages(start
     assert sim.end() == 0, sim.text
     assert record.end() == 0, record.text
     assert main(['simulate', *SCENE, '--output', str(tmp_path / 'offline.mcap')]) == 0
-    with LogReader(tmp_path / 'live.mcap') as live, LogReader(tmp_path / 'offline.mcap') as offline:
+    with BagReader(tmp_path / 'live.mcap') as live, BagReader(tmp_path / 'offline.mcap') as offline:
         recorded, simulated = by_topic(live), by_topic(offline)
         assert scene_of_bag(live) == scene_of_bag(offline)
         assert {one.name: one.type for one in live.topics} == {one.name: one.type for one in offline.topics}

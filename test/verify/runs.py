@@ -13,15 +13,13 @@ from collections import Counter
 from itertools import count, islice
 from pathlib import Path
 
+from dragon_ros.commands.certificate import as_values
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.dragon import Dragon, Group, Mixed
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.turn import Turn
-from dragon_ros.tools.certificate import as_values
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 
 class Draw:
@@ -58,10 +56,10 @@ class Draw:
             return Spiral(max(self._m(0.2, 1.5), self._dragon.width_m * r.uniform(0.8, 3)), turns)
         if kind == 'turn':
             ratio = r.uniform(1, 3)
-            return Turn(self._m(0.4, 2), 1.8 * least * r.uniform(1.02, 4) * (1 + ratio), ratio, self._m(-20, 20))
+            return STurn(self._m(0.4, 2), 1.8 * least * r.uniform(1.02, 4) * (1 + ratio), ratio, self._m(-20, 20))
         pieces = tuple(self._piece(least) for _ in range(r.randint(1, 6)))
-        out = isinstance(pieces[0], Wind) and pieces[0].to_turns > pieces[0].from_turns
-        return Joined(pieces, self._m(0, 5) * r.choice([0, 1, 1])
+        out = isinstance(pieces[0], SpiralArc) and pieces[0].to_turns > pieces[0].from_turns
+        return Composite(pieces, self._m(0, 5) * r.choice([0, 1, 1])
                       + (1.2 * float(sum(self._dragon.link_lengths_m)) if out else 0.0))
 
     def _piece(self, least):
@@ -73,7 +71,7 @@ class Draw:
             return Arc(least * r.uniform(1, 4), r.choice([-1, 1]) * r.choice([r.uniform(5, 400), 90, 180, 45]))
         pitch = self._m(0.3, 1.5)
         ends = (least / pitch * r.uniform(1.1, 3) + 0.3 for _ in range(2))
-        return Wind(pitch, *ends, r.choice(['left', 'right']))
+        return SpiralArc(pitch, *ends, r.choice(['left', 'right']))
 
     def scene(self):
         """The run. Raises DragonError where there is none."""

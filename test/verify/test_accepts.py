@@ -5,16 +5,14 @@ import pytest
 from certificates import proved, written
 from runs import certificates
 
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.turn import Turn
-from dragon_ros.wire.scenes import load_scene, scene_values
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import load_scene, scene_values
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
-LOOP = Joined((Line(5.0), Arc(3.0, 720.0)))
+LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 SCENES = {
     'the classic contact': (Scene(), 'contact at 412.4738376821'),
@@ -44,18 +42,18 @@ SCENES = {
     'a mixed dragon': (load_scene('mixed', ['run.start_s=395.6']), 'benches 40 and 71 overlap'),
     'two lengths by turns': (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (
         2.2, 1.7)))), run=Run(405)), 'benches 0 and 9 overlap'),
-    'an S-turn': (Scene(dragon=Dragon(60), track=Turn(before_m=100.0), run=Run(95, 115)), 'it stops'),
-    'a tight S-turn': (Scene(dragon=Dragon(24), track=Turn(0.8, before_m=100.0), run=Run(95, 200)),
+    'an S-turn': (Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 115)), 'it stops'),
+    'a tight S-turn': (Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(95, 200)),
                        'benches 0 and 15 overlap'),
     'a loop': (Scene(dragon=Dragon(20), track=LOOP, run=Run(0, 30)), 'contact at 22.16017797'),
     'back and forth': (Scene(dragon=Dragon(20), track=LOOP, run=Run(3, 100), head=Profile(
         ((0.0, 0.0), (5.0, 1.0), (10.0, -1.0), (20.0, -1.0), (30.0, 1.0)))), 'contact at 59.66017797'),
-    'a tail on a bent track': (Scene(dragon=Dragon(10), run=Run(0, 30), head=Head(1.0, 'tail'), track=Joined(
-        (Line(50.0), Arc(3.0, -200.0), Line(1.0), Wind(1.2, 2, 4.0)), start_m=70.0)), 'it stops'),
-    'the end of the track': (Scene(dragon=Dragon(20), track=Joined((Line(5.0), Arc(6.0, 120.0)))),
+    'a tail on a bent track': (Scene(dragon=Dragon(10), run=Run(0, 30), head=Head(1.0, 'tail'), track=Composite(
+        (Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)), 'it stops'),
+    'the end of the track': (Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
                              'the head leaves the track'),
-    'the beginning of the track': (Scene(dragon=Dragon(3), head=Head(-1.0), track=Joined((
-        Wind(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
+    'the beginning of the track': (Scene(dragon=Dragon(3), head=Head(-1.0), track=Composite((
+        SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
     'millimetres': (Scene(dragon=Dragon(30, 3.41e-3, 2.2e-3, 3e-4, 2.75e-4), track=Spiral(5.5e-4, 16.0),
                           head=Head(1e-3), run=Run(380, 413)), 'benches 0 and 8 overlap')}
 
@@ -87,12 +85,12 @@ def test_intervals_are_hints_and_none_is_needed(name):
 
 def test_benches_that_all_go_round_one_circle_are_cleared_at_once_however_near_they_are():
     circle = Scene(dragon=Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698),
-                   track=Joined((Arc(4.0, 360.0),), 1.0), run=Run(0, 10))
+                   track=Composite((Arc(4.0, 360.0),), 1.0), run=Run(0, 10))
     assert 'it stops' in proved(bare(circle), effort=1e-3)
 
 
 def test_a_bench_between_two_lines_of_one_heading_is_cleared_in_bounded_time():
-    hairpin = Joined((Line(40.0), Arc(1.5, 180.0), Line(40.0)), 70.0)
+    hairpin = Composite((Line(40.0), Arc(1.5, 180.0), Line(40.0)), 70.0)
     scene = Scene(dragon=Dragon(20, width_m=0.3), track=hairpin, run=Run(0, 12))
     assert 'it stops' in proved(bare(scene), effort=0.1)
 

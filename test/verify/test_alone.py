@@ -6,13 +6,13 @@ import sys
 import pytest
 from certificates import written
 
-from dragon_ros.core.dragon import Dragon
-from dragon_ros.core.joined import Arc, Joined, Line
+from dragon_ros.commands import contact
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.tools import contact
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
 
 SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
-LOOP = Scene(dragon=Dragon(12), track=Joined((Line(5.0), Arc(3.0, 720.0))), run=Run(0, 20))
+LOOP = Scene(dragon=Dragon(12), track=Composite((Line(5.0), Arc(3.0, 720.0))), run=Run(0, 20))
 
 
 @pytest.fixture(scope='module')

@@ -6,11 +6,10 @@ from flint import acb, arb
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import scene_values
 from dragon_ros.verify import reading
 from dragon_ros.verify.balls import precise
 from dragon_ros.verify.errors import Refused
@@ -18,18 +17,20 @@ from dragon_ros.verify.interval import Interval, Overlap
 from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture, overlap
 from dragon_ros.verify.track import Place, track_of
-from dragon_ros.wire.scenes import scene_values
 
-SWAY = Joined((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), Wind(1.2, 2.0, 1.4, 'left'), Line(0.7), Arc(2.5, 90.0),
-               Wind(1.1, 1.2, 2.5, 'right')), 0.0)
+SWAY = Composite((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 1.4, 'left'), Line(0.7),
+                  Arc(2.5, 90.0),
+               SpiralArc(1.1, 1.2, 2.5, 'right')), 0.0)
 BENCHES = 9
 STEP = 1e-9         # of differences, in balls of 128 bits: they lose nothing
 
 
 def compiled(dragon, track):
     """What an interval needs, of benches on a track."""
-    plain = reading._scene(scene_values(Scene(dragon=dragon, track=Spiral())))
-    shape = reading._scene(scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))).track
+    values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
+    plain = reading._claims(values).scene
+    values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
+    shape = reading._kind('scene.track', values['track'], reading._TRACKS)
     precise(1e3)
     placed = track_of(reading.Scene(plain.lengths_m, plain.width_m, plain.inset_m, shape, plain.law, False, 0.0, None))
     benches = Benches(plain)
@@ -82,11 +83,11 @@ def check(track, benches, bend, start, stop, count=3):
             assert not any(overlap(three[1].pose(0), three[1].pose(n)) for three in postures for n in range(2, BENCHES))
 
 
-links = st.just(0.0) | st.floats(0.2, 2.2)
 dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
-                     links, st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
+                     st.just(0.0) | st.floats(0.2, 2.2), st.floats(0.2, 2.2), st.floats(0.05, 0.4),
+                     st.floats(0.05, 0.5))
            | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),
-                       st.lists(links, min_size=BENCHES, max_size=BENCHES)))
+                       st.lists(st.just(0.0) | st.floats(0.2, 2.2), min_size=BENCHES, max_size=BENCHES)))
 
 
 @settings(max_examples=30)
@@ -110,7 +111,7 @@ def test_bounds_hold_across_joints(dragon, way, length):
 @settings(max_examples=25)
 @given(dragons, st.floats(-10, 35), st.floats(1e-3, 1.5))
 def test_bounds_hold_in_and_out_of_an_s_turn(dragon, way, length):
-    track, benches, bend = compiled(dragon, Turn(1.7, 5.0, 1.5))
+    track, benches, bend = compiled(dragon, STurn(1.7, 5.0, 1.5))
     assume(bend * max(benches.longest_links) < 1.98)
     check(track, benches, bend, way, way + length)
 
@@ -128,7 +129,8 @@ def test_the_second_order_bound_is_less_than_twice_what_the_classic_dragon_does(
             assert interval._sag(n, other) * 8 / interval._length**2 < 2 * true[other]
 
 
-@pytest.mark.parametrize('track', [Joined((Arc(4.0, 359.0),), 8.0), Joined((Line(30.0),), 8.0)], ids=['arc', 'line'])
+@pytest.mark.parametrize('track', [Composite((Arc(4.0, 359.0),), 8.0), Composite((Line(30.0),), 8.0)],
+                         ids=['arc', 'line'])
 def test_benches_on_one_arc_or_line_go_alike_and_do_not_bend_at_all(track):
     placed, benches, bend = compiled(Dragon(BENCHES, 1.5, 1.5, 0.3, 0.2), track)
     ends = tuple(Posture(placed, benches, 0, placed.place_at(arb(place))) for place in (8.0, 25.0))

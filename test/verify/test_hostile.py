@@ -10,12 +10,12 @@ from certificates import refusal
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.commands import certificate
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.tools import certificate
+from dragon_ros.scenes.load import load_scene
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove
 from dragon_ros.verify.reading import claims_of, read
-from dragon_ros.wire.scenes import load_scene
 
 STRANGE = [None, True, -1, 0, 2, 1e308, -1e308, 1e-308, 10**400, float('nan'), float('inf'), '', 'x', '1', [], [[]], {},
            {'lead': 'head'}]

@@ -7,59 +7,55 @@ import numpy as np
 import pytest
 from certificates import proved, refusal, written
 
-from dragon_ros.core import benches as benches_module
-from dragon_ros.core import dragon as dragon_module
-from dragon_ros.core import head as head_module
-from dragon_ros.core import joined as joined_module
-from dragon_ros.core import placed, scene
-from dragon_ros.core import turn as turn_module
-from dragon_ros.core.angle import from_turns
+from dragon_ros.core import model
+from dragon_ros.core.chain import dragon as dragon_module
+from dragon_ros.core.chain import head_law as head_module
+from dragon_ros.core.chain import rectangles as benches_module
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact import conservative_advancement, search_domain, second_order_bounds
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.end import End
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks import composite, s_turn
+from dragon_ros.core.tracks.segments import AHEAD
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 SHORT = Scene(dragon=Dragon(12), run=Run(409.0, 413.0))
 LOCKING = Scene(dragon=Dragon(12), run=Run(409.0))
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)
-LOOP = Scene(dragon=Dragon(14), track=Joined((Line(5.0), Arc(3.0, 400.0), Arc(3.0, -90.0))), run=Run(10, 24))
-WOUND = Scene(dragon=Dragon(14), run=Run(12, 40), track=Joined((
-    Line(5.0), Wind(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0))))
+LOOP = Scene(dragon=Dragon(14), track=Composite((Line(5.0), Arc(3.0, 400.0), Arc(3.0, -90.0))), run=Run(10, 24))
+WOUND = Scene(dragon=Dragon(14), run=Run(12, 40), track=Composite((
+    Line(5.0), SpiralArc(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0))))
 LAW = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), run=Run(0, 9),
             head=Profile(((0.0, 0.0), (5.0, -1.0), (9.0, -1.0)), 'smooth'))
 THERE_AND_BACK = replace(LAW, head=Profile(((0.0, 1.5), (5.0, -1.6))))
 TAIL = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5))
 MIXED = Scene(dragon=Mixed((Group(2.0), Group(1.4, 9), Group(2.9, 2))), track=Spiral(0.5, 4.0), run=Run(0, 60))
-TURN = Scene(dragon=Dragon(24), track=Turn(0.8, before_m=100.0), run=Run(110, 114))
+TURN = Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(110, 114))
 PASSING = Scene(dragon=Dragon(20, width_m=0.30101), run=Run(408.5, 411))     # benches 0 and 11 overlap for a moment
 
 
 def lock(patch):
     """A lock at 27 rad, far before the true one."""
-    patch.setattr(scene, 'head_lock_angle', lambda chords: (27.0, 0))
+    patch.setattr(model, 'head_lock_angle', lambda chords: (27.0, 0))
 
 
 def start(patch):
     """A head that starts a thousandth of a turn too far in."""
-    patch.setattr(Spiral, 'start', cached_property(lambda self: from_turns(self.start_turns - 1e-3)))
-    Spiral.start.__set_name__(Spiral, 'start')
+    patch.setattr(Spiral, 'start', property(lambda self: from_turns(self.start_turns - 1e-3)))
 
 
 def end(patch):
     """A run that ends a second before it is told to."""
-    true = Scene.end.func
-    patch.setattr(Scene, 'end', cached_property(lambda self: replace(true(self), t_s=true(self).t_s - 1.0)))
-    Scene.end.__set_name__(Scene, 'end')
+    true = model.Simulation.end.func
+    patch.setattr(model.Simulation, 'end', cached_property(lambda self: replace(true(self), t_s=true(self).t_s - 1.0)))
+    model.Simulation.end.__set_name__(model.Simulation, 'end')
 
 
 def stop(patch):
     """A run without an end of its own that stops at 411 s."""
-    patch.setattr(Scene, 'end', cached_property(lambda self: End(411.0, 'stop')))
-    Scene.end.__set_name__(Scene, 'end')
+    patch.setattr(model.Simulation, 'end', cached_property(lambda self: model.End(411.0, 'stop')))
+    model.Simulation.end.__set_name__(model.Simulation, 'end')
 
 
 def law_integral(patch):
@@ -76,11 +72,11 @@ def rest_of_a_ramp(patch):
 
 def tail_lead(patch):
     """A tail that starts where a link less would put it."""
-    true = scene.Led
+    true = model.Leader
 
-    def led(walk, links, start_m, way):
-        return true(walk, links, start_m - (0.05 if way == placed.AHEAD else 0.0), way)
-    patch.setattr(scene, 'Led', led)
+    def leader(track, links, start_m, direction):
+        return true(track, links, start_m - (0.05 if direction == AHEAD else 0.0), direction)
+    patch.setattr(model, 'Leader', leader)
 
 
 def order_of_groups(patch):
@@ -94,22 +90,22 @@ def order_of_groups(patch):
 
 def side_of_an_arc(patch):
     """Arcs that turn to the other side."""
-    true = joined_module.arc_from
-    patch.setattr(joined_module, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
+    true = composite.arc_from
+    patch.setattr(composite, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
         start, direction, radius_m, -side, angle_rad))
 
 
 def joint(patch):
     """Pieces that begin a centimetre beside where the one before ends."""
-    true = joined_module.Arc.placed
-    patch.setattr(joined_module.Arc, 'placed', lambda self, start, direction, open_ended: true(
-        self, start + 0.01j * direction, direction, open_ended))
+    true = composite._segment
+    patch.setattr(composite, '_segment', lambda piece, start, heading, open_ended: true(
+        piece, start + (0.01j * heading if isinstance(piece, Arc) else 0.0), heading, open_ended))
 
 
 def arcs_of_a_turn(patch):
     """An S-turn whose first arc is a thousandth too tight."""
-    true = turn_module.arc_from
-    patch.setattr(turn_module, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
+    true = s_turn.arc_from
+    patch.setattr(s_turn, 'arc_from', lambda start, direction, radius_m, side, angle_rad: true(
         start, direction, radius_m * (0.999 if side < 0 else 1.0), side, angle_rad))
 
 
@@ -167,6 +163,7 @@ def again(run):
 @pytest.mark.parametrize(('bug', 'run'), BUGS, ids=[f'{n} {bug.__name__}' for n, (bug, _) in enumerate(BUGS)])
 def test_a_bug_in_the_solver_is_caught(monkeypatch, bug, run):
     with monkeypatch.context() as patch:
+        patch.setattr(model, '_COMPILED', model._Compiled())
         bug(patch)
         values = written(again(run))
     honest = written(again(run))

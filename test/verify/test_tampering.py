@@ -6,12 +6,10 @@ from math import inf, nan
 import pytest
 from certificates import proved, refusal, written
 
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 LAW = Profile(((0.0, 0.3), (1.0, -1.0), (9.0, -1.0)), 'smooth')
 KINDS = {
@@ -22,10 +20,10 @@ KINDS = {
     'law': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 9), head=LAW),
     'tail': Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(1.0, 'tail'), run=Run(0, 5)),
     'mixed': Scene(dragon=Mixed((Group(2.0), Group(1.4, 9), Group(2.9, 2))), track=Spiral(0.5, 4.0), run=Run(0, 60)),
-    'turn': Scene(dragon=Dragon(24), track=Turn(0.8, before_m=100.0), run=Run(110, 114)),
-    'joined': Scene(dragon=Dragon(14), run=Run(12, 40), track=Joined((
-        Line(5.0, (1.0, 2.0), 30.0), Wind(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0)))),
-    'other': Scene(dragon=Dragon(8), track=Joined((Line(20.0), Arc(4.0, 90.0), Line(20.0)), 18.0), run=Run(0, 9))}
+    'turn': Scene(dragon=Dragon(24), track=STurn(0.8, before_m=100.0), run=Run(110, 114)),
+    'joined': Scene(dragon=Dragon(14), run=Run(12, 40), track=Composite((
+        Line(5.0, (1.0, 2.0), 30.0), SpiralArc(0.6, 6.0, 5.5, 'left'), Arc(2.0, 300.0), Arc(2.0, 400.0)))),
+    'other': Scene(dragon=Dragon(8), track=Composite((Line(20.0), Arc(4.0, 90.0), Line(20.0)), 18.0), run=Run(0, 9))}
 
 
 @pytest.fixture(scope='module')

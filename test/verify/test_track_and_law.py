@@ -8,13 +8,13 @@ from flint import arb
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import scene_values
 from dragon_ros.verify import reading
 from dragon_ros.verify.balls import exact, precise
 from dragon_ros.verify.cover import Budget
@@ -23,21 +23,21 @@ from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture
 from dragon_ros.verify.run import Leader
 from dragon_ros.verify.track import track_of
-from dragon_ros.wire.scenes import scene_values
 
-BENT = Joined((Line(50.0), Arc(3.0, -200.0), Line(1.0), Wind(1.2, 2, 4.0)), start_m=70.0)
+BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)
 SCENES = {
     'classic': Scene(run=Run(0, 400)),
     'near the lock': Scene(dragon=Dragon(6), run=Run(400, 432.9)),
     'far out': Scene(dragon=Dragon(200), track=Spiral(0.55, 1e4), run=Run(0, 20)),
-    'turn': Scene(dragon=Dragon(60), track=Turn(before_m=100.0), run=Run(95, 140)),
-    'loop': Scene(dragon=Dragon(20), track=Joined((Line(5.0, (1.0, 2.0), 30.0), Arc(3.0, 720.0))), run=Run(0, 30)),
+    'turn': Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 140)),
+    'loop': Scene(dragon=Dragon(20), track=Composite((Line(5.0, (1.0, 2.0), 30.0), Arc(3.0, 720.0))), run=Run(0, 30)),
     'tail on a bent track': Scene(dragon=Dragon(10), track=BENT, head=Head(1.0, 'tail'), run=Run(0, 30)),
     'tail on a spiral': Scene(dragon=Dragon(20), track=Spiral(0.55, 6.0), head=Head(1.0, 'tail'), run=Run(0, 30)),
-    'out from a spiral': Scene(dragon=Dragon(3), track=Joined((Wind(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
+    'out from a spiral': Scene(dragon=Dragon(3),
+                               track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
                                run=Run(0, 3)),
     'joined handles': Scene(dragon=Mixed((Group(1.0), Group(0.6, 2), Group(1.4, 3)), 0.2, 0.3), run=Run(0, 2),
-                            track=Joined((Arc(2.0, -180.0), Wind(1.0, 3.0, 2.0)), 6.0))}
+                            track=Composite((Arc(2.0, -180.0), SpiralArc(1.0, 3.0, 2.0)), 6.0))}
 
 
 def read(scene):
@@ -60,12 +60,13 @@ def chain(scene, t_s):
 @pytest.mark.parametrize('name', SCENES)
 def test_handles_lie_where_the_exact_tier_puts_them_and_are_known_to_a_billionth_of_that(name):
     scene = SCENES[name]
-    for t_s in np.linspace(scene.run.start_s, scene.end.t_s, 4).tolist():
+    for t_s in np.linspace(scene.run.start_s, compile_scene(scene).end.t_s, 4).tolist():
         points, _, _ = chain(scene, t_s)
         found = np.array([complex(point) for point in points])
         solved = state(replace(scene, solver='march'), t_s).p @ [1, 1j]
-        assert np.max(np.abs(found - solved)) < 4 * scene.promise_m * (1e3 if name == 'near the lock' else 1)
-        assert max(float(part.rad()) for point in points for part in (point.real, point.imag)) < 1e-9 * scene.promise_m
+        promise_m = compile_scene(scene).promise_m
+        assert np.max(np.abs(found - solved)) < 4 * promise_m * (1e3 if name == 'near the lock' else 1)
+        assert max(float(part.rad()) for point in points for part in (point.real, point.imag)) < 1e-9 * promise_m
 
 
 @pytest.mark.parametrize('name', SCENES)

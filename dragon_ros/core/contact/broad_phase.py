@@ -12,7 +12,7 @@ from dataclasses import dataclass
 import numpy as np
 import shapely
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.numerics.types import Floats, Ints
 

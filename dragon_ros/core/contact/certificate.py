@@ -3,7 +3,7 @@ from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dragon_ros.core.contact.signed_distance import Witness
-from dragon_ros.core.end import End
+from dragon_ros.core.model import End
 
 ALL = -1        # the lead of an interval that speaks for every bench
 

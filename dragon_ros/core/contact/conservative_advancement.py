@@ -16,7 +16,7 @@ from dataclasses import dataclass, fields
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import swept_pairs
 from dragon_ros.core.contact.certificate import ALL, Interval
 from dragon_ros.core.contact.interval_clearing import Judgement, clear
@@ -25,7 +25,7 @@ from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.signed_distance import gaps, placement
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.placed import BACK
+from dragon_ros.core.tracks.segments import BEHIND
 
 _TOLERANCE = 4          # times the position error: two benches may be off, at two states
 _SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
@@ -45,16 +45,16 @@ _STILL_M = 1e-200       # two states may round to one place
 class ChainSamples:
     """States of a chain with N benches at M places: handles (M, N+1), and rectangles.
 
-    ``along_m`` are distances along the track, ``forward`` its headings there, ``curvature`` its curvatures in 1/m, and
-    ``piece`` the numbers of its segments.
+    ``along_m`` are distances along the track, ``headings`` its headings there, ``curvature`` its curvatures in 1/m, and
+    ``segment`` the numbers of its segments.
     """
 
     places: Floats
     p: Floats
     along_m: Floats
-    forward: Floats
+    headings: Floats
     curvature: Floats
-    piece: Ints
+    segment: Ints
     centre: Floats
     axis: Floats
 
@@ -91,10 +91,10 @@ class _Space:
         domain.count(places.size)
         chain = domain.chains(places)
         benches = benches_of(chain, domain.dragon, axes_of(chain))
-        along_m = domain.track.distances(chain.piece, chain.u)
+        along_m = domain.track.distances(chain.segment, chain.u)
         self._heads_m.update(zip(places.tolist(), along_m[:, 0].tolist(), strict=True))
-        return ChainSamples(places, chain.p, along_m, chain.forward, domain.track.curvatures(chain.piece, chain.u),
-                            chain.piece, benches.centre, benches.axis)
+        return ChainSamples(places, chain.p, along_m, chain.headings, domain.track.curvatures(chain.segment, chain.u),
+                            chain.segment, benches.centre, benches.axis)
 
     def joined(self, parts: list[ChainSamples]) -> ChainSamples:
         """Return several samples as one."""
@@ -115,7 +115,7 @@ class _Space:
         half_length, half_width = self._half
         benches = Benches(samples.centre[rows], samples.axis[rows], half_length, half_width)
         i, j = swept_pairs(benches.corners, reach_m)
-        keep = np.any(samples.piece[rows][:, i] > 0, axis=0) if self._only_beyond else slice(None)
+        keep = np.any(samples.segment[rows][:, i] > 0, axis=0) if self._only_beyond else slice(None)
         return i[keep], j[keep]
 
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
@@ -153,11 +153,11 @@ class _Space:
         domain = self._domain
         used, row = np.unique(row, return_inverse=True)
         a, b = a.rows(used), b.rows(used)
-        one, two = (Handles(each.along_m, each.curvature, each.piece, each.forward) for each in (a, b))
+        one, two = (Handles(each.along_m, each.curvature, each.segment, each.headings) for each in (a, b))
         moving = kinematics(one, two, (a.axis, b.axis), domain.dragon.link_lengths_m, domain.track.bends,
-                            0 if domain.led.way == BACK else -1)
+                            0 if domain.leader.direction == BEHIND else -1)
         gone_m = np.abs(b.places - a.places)[row]
-        seen = [views(each.p, each.axis, each.forward, row, i, j) for each in (a, b)]
+        seen = [views(each.p, each.axis, each.headings, row, i, j) for each in (a, b)]
         most = second_derivatives(moving, seen[0], seen[1], row, i, j, gone_m, np.hypot(*self._half))
         sag = [each * (gone_m * gone_m / 8) for each in most]
         apart = [self._apart(each, row, i, j) for each in (a, b)]
@@ -265,4 +265,4 @@ class WholeChain:
         if not any(inside):
             return place_m
         crossing = domain.gone_at(0, joint_m, ends)
-        return (max if domain.led.way == BACK else min)(place_m, crossing)
+        return (max if domain.leader.direction == BEHIND else min)(place_m, crossing)

@@ -11,13 +11,14 @@ from typing import Protocol
 
 import numpy as np
 
+from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.contact.certificate import Certificate, Contact, Interval, NoContact, together
 from dragon_ros.core.contact.conservative_advancement import WholeChain
 from dragon_ros.core.contact.leading_benches import classes_of, provable_m
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.signed_distance import witness
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.first_passage import RangeOfTravel
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 
 _BEFORE_M = 1e-9        # of the leader's way, before a contact: so far the certificate goes
@@ -57,12 +58,12 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     ``progress(states)`` is called with every number of states just evaluated. Raises FieldError where the range is so
     long that the search would not end.
     """
-    travel = RangeOfTravel(scene.head, scene.run.start_s, scene.end.t_s)
+    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     searches = {sense: _Search(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
     if not hits:
         proof = together(search.certificate() for search in searches.values())
-        return NoContact(scene.end, sum(search.states for search in searches.values()), proof)
+        return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
     # What the leader has gone through in the other sense by then is proved apart.
@@ -191,10 +192,10 @@ def parts_of(domain: SearchDomain) -> list[Part]:
     Raises FieldError where the domain is too long to search.
     """
     length_m = abs(domain.stop_m - domain.start_m)
-    if domain.track.afar and length_m > _LONGEST_M:
+    if domain.track.from_afar and length_m > _LONGEST_M:
         raise FieldError('run.stop_s', domain.scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more than '
                          f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
-    parts: list[Part] = [*classes_of(domain)] if domain.track.afar else []
-    if len(domain.track.pieces) > 1 or not parts:
+    parts: list[Part] = [*classes_of(domain)] if domain.track.from_afar else []
+    if len(domain.track.segments) > 1 or not parts:
         parts.append(WholeChain(domain, bool(parts)))
     return parts

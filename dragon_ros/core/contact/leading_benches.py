@@ -10,16 +10,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.chain.dragon import goes_on_alike, is_even
+from dragon_ros.core.chain.lock import turning_places
 from dragon_ros.core.contact.certificate import Interval
 from dragon_ros.core.contact.interval_clearing import Cleared, Judgement, clear
 from dragon_ros.core.contact.narrow_phase import BenchSampler, BenchSamples, joined
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.second_order_bounds import bounds, comes_in
-from dragon_ros.core.dragon import goes_on_alike, is_even
-from dragon_ros.core.lock import turning_places
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.walk import Place
+from dragon_ros.core.tracks.composite import Place
 
 _FIRST_M = 4.0          # between the first places: on the classic spiral a bound clears 0.5 to 8 m far from a contact
 _FINEST_M = 1e-3, 1e-8  # intervals are not cut below this: next to a contact, and next to a grazing
@@ -84,8 +84,9 @@ class LeadingBenches:
         """Take a class, given as its ``benches`` from the head on; the first is its ``lead``."""
         self._domain, self.benches, self.lead = domain, benches, benches[0]
         self._behind = domain.dragon.benches - 1 - self.lead
-        assert domain.track.afar
-        self._spiral, self._chords = domain.track.afar, (domain.dragon.link_lengths_m / domain.track.afar.b_m).tolist()
+        assert domain.track.from_afar
+        self._spiral = domain.track.from_afar.curve
+        self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
         self._rows: list[_Row] = []
         self._hit: Bracket | None = None
 
@@ -127,7 +128,7 @@ class LeadingBenches:
 
     def intervals(self) -> Iterator[Interval]:
         """Yield what is cleared, for the certificate."""
-        segment, origin_m = self._domain.track.pieces[0], self._domain.track.origins_m[0]
+        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
         for row in self._rows:
             start_m, stop_m = (float(origin_m + segment.metres(place)) for place in (row.start_rad, row.stop_rad))
             yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
@@ -151,7 +152,7 @@ class LeadingBenches:
     def _on_spiral(self, gone_m: float) -> Floats:
         """Return the polar angles of the handles (N+1,) on the spiral; its end's for those beyond."""
         chain = self._domain.chain(gone_m)
-        return np.where(chain.piece == 0, chain.u, self._domain.track.pieces[0].last)
+        return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
 
     def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
         """Return the leader's places between which every handle moves one way, and all handles there."""
@@ -159,7 +160,7 @@ class LeadingBenches:
         ends = [self._on_spiral(place) for place in (start_m, stop_m)]
         if self._domain.track.may_lock and len(self._chords) > 1:
             angles = turning_places(*self._two(0), *sorted(float(theta[0]) for theta in ends))
-            turns = sorted((self._domain.led.gone_m(Place(0, Angle(angle, 0.0))) for angle in angles),
+            turns = sorted((self._domain.leader.gone_m(Place(0, DoubleDouble(angle, 0.0))) for angle in angles),
                            reverse=stop_m < start_m)
         return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
 
@@ -203,7 +204,7 @@ class LeadingBenches:
 
     def _bracket(self, bench: int, hit: tuple[float, float, float], within: tuple[float, float]) -> Bracket:
         """Return where the leader is when a bench's front handle is at two places."""
-        segment, origin_m = self._domain.track.pieces[0], self._domain.track.origins_m[0]
+        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
         one, two = (self._domain.gone_at(bench, float(origin_m + segment.metres(place)), within) for place in hit[:2])
         return Bracket(one, two, hit[2])
 

@@ -10,14 +10,13 @@ from math import ceil
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of
-from dragon_ros.core.dragon import AnyDragon, is_even
-from dragon_ros.core.march import Effort
-from dragon_ros.core.motion import dot, left
+from dragon_ros.core.chain.chain import marched_many
+from dragon_ros.core.chain.dragon import AnyDragon, is_even
+from dragon_ros.core.chain.rectangles import Benches, axes_of
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.placed import BACK
-from dragon_ros.core.walk import Walk
-from dragon_ros.core.walk_chain import chains_on
+from dragon_ros.core.numerics.vectors import dot, left
+from dragon_ros.core.tracks.composite import Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 _AT_ONCE = 512  # places, so that what is between fits the cache
 _FEW = 64       # followers tried first: more than two layers of the classic dragon near the centre
@@ -79,7 +78,7 @@ class Sizes:
 class BenchSampler:
     """Samples bench ``first`` (0 is the head) and the ``follow`` benches from it on, on a track's first spiral."""
 
-    track: Walk
+    track: Track
     dragon: AnyDragon
     first: int
     follow: int
@@ -93,7 +92,7 @@ class BenchSampler:
     def _sample(self, theta: Floats) -> BenchSamples:
         self.progress(theta.size)
         size, leaders = self.sizes, (np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta))
-        chain = chains_on(self.track, size.links_m, leaders, BACK, self.effort)
+        chain = marched_many(self.track, size.links_m, leaders, BEHIND, self.effort)
         # Far out an angle has too few digits for what a link spans: with its low part it has.
         delta = np.diff(chain.u) + np.diff(chain.u_lo)
         centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
@@ -103,8 +102,8 @@ class BenchSampler:
     @property
     def b_m(self) -> float:
         """Radius that the spiral gains for each radian."""
-        assert self.track.afar
-        return self.track.afar.b_m
+        assert self.track.from_afar
+        return self.track.from_afar.curve.b_m
 
     @cached_property
     def sizes(self) -> Sizes:

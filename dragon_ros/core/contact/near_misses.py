@@ -11,17 +11,18 @@ from itertools import pairwise
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.chain import Chain, marched_many
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates, swept_pairs
 from dragon_ros.core.contact.certificate import ALL, Certificate, Contact, Interval, NoContact
 from dragon_ros.core.contact.leading_benches import LeadingBenches, classes_of
 from dragon_ros.core.contact.search_domain import SearchDomain
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.first_passage import RangeOfTravel
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.placed import BACK
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.walk_chain import WalkChain, chains_on
+from dragon_ros.core.tracks.segments import BEHIND
 
 MOST = 1000             # near misses that are told, the nearest first; the others are counted
 _SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
@@ -85,7 +86,7 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float) -> Nea
 
     A place that the leader passes more than once gives one each time.
     """
-    end_s = found.t_s if isinstance(found, Contact) else scene.end.t_s
+    end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
     dips, count = list[_Dip](), 0
     for sense in travel.senses:
@@ -112,7 +113,7 @@ def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tupl
     """Return the dips of a domain, at places of the leader, and how many are left out of the list."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
     alike: list[_Alike] = []
-    for part in classes_of(domain) if domain.track.afar else []:
+    for part in classes_of(domain) if domain.track.from_afar else []:
         dips = [*_of_class(domain, part, proof.led_by(part.lead), below_m)]
         alike += _reached(domain, part, dips) if dips else []
     alike.sort(key=lambda each: each.dip.gap_m)
@@ -143,7 +144,7 @@ def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> lis
 
 def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
     """Yield the dips of a class's first bench with those behind, at polar angles of its front handle."""
-    segment, origin_m, lead = domain.track.pieces[0], domain.track.origins_m[0], part.lead
+    segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
     links_m = domain.dragon.link_lengths_m
     ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]
     least, most = min(map(min, ends), default=0.0), max(map(max, ends), default=0.0)
@@ -153,7 +154,7 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
 
         def gaps_at(places: Floats, pairs: Ints, behind: int = behind) -> Floats:
             leaders = np.zeros(places.size, dtype=np.int64), places, np.zeros_like(places)
-            chain = chains_on(domain.track, links_m[lead:lead + behind], leaders, BACK, domain.effort)
+            chain = marched_many(domain.track, links_m[lead:lead + behind], leaders, BEHIND, domain.effort)
             return _gaps(chain, domain, lead, pairs)
 
         pairs = np.stack((np.full(behind - 2, lead), lead + 2 + np.arange(behind - 2)), axis=1)
@@ -162,7 +163,7 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
                          below_m)
 
 
-def _gaps(chain: WalkChain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
+def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
     """Return the gaps of pairs (K, 2) in M chains from bench ``first`` on, (M, K); of (M, 1, 2) one each, (M, 1)."""
     dragon, count = domain.dragon, chain.links_m.size
     centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
@@ -247,7 +248,7 @@ def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> li
 
 def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_Alike]) -> list[_Dip]:
     """Return dips at the places of the leader at which benches get there in a phase."""
-    segment, origin_m = domain.track.pieces[0], domain.track.origins_m[0]
+    segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
     along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
     gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
     return [_Dip((each.bench, each.bench + each.dip.pair[1] - each.dip.pair[0]), place, each.dip.gap_m)
@@ -260,8 +261,8 @@ def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[f
     missing = np.zeros(bench.size)
     for _ in range(_NEWTON if bench.size else 0):
         chain = domain.chains(gone_m)
-        speed = np.sum(chain.velocities(np.ones(bench.size)) * chain.forward, axis=-1)[row, bench]
-        missing = along_m - domain.track.distances(chain.piece, chain.u)[row, bench]
+        speed = np.sum(chain.velocities(np.ones(bench.size)) * chain.headings, axis=-1)[row, bench]
+        missing = along_m - domain.track.distances(chain.segment, chain.u)[row, bench]
         if np.all(np.abs(missing) < _THERE_M):
             break
         gone_m = np.clip(gone_m + missing / np.where(speed == 0, 1.0, speed), min(within), max(within))

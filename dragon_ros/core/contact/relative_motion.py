@@ -37,8 +37,8 @@ class Handles:
 
     along_m: Floats
     curvature: Floats
-    piece: Ints
-    forward: Floats
+    segment: Ints
+    headings: Floats
 
 
 @dataclass(frozen=True)
@@ -66,10 +66,10 @@ def kinematics(one: Handles, two: Handles, axis: tuple[Floats, Floats], links_m:
     """
     with np.errstate(all='ignore'):
         k, even = _curvatures(one, two, bends)
-        at_one, at_two = ((_angle(u, each.forward[:, :-1]), _angle(u, each.forward[:, 1:]))
+        at_one, at_two = ((_angle(u, each.headings[:, :-1]), _angle(u, each.headings[:, 1:]))
                           for u, each in zip(axis, (one, two), strict=True))
         way = np.abs(two.along_m - one.along_m)
-        rigid = even[:, :-1] & even[:, 1:] & (one.piece[:, :-1] == one.piece[:, 1:])
+        rigid = even[:, :-1] & even[:, 1:] & (one.segment[:, :-1] == one.segment[:, 1:])
         widest = np.arcsin(np.minimum(0.5 * _largest(one, two, bends) * links_m, 1.0))
         front, rear = (between(a, b) for a, b in zip(at_one, at_two, strict=True))
         if leader == 0:
@@ -100,25 +100,25 @@ class _Link:
 
 def _curvatures(one: Handles, two: Handles, bends: tuple[Floats, Floats]) -> tuple[Ball, Array]:
     """Return what curvatures can be at handles, and where they are one number all the way."""
-    same = one.piece == two.piece
-    low = np.where(same, np.minimum(one.curvature, two.curvature), bends[0][one.piece, two.piece])
-    high = np.where(same, np.maximum(one.curvature, two.curvature), bends[1][one.piece, two.piece])
+    same = one.segment == two.segment
+    low = np.where(same, np.minimum(one.curvature, two.curvature), bends[0][one.segment, two.segment])
+    high = np.where(same, np.maximum(one.curvature, two.curvature), bends[1][one.segment, two.segment])
     return between(low, high), low == high
 
 
 def _largest(one: Handles, two: Handles, bends: tuple[Floats, Floats]) -> Floats:
     """Return the largest curvatures that links (M, N) can have between their handles."""
-    piece = np.stack((one.piece[:, :-1], one.piece[:, 1:], two.piece[:, :-1], two.piece[:, 1:]))
-    first, last = np.min(piece, axis=0), np.max(piece, axis=0)
+    segment = np.stack((one.segment[:, :-1], one.segment[:, 1:], two.segment[:, :-1], two.segment[:, 1:]))
+    first, last = np.min(segment, axis=0), np.max(segment, axis=0)
     across = np.maximum(np.abs(bends[0]), np.abs(bends[1]))[first, last]
     most = np.maximum(np.abs(one.curvature), np.abs(two.curvature))
     return np.where(first == last, np.maximum(most[:, :-1], most[:, 1:]), across)
 
 
-def _angle(axis: Floats, forward: Floats) -> Floats:
+def _angle(axis: Floats, headings: Floats) -> Floats:
     """Return angles from axes (..., 2) to headings."""
-    cross = axis[..., 0] * forward[..., 1] - axis[..., 1] * forward[..., 0]
-    out: Floats = np.arctan2(cross, axis[..., 0] * forward[..., 0] + axis[..., 1] * forward[..., 1])
+    cross = axis[..., 0] * headings[..., 1] - axis[..., 1] * headings[..., 0]
+    out: Floats = np.arctan2(cross, axis[..., 0] * headings[..., 0] + axis[..., 1] * headings[..., 1])
     return out
 
 
@@ -181,12 +181,12 @@ class Views:
     track: Floats
 
 
-def views(p: Floats, axis: Floats, forward: Floats, row: Ints, i: Ints, j: Ints) -> Views:
+def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
     """Return pairs of benches i, j of the chains in rows, with handles (M, N+1, 2) at ``p``, and links' axes."""
     u = axis[row, i]
     middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
     x, y = _turned(u, middle)
-    track = np.stack([np.stack(_turned(u, forward[row, handle]), axis=-1) for handle in (i, i + 1, j, j + 1)], axis=1)
+    track = np.stack([np.stack(_turned(u, headings[row, handle]), axis=-1) for handle in (i, i + 1, j, j + 1)], axis=1)
     return Views((x, y), track)
 
 

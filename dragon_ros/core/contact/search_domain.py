@@ -9,17 +9,18 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.first_passage import RangeOfTravel
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.placed import BACK
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.walk import Place
-from dragon_ros.core.walk_chain import WalkChain, chain_on, chains_on, stacked
+from dragon_ros.core.tracks.composite import Place
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
 _SLOPE_M = 1e-6         # to either side, for a slope: gaps err by 1e-11 m, so a slope does by 1e-5
@@ -41,40 +42,41 @@ class SearchDomain:
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
         """Take the way on (``sense`` 1) or back (-1) from the start."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
-        self.led, self.track = scene.chained, scene.chained.walk
+        simulation = compile_scene(scene)
+        self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
         self._travel, self._tell = travel, progress
-        self.effort = EXACT.effort(scene.size_m, scene.length_m)
-        self.error_m = EXACT.promise_for_m(scene.size_m)
-        self._kept: dict[float, WalkChain] = {}
+        self.effort = Effort()
+        self.error_m = EXACT.promise_for_m(simulation.size_m)
+        self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
-        if self.track.may_lock and scene.limit is not None and stop_s == scene.limit.t_s:
+        if self.track.may_lock and simulation.limit is not None and stop_s == simulation.limit.t_s:
             self.stop_m = max(self.start_m, self.stop_m - self._lock_m())
 
     def _lock_m(self) -> float:
         """Return the length of track that is left out before a lock."""
-        theta, afar = float(self.chain(self.stop_m).u[0]), self.track.afar
+        theta, afar = float(self.chain(self.stop_m).u[0]), self.track.from_afar
         assert afar
-        return float(_LOCK_RAD * (1 + theta) * afar.b_m * np.hypot(1.0, theta))
+        return float(_LOCK_RAD * (1 + theta) * afar.curve.b_m * np.hypot(1.0, theta))
 
     def count(self, states: int) -> None:
         """Count sampled states."""
         self.states += states
         self._tell(states)
 
-    def chain(self, gone_m: float) -> WalkChain:
+    def chain(self, gone_m: float) -> Chain:
         """Return all handles when the leader has gone so far; the last few are kept."""
         if gone_m not in self._kept:
             self._kept = dict([*self._kept.items()][1 - _KEPT:])
-            self._kept[gone_m] = self.led.chain((gone_m, 0.0), self.effort)
+            self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0), self.effort)
         return self._kept[gone_m]
 
-    def chains(self, gone_m: Floats) -> WalkChain:
+    def chains(self, gone_m: Floats) -> Chain:
         """Return all handles at many places (M,)."""
         if gone_m.size <= _FEW:
-            return stacked([self.chain(one) for one in gone_m.tolist()])
-        return chains_on(self.track, self.dragon.link_lengths_m, self.led.leaders((gone_m, np.zeros_like(gone_m))),
-                         self.led.way, self.effort)
+            return stack([self.chain(one) for one in gone_m.tolist()])
+        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places((gone_m, np.zeros_like(gone_m))),
+                         self.leader.direction, self.effort)
 
     def benches(self, gone_m: float) -> Benches:
         """Return all benches when the leader has gone so far."""
@@ -84,15 +86,15 @@ class SearchDomain:
     def along_m(self, gone_m: float) -> Floats:
         """Return the distances (N+1,) of all handles along the track."""
         chain = self.chain(gone_m)
-        return self.track.distances(chain.piece, chain.u)
+        return self.track.distances(chain.segment, chain.u)
 
     def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
         """Return how far the leader has gone when a bench's front handle is at a distance along the track.
 
         Between the two places of the leader that handle moves one way; beyond what it goes through, an end is returned.
         """
-        if bench == 0 and self.led.way == BACK:
-            gone = self.led.gone_m(self.track.place_at(along_m))
+        if bench == 0 and self.leader.direction == BEHIND:
+            gone = self.leader.gone_m(self.track.place_at(along_m))
             return min(max(gone, min(within)), max(within))
 
         def beyond(gone_m: float) -> float:
@@ -112,9 +114,9 @@ class SearchDomain:
 
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the gap of a pair at a place; no more handles are placed than from the leader to the pair."""
-        first, last = (0, pair[1] + 1) if self.led.way == BACK else (pair[0], self.dragon.benches)
-        chain = chain_on(self.track, self.dragon.link_lengths_m[first:last], self.led.leader((gone_m, 0.0)),
-                         self.led.way, self.effort)
+        first, last = (0, pair[1] + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
+        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
+                         self.leader.direction, self.effort)
         half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
         centre = 0.5 * (chain.p[:-1] + chain.p[1:])
         benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners

@@ -14,7 +14,7 @@ from typing import Generic, Protocol, TypeVar
 import numpy as np
 from numpy.typing import NDArray
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps, witness
 from dragon_ros.core.numerics.roots import illinois

@@ -1,1 +1,1 @@
-"""Numerics without geometry: root finders, ball arithmetic, array types."""
+"""Numerics without geometry: roots, double-double numbers, ball arithmetic, Chebyshev series, array types."""

@@ -6,21 +6,22 @@ import pytest
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact import broad_phase
 from dragon_ros.core.contact.broad_phase import adjacent_layer_windows, box_pairs, candidates, default_reach_m
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
 
 
 def placed(scene, share=None, t_s=0.0):
     """Handles (N+1, 2) and benches of a scene at a time, or at a share of its run; assumes that the chain exists."""
     try:
-        chain = state(scene, t_s if share is None else share * scene.end.t_s * (1 - 1e-9))
+        chain = state(scene, t_s if share is None else share * compile_scene(scene).end.t_s * (1 - 1e-9))
     except DragonError:
         assume(False)
     return chain.p, benches_of(chain, scene.dragon, axes_of(chain))

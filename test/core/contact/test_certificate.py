@@ -8,29 +8,30 @@ from certificates import proved, refusal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Certificate, Contact, Interval, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.narrow_phase import BenchSampler
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.contact.second_order_bounds import bounds
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import EXACT
-from dragon_ros.tools import certificate
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)
-EFFORT = EXACT.effort(20, 400)
+EFFORT = Effort()
 
 
 def sampler(first=0, follow=60, scene=CLASSIC):
-    return BenchSampler(scene.chained.walk, scene.dragon, first, follow, EFFORT, lambda states: None)
+    return BenchSampler(compile_scene(scene).model.track, scene.dragon, first, follow, EFFORT, lambda states: None)
 
 
 def test_the_classic_run_in_is_proved_with_few_looks():
@@ -115,7 +116,7 @@ def test_a_run_that_ends_in_the_lock_is_proved_too():
 def nearest(width):
     """Return the near miss of the head and bench 11 near 409.83 s."""
     scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
-    none = NoContact(scene.end, 0, Certificate((Interval(0, 409.75, 409.9, 19, 0.0),)))
+    none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(0, 409.75, 409.9, 19, 0.0),)))
     return next(miss for miss in near_misses(scene, none, 0.01).nearest if miss.bench == 11)
 
 

@@ -11,36 +11,37 @@ from certificates import proved, refusal
 from hypothesis import HealthCheck, assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import ALL, Certificate, Contact, Interval, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
 from dragon_ros.core.contact.search_domain import SearchDomain
-from dragon_ros.core.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.first_passage import RangeOfTravel
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.turn import Turn
-from dragon_ros.tools import certificate
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
 
-LOOP = Joined((Line(5.0), Arc(3.0, 720.0)))
-BENT = Joined((Line(50.0), Arc(3.0, -200.0), Line(1.0), Wind(1.2, 2, 4.0)), start_m=70.0)
+LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
+BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)
 BACK_AND_FORTH = Profile(((0.0, 0.0), (5.0, 1.0), (10.0, -1.0), (20.0, -1.0), (30.0, 1.0)))
-TIGHT = Scene(dragon=Dragon(40), track=Turn(0.8, before_m=100.0), run=Run(80, 200))
+TIGHT = Scene(dragon=Dragon(40), track=STurn(0.8, before_m=100.0), run=Run(80, 200))
 SCENES = {
-    'turn': Scene(dragon=Dragon(60), track=Turn(before_m=100.0), run=Run(95, 140)),
+    'turn': Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 140)),
     'a tight turn': TIGHT,
     'loop': Scene(dragon=Dragon(20), track=LOOP, run=Run(0, 30)),
     'back and forth': Scene(dragon=Dragon(20), track=LOOP, head=BACK_AND_FORTH, run=Run(3, 100)),
     'tail': Scene(dragon=Dragon(10), track=BENT, head=Head(1.0, 'tail'), run=Run(0, 30)),
     'two benches': Scene(dragon=Dragon(2, 3.41, 0.55), track=LOOP, run=Run(0, 20)),
     'rest': Scene(dragon=Dragon(20), track=LOOP, head=Head(0.0), run=Run(0, 10)),
-    'the end of the track': Scene(dragon=Dragon(20), track=Joined((Line(5.0), Arc(6.0, 120.0)))),
-    'out from a spiral': Scene(dragon=Dragon(3), track=Joined((Wind(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
+    'the end of the track': Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
+    'out from a spiral': Scene(dragon=Dragon(3),
+                               track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
                                run=Run(0, 30))}
 MEETING = {'a tight turn': (113.28625812330225, (0, 15)), 'loop': (22.16017797019889, (0, 10)),
            'back and forth': (59.66017797019889, (0, 10))}
@@ -60,7 +61,7 @@ def test_every_joined_track_has_a_certificate_that_holds(name):
 
 
 def test_the_turn_of_the_contest_takes_few_looks():
-    found = first_contact(Scene(track=Turn(before_m=100.0), run=Run(0, 200)))
+    found = first_contact(Scene(track=STurn(before_m=100.0), run=Run(0, 200)))
     assert isinstance(found, NoContact)
     assert found.states < 600
 
@@ -75,10 +76,11 @@ def test_steps_join_up_to_the_contact():
 
 
 links = st.floats(0.3, 2.5)
-tracks = st.builds(lambda radius, turned, line, other, back: Joined(
+tracks = st.builds(lambda radius, turned, line, other, back: Composite(
     (Line(60.0), Arc(radius, turned), Line(line), Arc(other, back)), start_m=55.0),
     st.floats(1.6, 5), st.floats(60, 500) | st.floats(-500, -60), st.floats(0.1, 5), st.floats(1.6, 5),
-    st.floats(60, 500) | st.floats(-500, -60)) | st.builds(Turn, st.floats(0.6, 2), st.floats(7, 10), st.floats(0.6, 2))
+    st.floats(60, 500) | st.floats(-500, -60)) | st.builds(
+        STurn, st.floats(0.6, 2), st.floats(7, 10), st.floats(0.6, 2))
 
 
 @settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
@@ -87,7 +89,7 @@ tracks = st.builds(lambda radius, turned, line, other, back: Joined(
 def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width, track, law, share):
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, law, Run(0, 25))
-        end_s = scene.end.t_s
+        end_s = compile_scene(scene).end.t_s
     except DragonError:     # does not fit the track
         assume(False)
     found = first_contact(scene)
@@ -102,9 +104,9 @@ def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width,
 def spoken_for(scene, intervals, t_s):
     """Each pair's gap at a time, by shapely, and the bounds of all intervals that speak for it then."""
     chain = state(replace(scene, solver='march'), t_s)
-    along_m = chain.walk.distances(chain.piece, chain.u)
+    along_m = chain.track.distances(chain.segment, chain.u)
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
-    joint_m = chain.walk.joints_m[0] if chain.walk.afar else -np.inf
+    joint_m = chain.track.joints_m[0] if chain.track.from_afar else -np.inf
     lengths_m = scene.dragon.bench_lengths_m
     for i, j in zip(*np.triu_indices(scene.dragon.benches, 2), strict=True):
         own = [each for each in intervals if along_m[i] <= joint_m and each.behind >= j - i and (
@@ -168,8 +170,8 @@ def test_benches_that_touch_while_the_leader_still_rests_touch_from_the_start(kn
 
 def passing(width):
     """A scene in which the head passes through a turn, and its nearest miss."""
-    scene = Scene(dragon=Dragon(24, width_m=width), track=Turn(1.2, before_m=100.0), run=Run(112, 118))
-    none = NoContact(scene.end, 0, Certificate((Interval(ALL, 12.0, 18.0, 23, 0.0),)))
+    scene = Scene(dragon=Dragon(24, width_m=width), track=STurn(1.2, before_m=100.0), run=Run(112, 118))
+    none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(ALL, 12.0, 18.0, 23, 0.0),)))
     return scene, near_misses(scene, none, 1.0).nearest[0]
 
 
@@ -200,15 +202,16 @@ def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
 def test_looks_that_round_to_one_place_are_no_division_by_zero():
     dragon = Mixed((Group(2.323), Group(1.9, 9), Group(2.2), Group(1.9, 10)), 0.6)
     law = Profile(((0.0, 0.0), (10.0, -1.0), (19.0, 0.0), (57.0, 0.0)), 'smooth', 'tail')
-    first_contact(Scene(dragon=dragon, track=Turn(diameter_m=13.76, ratio=1.14), head=law, run=Run(0, 30)))
+    first_contact(Scene(dragon=dragon, track=STurn(diameter_m=13.76, ratio=1.14), head=law, run=Run(0, 30)))
 
 
 BODY = 0.6656475528472773
-SLOW = Scene(Dragon(4, BODY, BODY, 0.07223569678879954, 0.1708583716359521), Joined((
-    Wind(0.13740346498287273, 3.8629815801000524, 3.720325994032288, 'right'), Arc(0.7115484880164162, 180),
+SLOW = Scene(Dragon(4, BODY, BODY, 0.07223569678879954, 0.1708583716359521), Composite((
+    SpiralArc(0.13740346498287273, 3.8629815801000524, 3.720325994032288, 'right'), Arc(0.7115484880164162, 180),
     Arc(0.6918192159803151, -180), Arc(0.38277113723873546, -151.32482830200112), Arc(0.2705041364243826, 90)),
     start_m=0.0661639170863419), Head(3.9546631438456665, 'tail'), Run(0, 0.8359422470506156))
-RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698), Joined((Arc(4.0, 360.0),), 1.0),
+RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698),
+              Composite((Arc(4.0, 360.0),), 1.0),
               run=Run(0, 10))
 
 
@@ -241,7 +244,8 @@ links_of = st.floats(0.3, 2.5)
 def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, gone_m, way_m):
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, Head(1.0, lead), Run(0, 25))
-        domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, scene.end.t_s), 1, lambda states: None)
+        travel = RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s)
+        domain = SearchDomain(scene, travel, 1, lambda states: None)
         assume(gone_m + way_m < domain.stop_m)
     except DragonError:     # does not fit the track
         assume(False)
@@ -256,11 +260,11 @@ def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, wid
 
 def bounds_of(domain, gone_m, way_m, i, j):
     chain = domain.chains(np.array([gone_m, gone_m + way_m]))
-    along_m, bend = domain.track.distances(chain.piece, chain.u), domain.track.curvatures(chain.piece, chain.u)
+    along_m, bend = domain.track.distances(chain.segment, chain.u), domain.track.curvatures(chain.segment, chain.u)
     axis, row = axes_of(chain), np.zeros_like(i)
-    ends = [Handles(along_m[[n]], bend[[n]], chain.piece[[n]], chain.forward[[n]]) for n in (0, 1)]
+    ends = [Handles(along_m[[n]], bend[[n]], chain.segment[[n]], chain.headings[[n]]) for n in (0, 1)]
     moving = kinematics(*ends, (axis[[0]], axis[[1]]), chain.links_m, domain.track.bends, chain.leader)
-    pairs = [views(chain.p[[n]], axis[[n]], chain.forward[[n]], row, i, j) for n in (0, 1)]
+    pairs = [views(chain.p[[n]], axis[[n]], chain.headings[[n]], row, i, j) for n in (0, 1)]
     dragon = domain.dragon
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)
     return second_derivatives(moving, *pairs, row, i, j, np.full(i.size, way_m), arm)
@@ -278,6 +282,6 @@ def seen(domain, gone_m, i, j):
 
 @pytest.mark.parametrize('lead', ['head', 'tail'])
 def test_on_a_circle_nothing_moves_as_benches_see_each_other(lead):
-    scene = Scene(Dragon(8), Joined((Line(60.0), Arc(4.0, 700.0)), start_m=100.0), Head(1.0, lead), Run(0, 5))
+    scene = Scene(Dragon(8), Composite((Line(60.0), Arc(4.0, 700.0)), start_m=100.0), Head(1.0, lead), Run(0, 5))
     domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
     assert np.max(bounds_of(domain, 0.5, 0.3, *np.triu_indices(8, 2))) < 1e-5

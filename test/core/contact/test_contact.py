@@ -4,17 +4,17 @@ import shapely
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import Benches, axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import box_pairs, candidates
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps, witness
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError, CrowdError, FieldError
-from dragon_ros.core.head import Head
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
 
 A, B = np.array([0]), np.array([1])
 

@@ -6,18 +6,19 @@ from certificates import proved
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.head import Head
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.path import Spiral
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.tools import certificate
+from dragon_ros.core.tracks.spec import Spiral
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
 
@@ -31,7 +32,7 @@ def test_nothing_touches_before_the_contact_and_benches_do_then(benches, head, b
     run = Run(0.0, 20.0 if speed < 0 else None)
     scene = Scene(dragon=dragon, track=Spiral(pitch, turns), head=Head(speed), run=run)
     try:
-        end_s = scene.end.t_s
+        end_s = compile_scene(scene).end.t_s
     except ChainLockError:
         assume(False)
     found = first_contact(scene)
@@ -102,7 +103,8 @@ def test_a_run_without_contact_says_how_it_ended_and_is_proved(scene, reason):
 def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     """The head goes on in, the rest comes out again: the last half second of a run of narrow benches."""
     scene = Scene(dragon=Dragon(30, width_m=0.01), run=Run(432.0))
-    places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in np.linspace(432, scene.end.t_s, 50)]
+    times = np.linspace(432, compile_scene(scene).end.t_s, 50)
+    places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in times]
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)

@@ -9,16 +9,17 @@ from certificates import proved, refusal
 from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import DragonError
-from dragon_ros.core.first_passage import RangeOfTravel
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.tools import certificate
-from dragon_ros.wire.scenes import load_scene
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import load_scene
 
 OUT_AND_IN = Profile(((0.0, 0.0), (5.0, -1.0), (15.0, -1.0), (25.0, 1.0), (60.0, 1.0)), 'smooth')
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
@@ -74,7 +75,7 @@ def test_nothing_touches_before_the_contact_whatever_the_law(benches, head, body
     try:
         scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), Spiral(pitch, turns), law,
                       Run(start_s, start_s + 12.0))
-        end_s = scene.end.t_s
+        end_s = compile_scene(scene).end.t_s
     except DragonError:      # does not fit the track
         assume(False)
     found = first_contact(scene)
@@ -107,10 +108,10 @@ def test_a_range_of_travel_finds_first_arrivals(rows, ramps, start_s, run_s, sha
     times = np.cumsum([0.0, *(gap for gap, _ in rows)]).tolist()
     law = Profile(tuple(zip(times, [0.5, *(speed for _, speed in rows)], strict=True)), ramps)
     scene = Scene(Dragon(3), Spiral(0.55, 1e3), law, Run(start_s, start_s + run_s))
-    course = RangeOfTravel(law, start_s, scene.end.t_s)
+    course = RangeOfTravel(law, start_s, compile_scene(scene).end.t_s)
     here = course.gone_m(start_s)
     ends = [course.gone_m(course.farthest_s(sense)) for sense in (-1, 1)]
-    scanned = [course.gone_m(t_s) for t_s in np.linspace(start_s, scene.end.t_s, 200).tolist()]
+    scanned = [course.gone_m(t_s) for t_s in np.linspace(start_s, compile_scene(scene).end.t_s, 200).tolist()]
     assert ends[0] <= min(scanned) <= max(scanned) <= ends[1]
     for sense, end in zip((-1, 1), ends, strict=True):
         wanted = here + share * (end - here)

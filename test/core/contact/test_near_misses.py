@@ -2,18 +2,17 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.benches import axes_of, benches_of
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact import near_misses as module
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.dragon import Dragon, Group, Mixed
-from dragon_ros.core.head import Head, Profile
-from dragon_ros.core.joined import Arc, Joined, Line, Wind
-from dragon_ros.core.path import Spiral
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states
-from dragon_ros.core.turn import Turn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 IN_AND_OUT = Profile(((0.0, 1.0), (3.0, 1.0), (5.0, -1.0), (9.0, -1.0), (12.0, 1.0)))
 SCENES = {
@@ -21,10 +20,11 @@ SCENES = {
     'tail': (Scene(dragon=Dragon(40), track=Spiral(0.6, 4.0), head=Head(1.0, 'tail'), run=Run(0, 12)), 0.12),
     'in and out': (Scene(dragon=Dragon(40), track=Spiral(0.55, 4.5), head=IN_AND_OUT, run=Run(0, 16)), 0.07),
     'body': (Scene(dragon=Dragon(30, 2.2, 2.2), track=Spiral(0.6, 4.0), run=Run(0, 10)), 0.09),
-    'turn': (Scene(dragon=Dragon(60), track=Turn(1.2, before_m=100.0), run=Run(95, 130)), 0.4),
-    'spiral and arc': (Scene(dragon=Dragon(40), track=Joined((Wind(0.5, 8.0, 5.0), Arc(2.5, -90.0), Line(30.0))),
+    'turn': (Scene(dragon=Dragon(60), track=STurn(1.2, before_m=100.0), run=Run(95, 130)), 0.4),
+    'spiral and arc': (Scene(dragon=Dragon(40),
+                             track=Composite((SpiralArc(0.5, 8.0, 5.0), Arc(2.5, -90.0), Line(30.0))),
                              run=Run(30, 70)), 0.1),
-    'tail on a loop': (Scene(dragon=Dragon(10), head=Head(1.0, 'tail'), run=Run(0, 30), track=Joined(
+    'tail on a loop': (Scene(dragon=Dragon(10), head=Head(1.0, 'tail'), run=Run(0, 30), track=Composite(
         (Line(50.0), Arc(3.0, -200.0), Line(1.0), Arc(2.8, -200.0)), start_m=68.0)), 1.05),
     'mixed': (Scene(dragon=Mixed((Group(3.41), *(Group(one) for _ in range(8) for one in (2.2, 1.7)))),
                     track=Spiral(0.6, 4.0), run=Run(0, 10)), 0.09)}
@@ -52,7 +52,7 @@ def scanned(scene, below_m, end_s, per_s=100):
 def test_near_misses_are_the_local_minima_of_a_dense_scan(name):
     scene, below_m = SCENES[name]
     found = first_contact(scene)
-    end_s = getattr(found, 't_s', scene.end.t_s)
+    end_s = getattr(found, 't_s', compile_scene(scene).end.t_s)
     told = near_misses(scene, found, below_m)
     assert told.count == len(told.nearest)
     assert [miss.gap_m for miss in told.nearest] == sorted(miss.gap_m for miss in told.nearest)

@@ -6,25 +6,25 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.angle import Angle
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond
 from dragon_ros.core.contact.second_order_bounds import bend, bounds
-from dragon_ros.core.dragon import Dragon
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.inwards import inwards
-from dragon_ros.core.lock import follower, lock_angle, turning_places
-from dragon_ros.core.march import place
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
-from dragon_ros.core.path import Spiral
-from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.paper import place
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
 
-EFFORT = EXACT.effort(20, 400)
+EFFORT = Effort()
 COUNT = 24
 
 
 def corners(dragon, theta):
     """Corners of benches 2 and on in the frame of bench 0, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
-    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, Angle(theta, 0.0), EFFORT)
+    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT)
     z = chain.p @ [1, 1j]
     angle = chain.theta[:-1]
     along = np.where(chain.links_m > 0, z[:-1] - z[1:], -np.exp(1j * angle) * (1 + 1j * angle))
@@ -36,7 +36,7 @@ def corners(dragon, theta):
 
 
 def ends(dragon, *places):
-    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, Angle(theta, 0.0), EFFORT) for theta in places]
+    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT) for theta in places]
 
 
 def bound(dragon, start, stop):
@@ -104,7 +104,7 @@ def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
 
 
 def sampler(dragon, first=1):
-    return BenchSampler(inwards(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
+    return BenchSampler(track_of(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
 
 
 @given(st.floats(0.6, 4), st.floats(10, 90), st.floats(0, 2))

@@ -5,7 +5,7 @@ import shapely
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.signed_distance import CORNERS, gaps, witness, witnesses
 
 A, B = np.array([0]), np.array([1])

@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from dragon_ros.core.benches import Benches
+from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.tracker import MOST_REPORTED, Sight, Watch
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 
@@ -31,7 +32,7 @@ def test_the_event_brackets_the_contact_and_interpolates_it():
 @pytest.mark.parametrize('rate', [5, 20, 50, 200])
 def test_interpolation_gets_better_with_the_rate(rate):
     scene = Scene(run=Run(411.9, 413, rate))
-    (event,) = events(scene, range(scene.last_tick + 1))
+    (event,) = events(scene, range(compile_scene(scene).last_tick + 1))
     assert abs(event.t_contact_s - 412.473837682115) < 0.02 / rate**2
 
 
@@ -74,7 +75,7 @@ def test_a_turned_or_mirrored_dragon_has_the_same_contact(turn, mirror):
 
 
 def test_another_number_of_benches_starts_afresh():
-    from dragon_ros.core.dragon import Dragon
+    from dragon_ros.core.chain.dragon import Dragon
     watch = Watch()
     assert len(events(Scene(run=Run(412.4, 413)), range(10), watch)) == 1
     assert len(events(Scene(dragon=Dragon(50), run=Run(412.7, 413)), range(3), watch)) == 1

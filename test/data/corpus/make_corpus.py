@@ -11,13 +11,14 @@ import lz4.frame
 import zstandard
 from mcap.writer import CompressionType, IndexType, Writer
 
-from dragon_ros.core.dragon import Dragon
+from dragon_ros.bags.write.writer import qos_text
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.wire.channels import live
-from dragon_ros.wire.encode import encoders
-from dragon_ros.wire.log_write import qos_text
-from dragon_ros.wire.schemas import schema_text, type_hash
+from dragon_ros.messages.channels import live
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.schemas import schema_text, type_hash
 
 HERE = Path(__file__).parent
 MAGIC = b'\x89MCAP0\r\n'
@@ -36,7 +37,7 @@ def bag(compression=CompressionType.NONE, **options):
             schema = writer.register_schema(row.type, 'ros2msg', schema_text(row.type)[:40].encode())
             metadata = {'offered_qos_profiles': qos_text(row), 'topic_type_hash': type_hash(row.type)}
             ids[row.name] = writer.register_channel(f'/dragon/{row.name}', 'cdr', schema, metadata)
-    for k in range(SCENE.last_tick + 1):
+    for k in range(compile_scene(SCENE).last_tick + 1):
         frame = tick(SCENE, k)
         for name, build in encode.items():
             writer.add_message(ids[name], frame.t_ns, build(frame), frame.t_ns, k + 1)
@@ -137,12 +138,12 @@ CORPUS = {
     'foreign_broken_handles': (foreign(topic='/handles', name='geometry_msgs/msg/PoseArray'), None),
     'empty': (b'', 'empty (0 bytes)'),
     'text': (b'hello world, I am not a bag\n' * 9, 'not an MCAP file'),
-    'magic_only': (MAGIC, 'cut off'),
-    'magic_twice': (MAGIC + MAGIC, 'cut off'),
-    'no_messages': (closed(), 'there is no message'),
-    'cut_in_a_chunk': (GOOD[:6000], 'cut off'),
-    'cut_in_the_summary': (GOOD[:-200], 'cut off'),
-    'cut_then_zeros': (GOOD[:6000] + bytes(3000), 'cut off'),
+    'magic_only': (MAGIC, 'is truncated'),
+    'magic_twice': (MAGIC + MAGIC, 'is truncated'),
+    'no_messages': (closed(), 'it has no messages'),
+    'cut_in_a_chunk': (GOOD[:6000], 'is truncated'),
+    'cut_in_the_summary': (GOOD[:-200], 'is truncated'),
+    'cut_then_zeros': (GOOD[:6000] + bytes(3000), 'is truncated'),
     'flipped_in_a_chunk': (flipped(GOOD, 2000), 'CRC of a chunk'),
     'flipped_in_the_summary': (flipped(GOOD, len(GOOD) - 300), 'CRC of the summary'),
     'twice': (GOOD + GOOD, 'the summary'),
@@ -154,16 +155,16 @@ CORPUS = {
     'string_claims_too_much': (closed(record(4, bytes(4) + struct.pack('<I', 2**32 - 1))), 'a field claims'),
     'message_too_short': (closed(record(5, b'abc')), 'a message has 3 bytes'),
     'message_in_chunk_too_long': (closed(chunk(record(5, bytes(22), length=HUGE), 31, b'')), 'its record at 0 claims'),
-    'message_on_no_channel': (closed(message()), 'there is no message'),
-    'bomb_zstd': (closed(*[bomb(100, zstd)] * 2), 'a record of kind 0'),
+    'message_on_no_channel': (closed(message()), 'it has no messages'),
+    'bomb_zstd': (closed(*[bomb(100, zstd)] * 2), 'a record with opcode 0'),
     'bomb_zstd_too_large': (closed(bomb(300, zstd)), 'the largest that is read'),
-    'bomb_lz4': (closed(bomb(16, lz4.frame.compress)), 'a record of kind 0'),
+    'bomb_lz4': (closed(bomb(16, lz4.frame.compress)), 'a record with opcode 0'),
     'bomb_lz4_that_lies': (closed(chunk(lz4.frame.compress(bytes(2**24)), 100, b'lz4')), 'claims 100 bytes'),
     'bomb_zstd_that_lies': (closed(liar_in_zstd()), 'claims 1048576 bytes, the chunk 100'),
-    'bomb_of_messages': (closed(chunk(zstd(message(data=b'') * 10**5), 31 * 10**5, b'zstd')), 'there is no message'),
+    'bomb_of_messages': (closed(chunk(zstd(message(data=b'') * 10**5), 31 * 10**5, b'zstd')), 'it has no messages'),
     'index_to_nowhere': (summed(statistics(1, 1), chunk_index(HUGE, 100)), 'it puts a record'),
-    'index_to_no_chunk': (summed(statistics(1, 1), chunk_index(8, 19)), 'there is no message'),
-    'index_with_many_same': (summed(statistics(1, 9), *[chunk_index(8, 22)] * 9), 'there is no message'),
+    'index_to_no_chunk': (summed(statistics(1, 1), chunk_index(8, 19)), 'it has no messages'),
+    'index_with_many_same': (summed(statistics(1, 9), *[chunk_index(8, 22)] * 9), 'it has no messages'),
     'summary_of_another_crc': (summed(statistics(1, 1), crc=False), 'CRC of the summary'),
     'summary_before_the_file': (GOOD[:-28] + struct.pack('<QQI', 2, 0, 0) + MAGIC, 'puts the summary at 2'),
 }

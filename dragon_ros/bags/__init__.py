@@ -1,0 +1,1 @@
+"""MCAP bags: read, written, checked, recorded. Never imports rclpy."""

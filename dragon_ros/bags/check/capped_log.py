@@ -1,0 +1,18 @@
+"""A log of problems in bounded memory."""
+from dataclasses import dataclass, field
+
+_MOST = 100
+
+
+@dataclass
+class CappedLog:
+    """The first lines, and how many there were in total."""
+
+    lines: list[str] = field(default_factory=list)
+    count: int = 0
+
+    def note(self, what: object) -> None:
+        """Count a problem, and keep its line unless there are too many."""
+        self.count += 1
+        if len(self.lines) < _MOST:
+            self.lines.append(str(what))

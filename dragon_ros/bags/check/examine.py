@@ -1,0 +1,191 @@
+"""Read every byte of a bag once: contents, integrity, and gaps in its topics."""
+import zlib
+from array import array
+from collections.abc import Callable
+from contextlib import closing
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+from mcap.opcode import Opcode
+from mcap.records import DataEnd, Header
+
+from dragon_ros.bags.check.capped_log import CappedLog
+from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.mcap import (
+    MAGIC,
+    BagError,
+    Batch,
+    Index,
+    McapFile,
+    StoredMessage,
+    chunk_head,
+    scanned_index,
+    summary_index,
+)
+from dragon_ros.core.numerics.types import Ints
+from dragon_ros.core.scene import NS, Run
+
+MOST_TIMES = 10_000_000     # messages whose times are kept, for rates and gaps
+_BLOCK = 2**20
+_MOST_RANGES = 20
+_REGULAR = 0.8      # a topic has ticks if this part of its steps lies within a tenth of the median
+_LEAST = 3
+
+
+@dataclass
+class TopicSeen:
+    """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order."""
+
+    type: str
+    encoding: str
+    messages: int = 0
+    size: int = 0
+    times_ns: 'array[int]' = field(default_factory=lambda: array('Q'))
+
+
+@dataclass
+class Contents:
+    """What the files of a bag contain; ``problems`` name offsets, ``notes`` are harmless."""
+
+    files: list[Path]
+    size: int = 0
+    writers: list[str] = field(default_factory=list)
+    compressions: dict[str, int] = field(default_factory=dict)
+    topics: dict[str, TopicSeen] = field(default_factory=dict)
+    problems: CappedLog = field(default_factory=CappedLog)
+    notes: CappedLog = field(default_factory=CappedLog)
+    kept_times: int = 0
+
+
+def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -> Contents:
+    """Return the contents of a bag, damaged or not. Raises BagError where it is not a bag, MissingError."""
+    contents = Contents(files_of(path))
+    for each in contents.files:
+        with closing(McapFile(each)) as file:
+            _examine(contents, file, progress)
+    return contents
+
+
+def _examine(contents: Contents, file: McapFile, progress: Callable[[int], object]) -> None:
+    contents.size += file.size
+    scanned = scanned_index(file)
+    if scanned.damage:
+        contents.problems.note(scanned.damage)
+    contents.writers.append(_writer(file))
+    for batch in scanned.batches:
+        _survey(contents, scanned, batch)
+        progress(batch.place.end - batch.place.offset)
+    _hold_summary(contents, file, scanned)
+    if scanned.data_end:
+        _check_data_crc(contents, file, scanned)
+
+
+def _writer(file: McapFile) -> str:
+    """Return profile and library from the header."""
+    try:
+        place = file.place(len(MAGIC))
+        header = file.fields(place, Header.read) if place.opcode == Opcode.HEADER else Header('', '')
+        return f'{header.profile} {header.library}'.strip()
+    except BagError:
+        return ''
+
+
+def _survey(contents: Contents, index: Index, batch: Batch) -> None:
+    """Count the messages of one batch."""
+    try:
+        if batch.place.opcode == Opcode.CHUNK:
+            name = chunk_head(batch.file, batch.place).compression or 'none'
+            contents.compressions[name] = contents.compressions.get(name, 0) + 1
+        for row, _ in index.survey(batch):
+            _count(contents, index, row)
+    except BagError as error:
+        contents.problems.note(error)
+
+
+def _count(contents: Contents, index: Index, row: StoredMessage) -> None:
+    channel = index.channels.get(row.channel)
+    if channel is None:
+        contents.problems.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
+        return
+    seen = contents.topics.get(channel.topic)
+    if seen is None:
+        schema = index.schemas.get(channel.schema_id)
+        seen = TopicSeen(schema.name if schema else '', channel.message_encoding)
+        contents.topics[channel.topic] = seen
+    seen.messages += 1
+    seen.size += row.end - row.start
+    if contents.kept_times < MOST_TIMES:
+        contents.kept_times += 1
+        seen.times_ns.append(row.t_ns)
+
+
+def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
+    """Report where the summary contradicts the records."""
+    if scanned.damage and not file.closed_properly:
+        return
+    try:
+        summary = summary_index(file)
+    except BagError as error:
+        contents.problems.note(error)
+        return
+    if summary is None:
+        contents.notes.note(f'{file.path}: has no complete summary; readers have to scan the whole file')
+        return
+    places = {batch.place for batch in scanned.batches}
+    for batch in summary.batches:
+        if batch.place not in places:
+            contents.problems.note(file.fault(batch.place.offset, 'the index expects a chunk there, and there is none'))
+    if summary.counts != scanned.counts and not scanned.damage:
+        contents.problems.note(f'{file.path}: the summary counts {sum(summary.counts.values())} messages, the chunks '
+                               f'hold {sum(scanned.counts.values())}')
+
+
+def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
+    """Check the CRC of the whole data section, if the writer stored one."""
+    assert scanned.data_end is not None
+    wanted, crc, end = file.fields(scanned.data_end, DataEnd.read).data_section_crc, 0, scanned.data_end.offset
+    for at in range(0, end if wanted else 0, _BLOCK):
+        crc = zlib.crc32(file.read(at, min(_BLOCK, end - at)), crc)
+    if wanted and crc != wanted:
+        contents.problems.note(file.fault(0, f'the CRC of all data is {crc:08x}; it should be {wanted:08x}'))
+
+
+@dataclass(frozen=True)
+class Gaps:
+    """Messages per second, and for a topic with ticks: how many are missing, which, and how many are doubled.
+
+    Ticks are numbered as in the run of the scene, or from the first message if there is none; ``ranges`` holds the
+    first missing ones as (first, last). All but ``rate_hz`` are None where the spacing of messages is irregular.
+    """
+
+    rate_hz: float | None
+    first: int | None = None
+    last: int | None = None
+    missing: int | None = None
+    doubled: int | None = None
+    ranges: tuple[tuple[int, int], ...] = ()
+
+
+def gaps_of(times_ns: 'array[int]', run: Run | None) -> Gaps:
+    """Return the gaps among the log times of a topic, given in any order."""
+    times = np.sort(np.frombuffer(times_ns, np.uint64)).astype(np.float64) if times_ns else np.empty(0)
+    span_s = (times[-1] - times[0]) / NS if times.size else 0.0
+    rate_hz = float((times.size - 1) / span_s) if span_s > 0 else None
+    steps = np.diff(np.unique(times))
+    if steps.size + 1 < _LEAST:
+        return Gaps(rate_hz)
+    usual = float(np.median(steps))
+    if np.mean(np.abs(steps - usual) <= 0.1 * usual) < _REGULAR:
+        return Gaps(rate_hz)
+    start_ns, period_ns = (run.start_ns, NS / run.rate_hz) if run else (times[0], usual)
+    ticks: Ints = np.rint((times - start_ns) / period_ns).astype(np.int64)
+    return _missing(rate_hz, ticks)
+
+
+def _missing(rate_hz: float | None, ticks: Ints) -> Gaps:
+    there = np.unique(ticks)
+    after = np.flatnonzero(np.diff(there) > 1)
+    ranges = tuple((int(there[n]) + 1, int(there[n + 1]) - 1) for n in after[:_MOST_RANGES])
+    first, last = int(there[0]), int(there[-1])
+    return Gaps(rate_hz, first, last, last - first + 1 - there.size, ticks.size - there.size, ranges)

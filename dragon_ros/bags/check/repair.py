@@ -1,0 +1,159 @@
+"""Rescue a complete bag from a truncated or damaged one."""
+from collections.abc import Callable, Iterator
+from contextlib import closing, contextmanager
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import IO
+
+from mcap.opcode import Opcode
+from mcap.records import Attachment, Channel, Metadata
+from mcap.writer import CompressionType, Writer
+
+from dragon_ros import __version__
+from dragon_ros.bags.check.capped_log import CappedLog
+from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.mcap import (
+    BagError,
+    Batch,
+    Index,
+    Location,
+    McapFile,
+    StoredMessage,
+    chunk_head,
+    first_bytes,
+    records_in,
+    scanned_index,
+    summary_index,
+)
+from dragon_ros.bags.write.whole_file import whole_or_none
+from dragon_ros.core.errors import MissingError
+
+
+@dataclass
+class Repaired:
+    """How many messages were rescued, and a line for each part that was not."""
+
+    messages: int = 0
+    lost: CappedLog = field(default_factory=CappedLog)
+
+
+class _Sink:
+    """Writes the rescued messages; channels keep their contents and get new numbers."""
+
+    def __init__(self, file: IO[bytes]) -> None:
+        self.writer = Writer(file, compression=CompressionType.ZSTD)
+        self.writer.start('ros2', f'dragon_ros {__version__} repair')
+        self._channels: dict[tuple[object, ...], int] = {}
+        self._schemas: dict[tuple[object, ...], int] = {}
+
+    def channel(self, index: Index, channel: Channel) -> int:
+        """Return the number of a channel; equal channels of several files share one."""
+        schema = index.schemas.get(channel.schema_id)
+        named = (schema.name, schema.encoding, schema.data) if schema else ('', '', b'')
+        if schema and named not in self._schemas:
+            self._schemas[named] = self.writer.register_schema(*named)
+        key = channel.topic, channel.message_encoding, named, tuple(sorted(channel.metadata.items()))
+        if key not in self._channels:
+            self._channels[key] = self.writer.register_channel(
+                channel.topic, channel.message_encoding, self._schemas.get(named, 0), channel.metadata)
+        return self._channels[key]
+
+
+def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda size: None) -> Repaired:
+    """Write what can be read of a bag to one complete file, in file order. Raises BagError, MissingError."""
+    done, parts = Repaired(), files_of(path)
+    with _created(output) as out:
+        sink = _Sink(out)
+        for each in parts:
+            with closing(McapFile(each)) as file:
+                _save(done, sink, file, progress)
+        sink.writer.finish()    # type: ignore[no-untyped-call]
+    return done
+
+
+@contextmanager
+def _created(output: Path) -> Iterator[IO[bytes]]:
+    """Create a file; an incomplete one is removed."""
+    try:
+        with whole_or_none(output, overwrite=False) as out:
+            yield out
+    except FileExistsError:
+        raise MissingError(f'{output}: exists already; give another --repair') from None
+    except OSError as error:
+        raise MissingError(f'{output}: cannot be written: {error.strerror}; give another --repair') from None
+
+
+def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int], object]) -> None:
+    scanned = scanned_index(file)
+    if scanned.damage:
+        done.lost.note(scanned.damage)
+    for place in (*scanned.metadata, *scanned.attachments):
+        _copy(done, sink, file, place)
+    for batch in (*scanned.batches, *_beyond(file, scanned)):
+        try:
+            for row, data in scanned.survey(batch):
+                _put(done, sink, scanned, row, data)
+        except BagError as error:
+            done.lost.note(error)
+        progress(batch.place.end - batch.place.offset)
+    for row, data in _first(scanned):
+        _put(done, sink, scanned, row, data)
+
+
+def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
+    channel = index.channels.get(row.channel)
+    if channel is None:
+        done.lost.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
+        return
+    sink.writer.add_message(sink.channel(index, channel), row.t_ns, data[row.start:row.end], row.publish_ns,
+                            row.sequence)
+    done.messages += 1
+
+
+def _beyond(file: McapFile, scanned: Index) -> list[Batch]:
+    """Return chunks behind the damage, which the scan did not reach, from the summary."""
+    if not scanned.damage:
+        return []
+    try:
+        summary = summary_index(file)
+    except BagError:
+        return []
+    seen = {batch.place.offset for batch in scanned.batches}
+    for channel in summary.channels.values() if summary else ():
+        scanned.channels.setdefault(channel.id, channel)
+    for schema in summary.schemas.values() if summary else ():
+        scanned.schemas.setdefault(schema.id, schema)
+    return [batch for batch in summary.batches if batch.place.offset not in seen] if summary else []
+
+
+def _first(index: Index) -> Iterator[tuple[StoredMessage, bytes]]:
+    """Yield the complete messages of the chunk in which the file ends."""
+    file = index.file
+    try:
+        head = chunk_head(file, index.cut) if index.cut else None
+    except BagError:
+        return
+    if head is None:
+        return
+    data = first_bytes(file.read(head.offset, file.size - head.offset), head.compression)
+    try:
+        for record in records_in(data):
+            if isinstance(record, StoredMessage):
+                yield record, data
+            else:
+                index.learn(record.opcode, data[record.start:record.end])
+    except ValueError:
+        return      # the last record is incomplete
+
+
+def _copy(done: Repaired, sink: _Sink, file: McapFile, place: Location) -> None:
+    """Copy a metadata record or an attachment."""
+    try:
+        if place.opcode == Opcode.METADATA:
+            metadata = file.fields(place, Metadata.read)
+            sink.writer.add_metadata(metadata.name, metadata.metadata)
+        else:
+            found = file.fields(place, Attachment.read)
+            sink.writer.add_attachment(found.create_time, found.log_time, found.name, found.media_type, found.data)
+    except BagError as error:
+        done.lost.note(error)

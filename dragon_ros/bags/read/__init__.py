@@ -1,0 +1,1 @@
+"""Reading bags in bounded memory, damaged ones too."""

@@ -1,0 +1,171 @@
+"""The frames of a recorded dragon: handles, benches and velocities as arrays, read lazily, tick by tick."""
+from collections import OrderedDict
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from math import inf
+
+import numpy as np
+
+from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
+from dragon_ros.core.chain.rectangles import Benches
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.contact.tracker import NEAR_M
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Scene
+from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
+from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
+from dragon_ros.scenes.load import scene_of
+from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
+from dragon_ros.scenes.yaml import parse_document
+
+_LONGEST_SCENE = 2**16          # characters of a scene that are parsed
+_MOST_WAITING = 128             # handles that wait for their benches at most
+_TOPICS = ('handles', 'benches', 'velocities')
+
+
+@dataclass(frozen=True)
+class BagFrame:
+    """One tick of a bag: stamp, handles (N+1, 2) in m; benches and velocities (N+1, 2) in m/s, None if not recorded."""
+
+    t_ns: int
+    handles_m: Floats
+    benches: Benches | None
+    velocity_m_s: Floats | None
+    frame_id: str
+
+    @cached_property
+    def clearance_m(self) -> float | None:
+        """Smallest signed gap of benches that may touch, in m; inf where there are none, None without benches."""
+        if self.benches is None:
+            return None
+        i, j = candidates(self.handles_m, self.benches, NEAR_M)
+        return float(np.min(gaps(self.benches, i, j), initial=inf))
+
+
+@dataclass
+class _Parts:
+    log_ns: int
+    poses: Poses
+    shown: BenchMarkers | None = None
+    velocity_m_s: Floats | None = None
+
+
+def namespace_of(bag: BagReader, asked: str | None = None) -> str:
+    """Return the namespace of the requested dragon, or of the only one that has messages (or a topic at all).
+
+    Raises InputError where it is missing or ambiguous.
+    """
+    topics = [topic for topic in bag.topics
+              if topic.name.endswith('/handles') and topic.type == 'geometry_msgs/msg/PoseArray']
+    found = sorted(topic.name.removesuffix('/handles')
+                   for topic in [topic for topic in topics if topic.messages] or topics)
+    named = found if asked is None else [name for name in found if name == f'/{asked.strip("/")}'.rstrip('/')]
+    if len(named) == 1:
+        return named[0]
+    what = f'{len(found)} dragon{"s" * (len(found) > 1)} ({", ".join(found)})' if found else 'no dragon'
+    which = 'give --namespace' if asked is None else f'none in --namespace {asked}'
+    raise InputError(f'{bag.path}: holds {what}{"; " + which if found else ""}: topics NAMESPACE/handles of type '
+                     'geometry_msgs/msg/PoseArray')
+
+
+def scene_of_bag(bag: BagReader) -> Scene | None:
+    """Return the scene that is stored in a bag; None if there is none. Raises InputError."""
+    text = bag.metadata(RECORD).get('scene')
+    if text is None:
+        attached = bag.attachment(ATTACHMENT)
+        if attached is None:
+            return None
+        text = attached.decode(errors='replace')
+    if len(text) > _LONGEST_SCENE:
+        raise InputError(f'{bag.path}: its scene has {len(text)} characters; the largest that is read has '
+                         f'{_LONGEST_SCENE}')
+    return scene_of(parse_document(f'{bag.path}: scene', text))
+
+
+def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,
+           end_ns: int | None = None) -> Iterator[BagFrame]:
+    """Yield the ticks of a bag with log times in start_ns <= t < end_ns, in order.
+
+    Handles and benches are paired by their stamps; velocities, which have none, belong to the handles of the same log
+    time. Handles without benches are yielded alone. Raises InputError, naming topic and time.
+    """
+    root = namespace_of(bag) if namespace is None else namespace
+    names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
+    ticks = _Ticks('benches' not in names.values())
+    for message in bag.messages(list(names), start_ns, end_ns):
+        try:
+            yield from map(_frame, ticks.ready(message.t_ns))
+            ticks.add(names[message.topic], message)
+        except MessageError as error:
+            raise MessageError(f'{bag.path}: {message.topic} at {message.t_ns} ns: {error}') from None
+    yield from map(_frame, ticks.ready(END_OF_TIME_NS))
+
+
+class _Ticks:
+    """Groups messages by tick, in bounded memory."""
+
+    def __init__(self, alone: bool) -> None:
+        """``alone``: the bag has no benches to wait for."""
+        self._alone = alone
+        self._waiting: OrderedDict[int, _Parts] = OrderedDict()
+        self._early: OrderedDict[int, BenchMarkers] = OrderedDict()
+        self._speeds: tuple[int, Floats] | None = None
+
+    def add(self, name: str, message: Message) -> None:
+        """Take one message. Raises MessageError."""
+        if name == 'handles':
+            poses = read_handles(message.data)
+            speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
+            self._waiting[poses.t_ns] = _Parts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
+        elif name == 'benches':
+            self._add_benches(read_benches(message.data))
+        else:
+            self._add_speeds(message.t_ns, _velocities(message.data))
+
+    def _add_benches(self, shown: BenchMarkers) -> None:
+        if shown.t_ns in self._waiting:
+            self._waiting[shown.t_ns].shown = shown
+            return
+        self._early[shown.t_ns] = shown
+        if len(self._early) > _MOST_WAITING:
+            self._early.popitem(last=False)
+
+    def _add_speeds(self, log_ns: int, velocity: Floats) -> None:
+        self._speeds = log_ns, velocity
+        for parts in self._waiting.values():
+            if parts.log_ns == log_ns:
+                parts.velocity_m_s = velocity
+
+    def ready(self, now_ns: int) -> Iterator[_Parts]:
+        """Yield, in order, the ticks that are complete at log time ``now_ns``."""
+        while self._waiting:
+            first = next(iter(self._waiting.values()))
+            hopeless = now_ns == END_OF_TIME_NS or len(self._waiting) > _MOST_WAITING
+            if first.log_ns >= now_ns or not (first.shown or self._alone or hopeless or self._overtaken()):
+                return
+            yield self._waiting.popitem(last=False)[1]
+
+    def _overtaken(self) -> bool:
+        """Return whether the benches of a later tick have been read."""
+        return any(parts.shown for parts in self._waiting.values())
+
+
+def _velocities(data: bytes) -> Floats:
+    labels, values = read_multi_array(data)
+    if values.ndim != 2 or values.shape[1] < 2:
+        raise MessageError(f'velocities: {labels} of shape {values.shape}; expected rows of vx, vy, speed')
+    return np.ascontiguousarray(values[:, :2], dtype=np.float64)
+
+
+def _frame(parts: _Parts) -> BagFrame:
+    poses, velocity = parts.poses, parts.velocity_m_s
+    if velocity is not None and len(velocity) != len(poses.poses):
+        raise MessageError(f'velocities: {len(velocity)} for {len(poses.poses)} handles')
+    if parts.shown is None:
+        handles = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
+        return BagFrame(poses.t_ns, handles, None, velocity, poses.frame_id)
+    observation = observation_of(poses, parts.shown)
+    return BagFrame(observation.t_ns, observation.p, observation.benches, velocity, observation.frame_id)

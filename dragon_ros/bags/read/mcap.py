@@ -1,0 +1,538 @@
+"""A bounded MCAP reader: no length in a file is trusted before it is checked against the file.
+
+It is written by hand because the library's reader allocates what a file claims, decompresses without a bound and
+stops at the first damage; here every allocation is bounded, damage is reported with its offset, and what precedes or
+follows it can be rescued.
+
+The layout is that of the MCAP specification, version 0: a magic, then records of opcode (1 byte), length (8 bytes) and
+content, then the magic again. The ``mcap`` package parses the fields of small records, each from its own bytes.
+"""
+import struct
+import zlib
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from io import BytesIO
+from os import SEEK_END
+from pathlib import Path
+from typing import IO, NamedTuple, TypeVar
+
+import lz4.frame
+import zstandard
+from mcap.data_stream import ReadDataStream
+from mcap.opcode import Opcode
+from mcap.records import Channel, ChunkIndex, Footer, MetadataIndex, Schema, Statistics
+
+from dragon_ros.core.errors import InputError, MissingError
+
+MAGIC = b'\x89MCAP0\r\n'
+HEAD = struct.Struct('<BQ')
+FOOTER_BYTES = HEAD.size + 20
+MOST_RECORD = 16 * 2**20        # bytes of records that are read whole: schemas, indexes, metadata
+T = TypeVar('T')
+MOST_CHUNK = 128 * 2**20        # bytes of a chunk after decompression, and of a message
+_FIXED = struct.Struct('<QQQII')
+_MESSAGE = struct.Struct('<HIQQ')
+_LONGEST_NAME = 32              # of the name of a compression
+MOST_SUMMARY = 64 * 2**20   # bytes, and as many for all schemas and channels
+_RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
+
+
+class BagError(InputError):
+    """The file is not a readable bag."""
+
+
+@dataclass(frozen=True)
+class Location:
+    """Where a record stands: opcode, offset of its first byte, and the length of its content."""
+
+    opcode: int
+    offset: int
+    length: int
+
+    @property
+    def content(self) -> int:
+        """Offset of the content."""
+        return self.offset + HEAD.size
+
+    @property
+    def end(self) -> int:
+        """Offset of the next record."""
+        return self.content + self.length
+
+
+class McapFile:
+    """One .mcap file, open for reading."""
+
+    def __init__(self, path: Path) -> None:
+        """Open it and check its beginning. Raises MissingError or BagError."""
+        self.path = path
+        self._file = _open(path)
+        self.size = self._file.seek(0, SEEK_END)
+        if self.read(0, min(self.size, len(MAGIC))) != MAGIC:
+            self.close()
+            raise BagError(f'{path}: is {f"not an MCAP file ({self.size} bytes)" if self.size else "empty (0 bytes)"}')
+
+    def fault(self, offset: int, what: str) -> BagError:
+        """Return the error for damage at an offset."""
+        return BagError(f'{self.path}: is damaged at byte {offset} of {self.size}: {what}', offset=offset)
+
+    def read(self, offset: int, length: int) -> bytes:
+        """Return bytes; all of them, or BagError."""
+        if not 0 <= length <= self.size - offset:
+            raise self.fault(offset, f'{length} bytes should follow, {max(0, self.size - offset)} do')
+        try:
+            self._file.seek(offset)
+            data = self._file.read(length)
+        except OSError as error:
+            raise MissingError(f'{self.path}: cannot be read at byte {offset}: {error.strerror}') from None
+        if len(data) != length:
+            raise self.fault(offset, f'{length} bytes should follow, {len(data)} do')
+        return data
+
+    def place(self, offset: int, end: int | None = None) -> Location:
+        """Return the record at an offset. Raises BagError where it does not end before ``end`` (the file's end)."""
+        end = self.size if end is None else min(end, self.size)
+        if offset + HEAD.size > end:
+            raise self.fault(offset, f'a record should begin, {max(0, end - offset)} bytes are left')
+        place = Location(*_at(HEAD.unpack(self.read(offset, HEAD.size)), offset))
+        if place.opcode == 0:
+            raise self.fault(offset, 'a record with opcode 0, which does not exist')
+        if place.end > end:
+            raise self.fault(offset, f'a record with opcode {place.opcode} claims {place.length} bytes, '
+                             f'{end - place.content} are left')
+        return place
+
+    def places(self, offset: int, end: int | None = None) -> Iterator[Location]:
+        """Yield the records from ``offset`` on, up to exactly ``end`` (the file's end)."""
+        end = self.size if end is None else end
+        while offset < end:
+            place = self.place(offset, end)
+            yield place
+            offset = place.end
+
+    def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
+        """Return the fields of a small record, read by ``parse``, one of the ``mcap.records`` readers."""
+        if place.length > MOST_RECORD:
+            raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
+                             f'the largest that is read is {MOST_RECORD}')
+        try:
+            return parse_fields(self.read(place.content, place.length), parse)
+        except ValueError as error:
+            raise self.fault(place.offset, f'a record with opcode {place.opcode}: {error}') from None
+
+    @property
+    def closed_properly(self) -> bool:
+        """Whether the file ends like a bag that was closed."""
+        tail = FOOTER_BYTES + len(MAGIC)
+        return self.size >= len(MAGIC) + tail and self.read(self.size - len(MAGIC), len(MAGIC)) == MAGIC
+
+    def footer(self) -> tuple[Location, Footer]:
+        """Return the footer. Raises BagError where the file is truncated or has no footer."""
+        if not self.closed_properly:
+            raise BagError(f'{self.path}: is truncated and has no index ({self.size} bytes)')
+        place = self.place(self.size - len(MAGIC) - FOOTER_BYTES, self.size - len(MAGIC))
+        if place.opcode != Opcode.FOOTER or place.end != self.size - len(MAGIC):
+            raise self.fault(place.offset, 'expected the footer')
+        return place, self.fields(place, Footer.read)
+
+    def close(self) -> None:
+        """Close the file."""
+        self._file.close()
+
+
+class _Exact(ReadDataStream):
+    """A stream that raises where fewer bytes are left than requested."""
+
+    def __init__(self, data: bytes) -> None:
+        super().__init__(BytesIO(data))
+        self._left = len(data)
+
+    def read(self, length: int) -> bytes:
+        if length > self._left:
+            raise ValueError(f'a field claims {length} bytes, {self._left} are left')
+        self._left -= length
+        return super().read(length)
+
+
+def parse_fields(data: bytes, parse: Callable[[ReadDataStream], T]) -> T:
+    """Return the fields of a record's content. Raises ValueError where they exceed it."""
+    return parse(_Exact(data))
+
+
+def _at(head: tuple[int, int], offset: int) -> tuple[int, int, int]:
+    return head[0], offset, head[1]
+
+
+def _open(path: Path) -> IO[bytes]:
+    try:
+        if path.exists() and not path.is_file():    # opening a pipe would block forever
+            raise MissingError(f'{path}: is not a file')
+        return path.open('rb')
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
+
+
+@dataclass(frozen=True)
+class ChunkHead:
+    """The head of a chunk: message times in ns, size and CRC of its records, and where they are."""
+
+    start_ns: int
+    end_ns: int
+    size: int
+    crc: int
+    compression: str
+    offset: int
+    length: int
+
+
+class StoredMessage(NamedTuple):
+    """One message in a chunk; its data are the bytes from ``start`` to ``end``."""
+
+    t_ns: int
+    start: int
+    end: int
+    channel: int
+    sequence: int
+    publish_ns: int
+
+
+class OtherRecord(NamedTuple):
+    """A record other than a message: its opcode and where its content is."""
+
+    opcode: int
+    start: int
+    end: int
+
+
+def chunk_head(file: McapFile, place: Location) -> ChunkHead:
+    """Return the head of a chunk. Raises BagError where it contradicts the record's length."""
+    if place.length < _FIXED.size + 8:
+        raise file.fault(place.offset, f'a chunk of {place.length} bytes')
+    start_ns, end_ns, size, crc, name = _FIXED.unpack(file.read(place.content, _FIXED.size))
+    fixed = _FIXED.size + name + 8
+    if name > _LONGEST_NAME or fixed > place.length:
+        raise file.fault(place.offset, f'a chunk whose compression name has {name} bytes')
+    text = file.read(place.content + _FIXED.size, name + 8)
+    length = int.from_bytes(text[name:], 'little')
+    if length != place.length - fixed:
+        raise file.fault(place.offset, f'a chunk claims {length} bytes of records, {place.length - fixed} follow')
+    return ChunkHead(start_ns, end_ns, size, crc, text[:name].decode(errors='replace'), place.content + fixed, length)
+
+
+def chunk_data(file: McapFile, place: Location) -> bytes:
+    """Return a chunk's records, decompressed and checked against size and CRC. Raises BagError."""
+    head = chunk_head(file, place)
+    if max(head.size, head.length) > MOST_CHUNK:
+        raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the largest that is read has '
+                         f'{MOST_CHUNK}')
+    unpack = _UNPACK.get(head.compression)
+    if unpack is None:
+        raise file.fault(place.offset, f'a chunk with compression {head.compression!r}; supported are zstd, lz4 and '
+                         'none')
+    try:
+        data = unpack(file.read(head.offset, head.length), head.size)
+    except (zstandard.ZstdError, RuntimeError, ValueError, EOFError) as error:
+        raise file.fault(place.offset, f'a chunk does not decompress: {error}') from None
+    if len(data) != head.size:
+        raise file.fault(place.offset, f'a chunk claims {head.size} bytes and holds {len(data)}')
+    if head.crc and zlib.crc32(data) != head.crc:
+        raise file.fault(place.offset, f'the CRC of a chunk is {zlib.crc32(data):08x}; it should be {head.crc:08x}')
+    return data
+
+
+def message_time_ns(file: McapFile, place: Location) -> int:
+    """Return the time of a message outside of chunks. Raises BagError."""
+    if place.length < _MESSAGE.size:
+        raise file.fault(place.offset, f'a message has {place.length} bytes')
+    t_ns: int = _MESSAGE.unpack(file.read(place.content, _MESSAGE.size))[2]
+    return t_ns
+
+
+def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
+    """Yield the records of a chunk. Raises ValueError with the offset where they are truncated."""
+    at, size = 0, len(data)
+    while at < size:
+        if at + HEAD.size > size:
+            raise ValueError(f'its records end inside one at {at}')
+        opcode, length = HEAD.unpack_from(data, at)
+        start, end = at + HEAD.size, at + HEAD.size + length
+        if end > size:
+            raise ValueError(f'its record at {at} claims {length} bytes, {size - start} are left')
+        if opcode == 0:
+            raise ValueError(f'a record with opcode 0 at {at}, which does not exist')
+        if opcode != Opcode.MESSAGE:
+            yield OtherRecord(opcode, start, end)
+        elif length < _MESSAGE.size:
+            raise ValueError(f'its message at {at} has {length} bytes')
+        else:
+            yield row_of(data, start + _MESSAGE.size, end)
+        at = end
+
+
+def row_of(data: bytes, start: int, end: int) -> StoredMessage:
+    """Return the message whose data are the bytes from ``start`` to ``end``."""
+    channel, sequence, t_ns, publish_ns = _MESSAGE.unpack_from(data, start - _MESSAGE.size)
+    return StoredMessage(t_ns, start, end, channel, sequence, publish_ns)
+
+
+def first_bytes(data: bytes, compression: str) -> bytes:
+    """Return what can be decompressed of a truncated chunk, at most MOST_CHUNK bytes."""
+    if compression == 'zstd':
+        return _first_of_zstd(data)
+    if compression == 'lz4':
+        return _first_of_lz4(data)
+    return data[:MOST_CHUNK] if compression == '' else b''
+
+
+def _first_of_zstd(data: bytes) -> bytes:
+    # In small steps: what was decompressed before the damage is kept.
+    reader, out = zstandard.ZstdDecompressor(max_window_size=MOST_CHUNK).stream_reader(data), bytearray()
+    try:
+        while len(out) < MOST_CHUNK and (part := reader.read(2**17)):
+            out += part
+    except zstandard.ZstdError:
+        pass
+    return bytes(out)
+
+
+def _first_of_lz4(data: bytes) -> bytes:
+    out, reader = bytearray(), lz4.frame.LZ4FrameDecompressor()
+    try:
+        for start in range(0, len(data), 2**12):
+            if len(out) >= MOST_CHUNK or reader.eof:
+                break
+            out += reader.decompress(data[start:start + 2**12], max_length=MOST_CHUNK - len(out))
+    except (RuntimeError, EOFError):
+        pass
+    return bytes(out)
+
+
+def _plain(data: bytes, size: int) -> bytes:
+    return data
+
+
+def _zstd(data: bytes, size: int) -> bytes:
+    """Decompress; the frame must claim the same size as the chunk before anything is allocated."""
+    claimed = zstandard.frame_content_size(data)
+    if claimed not in (-1, size):
+        raise ValueError(f'its zstd frame claims {claimed} bytes, the chunk {size}')
+    return zstandard.ZstdDecompressor().decompress(data, max_output_size=size) if size else b''
+
+
+def _lz4(data: bytes, size: int) -> bytes:
+    out: bytes = lz4.frame.LZ4FrameDecompressor().decompress(data, max_length=size + 1)
+    return out
+
+
+_UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 'lz4': _lz4}
+
+
+@dataclass(frozen=True)
+class Batch:
+    """A chunk, or consecutive messages outside chunks: where it is, and the times of its messages in ns."""
+
+    file: McapFile
+    place: Location
+    start_ns: int
+    end_ns: int
+
+    def records(self) -> bytes:
+        """Return its records, decompressed and checked. Raises BagError."""
+        place = self.place
+        if place.opcode != Opcode.CHUNK:
+            return self.file.read(place.offset, place.end - place.offset)
+        if self.file.place(place.offset) != place:
+            raise self.file.fault(place.offset, 'the index expects a chunk there, and there is none')
+        return chunk_data(self.file, place)
+
+    def inside(self, data: bytes) -> Iterator[StoredMessage | OtherRecord]:
+        """Yield its records. Raises BagError with the chunk's offset."""
+        try:
+            yield from records_in(data)
+        except ValueError as error:
+            raise self.file.fault(self.place.offset, f'a chunk: {error}') from None
+
+
+@dataclass
+class Index:
+    """Contents of one file.
+
+    ``damage`` is where and why a scan ended early, ``cut`` the chunk in which it ended. ``data_end`` is the end of
+    the data section, None where it is unknown.
+    """
+
+    file: McapFile
+    schemas: dict[int, Schema] = field(default_factory=dict)
+    channels: dict[int, Channel] = field(default_factory=dict)
+    counts: Counter[int] = field(default_factory=Counter)
+    batches: list[Batch] = field(default_factory=list)
+    metadata: list[Location] = field(default_factory=list)
+    attachments: list[Location] = field(default_factory=list)
+    statistics: Statistics | None = None
+    damage: BagError | None = None
+    cut: Location | None = None
+    data_end: Location | None = None
+    _learned: int = 0
+
+    def learn(self, opcode: int, content: bytes) -> None:
+        """Register a schema or a channel. Raises ValueError where it is malformed, or where they exceed their limit."""
+        self._learned += len(content) if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) else 0
+        if self._learned > MOST_SUMMARY:
+            raise ValueError(f'its schemas and channels are more than {MOST_SUMMARY} bytes')
+        if opcode == Opcode.SCHEMA:
+            schema = parse_fields(content, Schema.read)
+            self.schemas.setdefault(schema.id, schema)
+        elif opcode == Opcode.CHANNEL:
+            channel = parse_fields(content, Channel.read)
+            self.channels.setdefault(channel.id, channel)
+
+    def survey(self, batch: Batch) -> Iterator[tuple[StoredMessage, bytes]]:
+        """Yield (message, records) of a batch; count messages, register schemas and channels. Raises BagError."""
+        data = batch.records()
+        for record in batch.inside(data):
+            if isinstance(record, StoredMessage):
+                self.counts[record.channel] += 1
+                yield record, data
+                continue
+            try:
+                self.learn(record.opcode, data[record.start:record.end])
+            except ValueError as error:
+                raise batch.file.fault(batch.place.offset, f'a chunk: its record at {record.start}: {error}') from None
+
+
+def summary_index(file: McapFile) -> Index | None:
+    """Return the index from the summary; None where there is no complete one. Raises BagError."""
+    at, footer = file.footer()
+    if footer.summary_start == 0:
+        return None
+    if not len(MAGIC) <= footer.summary_start <= at.offset:
+        raise file.fault(at.offset, f'the footer puts the summary at {footer.summary_start}')
+    length = at.offset - footer.summary_start
+    if length > MOST_SUMMARY:
+        raise file.fault(at.offset, f'a summary of {length} bytes; the largest that is read has {MOST_SUMMARY}')
+    data = file.read(footer.summary_start, length)
+    crc = zlib.crc32(file.read(at.offset, HEAD.size + 16), zlib.crc32(data))
+    if footer.summary_crc and footer.summary_crc != crc:
+        raise file.fault(footer.summary_start, f'the CRC of the summary is {crc:08x}; it should be '
+                         f'{footer.summary_crc:08x}')
+    return _complete(_summary(file, footer.summary_start, data))
+
+
+def _summary(file: McapFile, start: int, data: bytes) -> Index:
+    index, at = Index(file), 0
+    try:
+        for record in records_in(data):
+            if isinstance(record, OtherRecord):
+                at = record.start
+                _take(index, record.opcode, data[record.start:record.end])
+    except ValueError as error:
+        raise file.fault(start + at, f'the summary: {error}') from None
+    return index
+
+
+def _take(index: Index, opcode: int, content: bytes) -> None:
+    """Add one record of the summary to the index."""
+    index.learn(opcode, content)
+    if opcode == Opcode.STATISTICS:
+        index.statistics = parse_fields(content, Statistics.read)
+        index.counts.update(index.statistics.channel_message_counts)
+    elif opcode == Opcode.CHUNK_INDEX:
+        chunk = parse_fields(content, ChunkIndex.read)
+        place = _indexed(index.file, Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length)
+        index.batches.append(Batch(index.file, place, chunk.message_start_time, chunk.message_end_time))
+    elif opcode == Opcode.METADATA_INDEX:
+        metadata = parse_fields(content, MetadataIndex.read)
+        index.metadata.append(_indexed(index.file, Opcode.METADATA, metadata.offset, metadata.length))
+    elif opcode == Opcode.ATTACHMENT_INDEX:
+        # Only the first two fields are needed: offset and length of the attachment.
+        offset, length = (parse_fields(content[at:at + 8], lambda fields: fields.read8()) for at in (0, 8))
+        index.attachments.append(_indexed(index.file, Opcode.ATTACHMENT, offset, length))
+
+
+def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
+    if not len(MAGIC) <= offset <= file.size - length or length < HEAD.size:
+        raise ValueError(f'it puts a record of {length} bytes at {offset}; the file has {file.size}')
+    return Location(opcode, offset, length - HEAD.size)
+
+
+def _complete(index: Index) -> Index | None:
+    """Return the index if it has all that a reader needs; writers may omit parts of a summary."""
+    said = index.statistics
+    places = {batch.place.offset for batch in index.batches}
+    if said is None or len(places) != len(index.batches):
+        return None
+    found = len(index.batches), len(index.channels), len(index.metadata), len(index.attachments)
+    wanted = said.chunk_count, said.channel_count, said.metadata_count, said.attachment_count
+    whole = found == wanted and (bool(said.chunk_count) or not said.message_count)
+    return index if whole and all(known(index, channel) for channel in index.channels.values()) else None
+
+
+def known(index: Index, channel: Channel) -> bool:
+    """Return whether the index has the schema of a channel."""
+    return channel.schema_id == 0 or channel.schema_id in index.schemas
+
+
+def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
+    """Return the index from a scan of all records, up to the first damage; chunks are not decompressed."""
+    index = Index(file)
+    run: list[tuple[Location, int]] = []
+    try:
+        for place in file.places(len(MAGIC)):
+            progress(place.end)
+            if place.opcode == Opcode.MESSAGE:
+                run = _grow(index, run, place)
+                continue
+            if place.opcode == Opcode.DATA_END:
+                index.data_end = place
+                break
+            _note(index, place)
+    except BagError as error:
+        index.damage = error
+        index.cut = _cut(file, error.fields.get('offset'))
+    _end_run(index, run)
+    if index.data_end is None and index.damage is None:
+        index.damage = file.fault(file.size, 'the recording is truncated there')
+    return index
+
+
+def _note(index: Index, place: Location) -> None:
+    """Add one record of the data section to the index."""
+    if place.opcode == Opcode.CHUNK:
+        head = chunk_head(index.file, place)
+        index.batches.append(Batch(index.file, place, head.start_ns, head.end_ns))
+    elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+        index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length)))
+    elif place.opcode == Opcode.METADATA:
+        index.metadata.append(place)
+    elif place.opcode == Opcode.ATTACHMENT:
+        index.attachments.append(place)
+
+
+def _grow(index: Index, run: list[tuple[Location, int]], place: Location) -> list[tuple[Location, int]]:
+    """Add a message to the batch before it, or end that batch and start another."""
+    if place.length > MOST_CHUNK:
+        raise index.file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
+                               f'{MOST_CHUNK}')
+    t_ns = message_time_ns(index.file, place)
+    if run and (run[-1][0].end != place.offset or place.end - run[0][0].offset > _RUN):
+        _end_run(index, run)
+        run = []
+    run.append((place, t_ns))
+    return run
+
+
+def _end_run(index: Index, run: list[tuple[Location, int]]) -> None:
+    if run:
+        first, last, times = run[0][0], run[-1][0], [t_ns for _, t_ns in run]
+        whole = Location(Opcode.MESSAGE, first.offset, last.end - first.content)
+        index.batches.append(Batch(index.file, whole, min(times), max(times)))
+
+
+def _cut(file: McapFile, offset: int | None) -> Location | None:
+    """Return the chunk at an offset if it extends beyond the file."""
+    if offset is None or offset + HEAD.size > file.size:
+        return None
+    opcode, length = HEAD.unpack(file.read(offset, HEAD.size))
+    place = Location(opcode, offset, length)
+    return place if opcode == Opcode.CHUNK and place.end > file.size else None

@@ -1,0 +1,283 @@
+"""Reads bags, single MCAP files or rosbag2 folders, in the order of time and in bounded memory."""
+from array import array
+from bisect import bisect_left
+from collections import OrderedDict, deque
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from heapq import heappop, heappush
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import numpy as np
+import yaml
+from mcap.records import Attachment, Channel, Metadata
+
+from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.mcap import (
+    BagError,
+    Batch,
+    Index,
+    McapFile,
+    StoredMessage,
+    row_of,
+    scanned_index,
+    summary_index,
+)
+from dragon_ros.scenes.yaml import values_of
+
+__all__ = ['BagError', 'BagReader', 'Message', 'Topic']
+END_OF_TIME_NS = 2**64
+_LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
+_KEEP = 64 * 2**20      # bytes of open chunks; beyond them the least recently used one is closed
+
+
+@dataclass(frozen=True)
+class Message:
+    """One message of a bag; ``t_ns`` is its log time."""
+
+    topic: str
+    data: bytes
+    t_ns: int
+    sequence: int
+    publish_ns: int
+
+
+@dataclass(frozen=True)
+class Topic:
+    """One topic of a bag: full name, type, encoding, QoS as rosbag2 writes it, and number of messages."""
+
+    name: str
+    type: str
+    encoding: str
+    qos: dict[str, Any]
+    messages: int
+
+
+class BagReader:
+    """Reads a complete bag; of a ``damaged`` one, the batches that are intact."""
+
+    def __init__(self, path: Path, damaged: bool = False) -> None:
+        """Open a bag and read its index. Raises MissingError or BagError."""
+        self.path, self._damaged = path, damaged
+        self._indexes: list[Index] = []
+        try:
+            for each in files_of(path):
+                self._indexes.append((_readable if damaged else _index_of)(McapFile(each)))
+            self._take()
+        except BaseException:
+            self.close()
+            raise
+
+    def _take(self) -> None:
+        """Collect topics and times from the indexes."""
+        rows = {index.file: index for index in self._indexes}
+        self._names = {file: {number: channel.topic for number, channel in index.channels.items()}
+                       for file, index in rows.items()}
+        self.topics = _topics([(index, channel) for index in self._indexes for channel in index.channels.values()])
+        for topic in self.topics:
+            if topic.encoding != 'cdr':
+                raise BagError(f'{self.path}: topic {topic.name} holds {topic.encoding or "unknown"} messages; '
+                               'only cdr can be played')
+        spans = [span for index in self._indexes for span in _spans(index)]
+        self.empty = not sum(topic.messages for topic in self.topics) or not spans
+        if self.empty and not self._damaged:
+            raise BagError(f'{self.path}: is empty: it has no messages')
+        self.start_ns = min((start for start, _ in spans), default=0)
+        self.end_ns = max((end for _, end in spans), default=0)
+
+    @property
+    def files(self) -> list[Path]:
+        """The files that the bag is made of."""
+        return [index.file.path for index in self._indexes]
+
+    def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
+                 end_ns: int | None = None) -> Iterator[Message]:
+        """Yield messages with start_ns <= t < end_ns, by log time. Raises BagError at damage."""
+        wanted = None if topics is None else set(topics)
+
+        def choose(batch: Batch, row: StoredMessage) -> bool:
+            return wanted is None or self._name(batch, row) in wanted
+        batches = [batch for index in self._indexes for batch in index.batches]
+        last_ns = END_OF_TIME_NS if end_ns is None else end_ns
+        for batch, row, data in TimeOrder(batches, choose).between(start_ns or 0, last_ns):
+            yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
+
+    def _name(self, batch: Batch, row: StoredMessage) -> str:
+        try:
+            return self._names[batch.file][row.channel]
+        except KeyError:
+            raise batch.file.fault(batch.place.offset, f'a message on channel {row.channel}, which is '
+                                   'not declared') from None
+
+    def metadata(self, name: str) -> dict[str, str]:
+        """Return the first metadata record with a name; {} if there is none. Raises BagError."""
+        for index in self._indexes:
+            for place in index.metadata:
+                record = index.file.fields(place, Metadata.read)
+                if record.name == name:
+                    return dict(record.metadata)
+        return {}
+
+    def attachment(self, name: str) -> bytes | None:
+        """Return the first attachment with a name that is small enough to read. Raises BagError."""
+        for index in self._indexes:
+            for place in index.attachments:
+                with suppress(BagError):
+                    record = index.file.fields(place, Attachment.read)
+                    if record.name == name:
+                        return bytes(record.data)
+        return None
+
+    def close(self) -> None:
+        """Close the files."""
+        for index in self._indexes:
+            index.file.close()
+
+    def __enter__(self) -> 'BagReader':
+        """Use it in a ``with`` block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close at the end of the block."""
+        self.close()
+
+
+def _index_of(file: McapFile) -> Index:
+    """Return the index of a complete file; one without a complete summary is scanned."""
+    try:
+        index = summary_index(file)
+        return _scanned(file) if index is None else index
+    except BagError as error:
+        readable = scanned_index(file).batches
+        reach = readable[-1].place.end if readable else 0
+        file.close()
+        raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
+                       'writes them to a complete bag', **error.fields) from None
+
+
+def _scanned(file: McapFile) -> Index:
+    index = scanned_index(file)
+    if index.damage:
+        raise index.damage
+    for batch in index.batches:
+        for _ in index.survey(batch):
+            pass
+    return index
+
+
+def _readable(file: McapFile) -> Index:
+    """Return what is readable in a damaged file: the intact batches before the damage."""
+    index = scanned_index(file)
+    batches, index.batches = index.batches, []
+    for batch in batches:
+        with suppress(BagError):
+            for _ in index.survey(batch):
+                pass
+            index.batches.append(batch)
+    return index
+
+
+def _spans(index: Index) -> list[tuple[int, int]]:
+    """Return the time ranges of a file's messages in ns, from its summary or from its batches."""
+    said = index.statistics
+    if said is None:
+        return [(batch.start_ns, batch.end_ns) for batch in index.batches]
+    return [(said.message_start_time, said.message_end_time)] if said.message_count else []
+
+
+def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
+    """Return the topics of all channels; channels with the same name are one topic."""
+    out: dict[str, Topic] = {}
+    for index, channel in channels:
+        schema = index.schemas.get(channel.schema_id)
+        before = out.get(channel.topic)
+        messages = index.counts[channel.id] + (before.messages if before else 0)
+        out[channel.topic] = Topic(channel.topic, schema.name if schema else '', channel.message_encoding,
+                                   qos_of(channel.metadata), messages)
+    return list(out.values())
+
+
+def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
+    """Return the first QoS profile of a channel; {} if there is no readable one."""
+    text = metadata.get('offered_qos_profiles', '')
+    try:
+        profiles = values_of(text) if len(text) <= _LONGEST_QOS else None
+        return dict(profiles[0]) if profiles else {}
+    except (yaml.YAMLError, TypeError, ValueError, KeyError, RecursionError):
+        return {}
+
+
+class ChosenMessage(NamedTuple):
+    """A message and the records that contain it."""
+
+    batch: Batch
+    row: StoredMessage
+    data: bytes
+
+
+class _OpenBatch(NamedTuple):
+    """The records of a batch, and times and offsets of its chosen messages, by time."""
+
+    data: bytes
+    times: 'array[int]'
+    starts: 'array[int]'
+    ends: 'array[int]'
+
+    @property
+    def size(self) -> int:
+        return len(self.data) + 24 * len(self.times)
+
+
+class TimeOrder:
+    """Yields the messages that ``choose`` accepts, by time and then in file order, however the batches overlap."""
+
+    def __init__(self, batches: Sequence[Batch], choose: Callable[[Batch, StoredMessage], bool]) -> None:
+        """``batches`` are in file order."""
+        self._pieces, self._choose = batches, choose
+        self._open: OrderedDict[int, _OpenBatch] = OrderedDict()
+
+    def between(self, start_ns: int, end_ns: int) -> Iterator[ChosenMessage]:
+        """Yield messages with start_ns <= t < end_ns. Raises BagError where a chunk is damaged."""
+        waiting = deque(sorted((batch.start_ns, number) for number, batch in enumerate(self._pieces)
+                               if batch.end_ns >= start_ns and batch.start_ns < end_ns))
+        heap: list[tuple[int, int, int]] = []
+        while waiting or heap:
+            while waiting and (not heap or waiting[0][0] <= heap[0][0]):
+                number = waiting.popleft()[1]
+                self._push(heap, number, bisect_left(self._opened(number).times, start_ns), end_ns)
+            if heap:
+                _, number, position = heappop(heap)
+                opened = self._opened(number)
+                yield ChosenMessage(self._pieces[number],
+                             row_of(opened.data, opened.starts[position], opened.ends[position]), opened.data)
+                self._push(heap, number, position + 1, end_ns)
+
+    def _push(self, heap: list[tuple[int, int, int]], number: int, position: int, end_ns: int) -> None:
+        times = self._opened(number).times
+        if position < len(times) and times[position] < end_ns:
+            heappush(heap, (times[position], number, position))
+
+    def _opened(self, number: int) -> _OpenBatch:
+        """Return an open batch; the least recently used ones are closed where they exceed the limit."""
+        if number in self._open:
+            self._open.move_to_end(number)
+            return self._open[number]
+        opened = self._open[number] = self._read(self._pieces[number])
+        while len(self._open) > 1 and sum(one.size for one in self._open.values()) > _KEEP:
+            self._open.popitem(last=False)
+        return opened
+
+    def _read(self, batch: Batch) -> _OpenBatch:
+        data, times, starts, ends = batch.records(), array('Q'), array('Q'), array('Q')
+        for row in batch.inside(data):
+            if isinstance(row, StoredMessage) and self._choose(batch, row):
+                times.append(row.t_ns)
+                starts.append(row.start)
+                ends.append(row.end)
+        if times and not batch.start_ns <= min(times) <= max(times) <= batch.end_ns:
+            raise batch.file.fault(batch.place.offset, f'a chunk claims messages from {batch.start_ns} to '
+                                   f'{batch.end_ns} ns and has some from {min(times)} to {max(times)} ns')
+        order = np.argsort(np.frombuffer(times, np.uint64), kind='stable')
+        return _OpenBatch(data, *(array('Q', np.frombuffer(column, np.uint64)[order].tobytes())
+                             for column in (times, starts, ends)))

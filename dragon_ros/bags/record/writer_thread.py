@@ -1,0 +1,100 @@
+"""A thread that writes a bag, fed by a queue that is bounded in bytes."""
+import threading
+import time
+from collections import deque
+from collections.abc import Callable
+from functools import partial
+
+from dragon_ros.bags.write.writer import MB, BagWriter
+from dragon_ros.core.errors import DragonError
+
+_Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
+
+
+class WriterThread:
+    """Accepts messages immediately and writes them in order; every second (``flush_s``) the file is up to date.
+
+    A full queue makes ``write`` wait, which is counted: nothing is dropped here. After a disk error nothing more is
+    written; ``error`` holds it.
+    """
+
+    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
+        """Start the thread."""
+        self._bag, self._flush_s, self._room = bag, flush_s, int(queue_mb * MB)
+        self._jobs: deque[_Job] = deque()
+        self._waiting = 0
+        self._changed = threading.Condition()
+        self._closing = False
+        self.error: DragonError | None = None
+        self.fullest_bytes = self.waits = 0
+        self.waited_s = self.slowest_write_s = 0.0
+        self._thread = threading.Thread(target=self._work, name='bag')
+        self._thread.start()
+
+    def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
+        """Queue one message; wait while the queue is full."""
+        self._put(len(data), partial(self._bag.write, topic, data, t_ns, sequence, publish_ns))
+
+    def describe(self, name: str, values: dict[str, str]) -> None:
+        """Queue a metadata record."""
+        self._put(0, partial(self._bag.describe, name, values))
+
+    def attach(self, name: str, media_type: str, content: bytes) -> None:
+        """Queue an attachment."""
+        self._put(len(content), partial(self._bag.attach, name, media_type, content))
+
+    def _put(self, size: int, write: Callable[[], object]) -> None:
+        with self._changed:
+            if self._waiting > self._room:
+                self._wait()
+            self._jobs.append((size, write))
+            self._waiting += size
+            self.fullest_bytes = max(self.fullest_bytes, self._waiting)
+            if len(self._jobs) == 1:
+                self._changed.notify_all()
+
+    @property
+    def fullest(self) -> float:
+        """The largest fill level of the queue; 1 is full."""
+        return self.fullest_bytes / self._room
+
+    def stop(self) -> None:
+        """Write what is queued and end the thread; the bag stays open. Repeated calls are harmless."""
+        with self._changed:
+            self._closing = True
+            self._changed.notify_all()
+        self._thread.join()
+
+    def _wait(self) -> None:
+        start = time.monotonic()
+        self.waits += 1
+        self._changed.wait_for(lambda: self._waiting <= self._room)
+        self.waited_s += time.monotonic() - start
+
+    def _work(self) -> None:
+        due = time.monotonic() + self._flush_s
+        while not (self._closing and not self._jobs):
+            with self._changed:
+                if not self._jobs and not self._closing:
+                    self._changed.wait(max(0.0, due - time.monotonic()))
+                jobs, self._jobs = self._jobs, deque()
+            while jobs:
+                size, write = jobs.popleft()        # release each message once it is written
+                self._do(write)
+                with self._changed:
+                    self._waiting -= size
+                    self._changed.notify_all()
+            if time.monotonic() >= due:
+                self._do(self._bag.flush)
+                due = time.monotonic() + self._flush_s
+
+    def _do(self, write: Callable[[], object]) -> None:
+        """Do one write; an error ends all writing."""
+        if self.error is not None:
+            return
+        start = time.monotonic()
+        try:
+            write()
+        except DragonError as error:
+            self.error = error
+        self.slowest_write_s = max(self.slowest_write_s, time.monotonic() - start)

@@ -1,0 +1,1 @@
+"""Writing bags: MCAP files and rosbag2 folders."""

@@ -1,0 +1,460 @@
+"""Writes one MCAP file chunk by chunk: a chunk reaches the disk whole or not at all, so that the file can be closed.
+
+It is written by hand because the library's writer ends a chunk by its size alone, without a flush on demand, and
+cannot undo a chunk that a full disk cut short. The records are the library's; only the Message record, on the hot
+path, is packed here. A full chunk is compressed and written on a thread while the next one is filled; two buffers
+alternate.
+"""
+import os
+import struct
+import zlib
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Future, ThreadPoolExecutor
+from contextlib import suppress
+from fcntl import LOCK_EX, LOCK_NB, flock
+from functools import partial
+from io import FileIO
+from pathlib import Path
+from threading import Lock
+from typing import NamedTuple
+
+import numpy as np
+from mcap import records
+from mcap.data_stream import RecordBuilder
+from mcap.opcode import Opcode
+
+from dragon_ros import __version__
+from dragon_ros.core.errors import DiskError, MissingError
+
+_CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, channels
+_COUNT = struct.Struct('<HQ')           # channel, messages; one per channel, before the chunk's own row
+_CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (without the compression name), MessageIndex
+CHUNK_BYTES = 2**20
+_BUFFER_BYTES = 2 * CHUNK_BYTES
+_MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
+MAGIC = b'\x89MCAP0\r\n'
+COMPRESSIONS = ('zstd', 'lz4', 'none')
+_Bytes = bytes | memoryview
+
+
+class Worker:
+    """Runs jobs on a thread, in order; at most one is pending, so that memory is bounded."""
+
+    def __init__(self, name: str) -> None:
+        """``name`` names the thread, which starts with the first job."""
+        self._pool = ThreadPoolExecutor(1, name)
+        self._job: Future[None] | None = None
+
+    def start(self, job: Callable[[], None]) -> None:
+        """Start a job after the previous one. Raises what that one raised, without starting the new one.
+
+        Returns when the job first releases the interpreter lock. A thread that merely requests the lock can starve
+        while its holder releases and retakes it all the time, as numpy does: the job would only run once the caller
+        waits for it.
+        """
+        self.settle()
+        begun = Lock()
+        begun.acquire()
+        self._job = self._pool.submit(_after, begun, job)
+        begun.acquire()
+
+    def settle(self) -> None:
+        """Wait until the job is done. Raises what it raised, once."""
+        if self._job is None:
+            return
+        error = self._job.exception()
+        self._job = None
+        if error is not None:
+            raise error
+
+    def close(self) -> None:
+        """Wait for the job and end the thread."""
+        self._pool.shutdown()
+
+
+def _after(begun: Lock, job: Callable[[], None]) -> None:
+    """Do a job; the caller, who waits for its start, resumes when this thread releases the interpreter lock."""
+    begun.release()
+    job()
+
+
+def packed_bytes(topics: int) -> int:
+    """Return the bytes kept for a chunk with messages of this many topics."""
+    return _CHUNK.size + topics * _COUNT.size
+
+
+class Stored(NamedTuple):
+    """A chunk in a file: offset, compressed and raw bytes, first and last log time, (channel, messages)."""
+
+    start: int
+    size: int
+    raw_size: int
+    first_ns: int
+    last_ns: int
+    counts: tuple[tuple[int, int], ...]
+
+    def found_by(self, compression: str) -> records.ChunkIndex:
+        """Return its index record; the MessageIndex of each channel follows the chunk, in order."""
+        length = _CHUNK_HEAD + len(compression) + self.size
+        offsets, end = {}, self.start + length
+        for channel, messages in self.counts:
+            offsets[channel] = end
+            end += _INDEX_HEAD + _INDEX_ENTRY * messages
+        return records.ChunkIndex(
+            message_start_time=self.first_ns, message_end_time=self.last_ns, chunk_start_offset=self.start,
+            chunk_length=length, message_index_offsets=offsets, message_index_length=end - self.start - length,
+            compression=compression, compressed_size=self.size, uncompressed_size=self.raw_size)
+
+
+class Parts:
+    """The parts of a file in order, packed, since a long recording has many chunks: chunks and a few others."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._rows = bytearray()
+        self._chunks = 0
+        self.others: list[tuple[int, records.MetadataIndex | records.AttachmentIndex]] = []
+
+    def __len__(self) -> int:
+        """Return the number of parts."""
+        return self._chunks + len(self.others)
+
+    def add(self, chunk: Stored) -> None:
+        """Append a chunk."""
+        for count in chunk.counts:
+            self._rows += _COUNT.pack(*count)
+        self._rows += _CHUNK.pack(*chunk[:-1], len(chunk.counts))
+        self._chunks += 1
+
+    def chunks(self) -> Iterator[Stored]:
+        """Yield the chunks, the last one first."""
+        end = len(self._rows)
+        while end:
+            middle = end - _CHUNK.size
+            start, size, raw_size, first_ns, last_ns, channels = _CHUNK.unpack_from(self._rows, middle)
+            end = middle + _CHUNK.size - packed_bytes(channels)
+            counts = tuple((channel, messages) for channel, messages in _COUNT.iter_unpack(self._rows[end:middle]))
+            yield Stored(start, size, raw_size, first_ns, last_ns, counts)
+
+    def pop(self) -> int:
+        """Remove the last part and return its offset."""
+        chunk = next(self.chunks(), None)
+        if chunk is None or (self.others and self.others[-1][0] > chunk.start):
+            return self.others.pop()[0]
+        del self._rows[-packed_bytes(len(chunk.counts)):]
+        self._chunks -= 1
+        return chunk.start
+
+
+class OpenChunk:
+    """The chunk being filled: messages as records in a reused buffer; ``index`` has (log time, offset) by channel."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._buffer = _memory(_BUFFER_BYTES)
+        self.clear()
+
+    def clear(self) -> None:
+        """Remove the messages; memory of an unusually large one is freed."""
+        if len(self._buffer) > _BUFFER_BYTES:
+            self._buffer = _memory(_BUFFER_BYTES)
+        self.size = 0
+        self.index: dict[int, list[tuple[int, int]]] = defaultdict(list)
+
+    @property
+    def data(self) -> memoryview:
+        """The records, valid until ``clear``."""
+        return self._buffer[:self.size]
+
+    def add(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
+        """Append one message."""
+        start, first = self.size, self.size + _MESSAGE.size
+        self.size = first + len(data)
+        if self.size > len(self._buffer):
+            larger = _memory(2 * self.size)
+            larger[:start] = self._buffer[:start]
+            self._buffer = larger
+        self.index[channel].append((t_ns, start))
+        _MESSAGE.pack_into(self._buffer, start, Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns)
+        self._buffer[first:self.size] = data
+
+    def times_ns(self) -> tuple[int, int]:
+        """Return the first and the last log time."""
+        times = [t_ns for entries in self.index.values() for t_ns, _ in entries]
+        return min(times), max(times)
+
+    def counts(self) -> tuple[tuple[int, int], ...]:
+        """Return (channel, messages) for each channel with messages."""
+        return tuple((channel, len(entries)) for channel, entries in self.index.items())
+
+
+def _memory(size: int) -> memoryview:
+    """Return a buffer; pages that are never written take no memory."""
+    return np.empty(size, np.uint8).data
+
+
+def record_bytes(*rows: records.McapRecord) -> bytes:
+    """Return the bytes of records."""
+    builder = RecordBuilder()
+    for row in rows:
+        row.write(builder)
+    return _taken(builder)
+
+
+def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
+    """Return the bytes before and after the data of a chunk.
+
+    ``chunk`` itself has no data, which saves a copy: ``size`` bytes follow. ``messages`` has (log time, offset in
+    the chunk) by channel.
+    """
+    assert not chunk.data
+    head = record_bytes(chunk)
+    head = head[:1] + struct.pack('<Q', len(head) - 9 + size) + head[9:-8] + struct.pack('<Q', size)
+    return head, record_bytes(*(records.MessageIndex(channel_id=channel, records=entries)
+                                for channel, entries in messages.items()))
+
+
+def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: Parts, compression: str,
+            end: int) -> bytes:
+    """Return everything after the last part of a file, which ends at ``end``: data end, index, footer."""
+    data_end = record_bytes(records.DataEnd(data_section_crc=0))
+    start = end + len(data_end)
+    chunks = [record_bytes(chunk.found_by(compression)) for chunk in parts.chunks()]
+    groups = [record_bytes(*schemas), record_bytes(*channels),
+              record_bytes(statistics(len(schemas), len(channels), parts)), b''.join(reversed(chunks))]
+    groups += [record_bytes(*(row for _, row in parts.others if isinstance(row, kind)))
+               for kind in (records.AttachmentIndex, records.MetadataIndex)]
+    summary, offsets = b'', []
+    for group in groups:
+        if group:
+            offsets.append(records.SummaryOffset(group_opcode=Opcode(group[0]), group_start=start + len(summary),
+                                                 group_length=len(group)))
+            summary += group
+    offset_start = start + len(summary)
+    summary += record_bytes(*offsets)
+    crc = zlib.crc32(struct.pack('<BQQQ', Opcode.FOOTER, 20, start, offset_start), zlib.crc32(summary))
+    footer = records.Footer(summary_start=start, summary_offset_start=offset_start, summary_crc=crc)
+    return data_end + summary + record_bytes(footer) + MAGIC
+
+
+def statistics(schemas: int, channels: int, parts: Parts) -> records.Statistics:
+    """Return the counts of a file."""
+    counts: Counter[int] = Counter()
+    for chunk in parts.chunks():
+        counts.update(dict(chunk.counts))
+    others = Counter(type(row) for _, row in parts.others)
+    return records.Statistics(
+        message_count=counts.total(), channel_message_counts=dict(sorted(counts.items())),
+        schema_count=schemas, channel_count=channels, chunk_count=len(parts) - len(parts.others),
+        metadata_count=others[records.MetadataIndex], attachment_count=others[records.AttachmentIndex],
+        message_start_time=min((chunk.first_ns for chunk in parts.chunks()), default=0),
+        message_end_time=max((chunk.last_ns for chunk in parts.chunks()), default=0))
+
+
+def _taken(builder: RecordBuilder) -> bytes:
+    return bytes(builder.end())  # type: ignore[no-untyped-call]
+
+
+class McapWriter:
+    """Writes one file. A failed write raises DiskError and leaves the file as it was.
+
+    The error of a chunk is raised by the next call that writes; messages added in between are lost with it.
+    """
+
+    def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False) -> None:
+        """Create the file. Raises MissingError where it cannot be written or would overwrite another."""
+        self.path = path
+        self._compression = '' if compression == 'none' else compression
+        self._compress = _compressor(compression)
+        self._file = _create(path, overwrite)
+        self._fsync = fsync
+        self._schemas: list[records.Schema] = []
+        self._channels: list[records.Channel] = []
+        self.parts = Parts()        # the parts that have reached the file
+        self._open, self._other = OpenChunk(), OpenChunk()
+        self._thread = Worker('chunk')
+        self._end = 0
+        self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
+
+    @property
+    def size(self) -> int:
+        """Bytes of the file without its index; the open chunk counts uncompressed."""
+        self._settle()
+        return self._end + self._open.size
+
+    @property
+    def closed(self) -> bool:
+        """Whether the file has been ended."""
+        return self._file.closed
+
+    def add_schema(self, name: str, text: bytes) -> int:
+        """Write a ros2msg schema and return its number."""
+        schema = records.Schema(id=len(self._schemas) + 1, name=name, encoding='ros2msg', data=text)
+        self._settle()
+        self._append([record_bytes(schema)])
+        self._schemas.append(schema)
+        return schema.id
+
+    def add_channel(self, topic: str, schema: int, metadata: dict[str, str]) -> int:
+        """Write a channel of CDR messages and return its number."""
+        channel = records.Channel(id=len(self._channels) + 1, topic=topic, message_encoding='cdr', metadata=metadata,
+                                  schema_id=schema)
+        self._settle()
+        self._append([record_bytes(channel)])
+        self._channels.append(channel)
+        return channel.id
+
+    def add_message(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
+        """Put one message into the open chunk; a full chunk is written."""
+        self._open.add(channel, data, t_ns, sequence, publish_ns)
+        if self._open.size >= CHUNK_BYTES:
+            self._end_chunk()
+
+    def add_metadata(self, name: str, values: dict[str, str]) -> None:
+        """Append a metadata record."""
+        self.flush()
+        data = record_bytes(records.Metadata(name=name, metadata=values))
+        start = self._append([data])
+        self.parts.others.append((start, records.MetadataIndex(offset=start, length=len(data), name=name)))
+
+    def add_attachment(self, name: str, media_type: str, content: bytes) -> None:
+        """Append an attachment."""
+        self.flush()
+        row = records.Attachment(create_time=0, log_time=0, name=name, media_type=media_type, data=content)
+        data = record_bytes(row)
+        start = self._append([data])
+        self.parts.others.append((start, records.AttachmentIndex(
+            offset=start, length=len(data), log_time=0, create_time=0, data_size=len(content), name=name,
+            media_type=media_type)))
+
+    def flush(self) -> None:
+        """Write the open chunk and wait until it is in the file."""
+        self._end_chunk()
+        self._settle()
+
+    def _end_chunk(self) -> None:
+        """Hand the open chunk over for writing unless it is empty."""
+        if self._open.size:
+            self._settle()
+            done, self._open = self._open, self._other
+            self._other = done
+            self._open.clear()
+            self._thread.start(partial(self._write_chunk, done, zlib.crc32(done.data)))
+
+    def _settle(self) -> None:
+        """Wait until the ended chunks are in the file. After a lost chunk the open one is dropped, to leave no gap."""
+        try:
+            self._thread.settle()
+        except DiskError:
+            self._open.clear()
+            raise
+
+    def _write_chunk(self, done: OpenChunk, crc: int) -> None:
+        """Write a chunk in few calls on large buffers: each releases the interpreter lock and waits to retake it."""
+        data, times_ns = self._compress(done.data), done.times_ns()
+        chunk = records.Chunk(compression=self._compression, data=b'', message_start_time=times_ns[0],
+                              message_end_time=times_ns[1], uncompressed_crc=crc, uncompressed_size=done.size)
+        head, tail = around(chunk, len(data), done.index)
+        start = self._append([head, data, tail])
+        self.parts.add(Stored(start, len(data), done.size, *times_ns, done.counts()))
+        if self._fsync:
+            self._sync()
+        self._check_there()
+
+    def finish(self) -> None:
+        """Write the index and close. Where the disk is full, the last chunks are removed to make room for it.
+
+        Raises DiskError where messages are lost this way; the file is complete nevertheless.
+        """
+        try:
+            try:
+                self.flush()
+            finally:
+                self._write_index()
+            if self._fsync:
+                self._sync()
+        finally:
+            self._thread.close()
+            with suppress(OSError):
+                self._file.close()
+
+    def _write_index(self) -> None:
+        full: DiskError | None = None
+        while True:
+            try:
+                self._append([closing(self._schemas, self._channels, self.parts, self._compression, self._end)])
+                break
+            except DiskError as error:
+                if not self.parts:
+                    raise
+                full = error
+            self._end = self.parts.pop()
+            self._file.truncate(self._end)
+            self._file.seek(self._end)
+        if full:
+            raise full
+
+    def _append(self, data: list[_Bytes]) -> int:
+        """Append all or nothing; return the offset."""
+        try:
+            self._write(data)
+        except OSError as error:
+            with suppress(OSError):
+                self._file.truncate(self._end)
+                self._file.seek(self._end)
+            raise DiskError(f'{self.path}: cannot be continued: {error.strerror}; what was written before is kept'
+                            ) from None
+        start = self._end
+        self._end += sum(map(len, data))
+        return start
+
+    def _write(self, data: list[_Bytes]) -> None:
+        """Write buffers at the current position; an almost full disk may take only part of them at first."""
+        done, whole = os.writev(self._file.fileno(), data), sum(map(len, data))
+        if done < whole:
+            rest = memoryview(b''.join(data))[done:]
+            while rest:
+                rest = rest[self._file.write(rest):]
+
+    def _sync(self) -> None:
+        with suppress(OSError):
+            os.fdatasync(self._file.fileno())
+
+    def _check_there(self) -> None:
+        """Raise DiskError where the file was moved or removed, which writing alone does not notice."""
+        try:
+            same = os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
+        except OSError:
+            same = False
+        if not same:
+            raise DiskError(f'{self.path}: no longer exists; it was moved or removed during recording')
+
+
+def _compressor(name: str) -> Callable[[memoryview], _Bytes]:
+    """Return the function that compresses a chunk. For dragons zstd's level 1 compresses as well as level 3."""
+    if name == 'none':
+        return lambda raw: raw
+    if name == 'lz4':
+        import lz4.frame
+        return lambda raw: bytes(lz4.frame.compress(raw))
+    from zstandard import ZstdCompressor
+    return ZstdCompressor(level=1).compress
+
+
+def _create(path: Path, overwrite: bool) -> FileIO:
+    try:
+        if overwrite and path.exists() and not path.stat().st_mode & 0o222:
+            raise MissingError(f'{path}: is read-only; give another --output')
+        # An existing file is emptied only under a lock: no other process is writing it then.
+        file = FileIO(path, 'r+' if overwrite and path.exists() else 'x')
+        flock(file, LOCK_EX | LOCK_NB)
+        file.truncate(0)
+        return file
+    except BlockingIOError:
+        file.close()
+        raise MissingError(f'{path}: another recorder is writing it; give another --output') from None
+    except FileExistsError:
+        raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None

@@ -1,0 +1,274 @@
+"""Writes bags in rosbag2's profile: ros2msg schemas, CDR bytes, QoS and type hash for each channel.
+
+A path that ends in .mcap is one file; any other is a rosbag2 directory with ``metadata.yaml`` and one or more
+files.
+"""
+import os
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, fields
+from functools import lru_cache
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import yaml
+
+from dragon_ros.bags.write.mcap import COMPRESSIONS, McapWriter, statistics
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
+from dragon_ros.messages.channels import Channel
+from dragon_ros.messages.schemas import schema_text, type_hash
+
+MB = 10**6
+_VERSION = 9            # of metadata.yaml, as ROS 2 Jazzy writes it
+_FOREVER = {'sec': 9223372036, 'nsec': 854775807}
+_INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
+
+
+@dataclass(frozen=True)
+class BagOptions:
+    """How a bag is written; None is no limit, a megabyte is 10^6 bytes, durations are of log time.
+
+    ``fsync`` waits for the disk after each chunk: this protects against power cuts, not only against killed processes.
+    """
+
+    compression: str = 'zstd'
+    split_size_mb: float | None = None
+    split_duration_s: float | None = None
+    max_size_mb: float | None = None
+    fsync: bool = False
+
+    def __post_init__(self) -> None:
+        """Check the values."""
+        if self.compression not in COMPRESSIONS:
+            raise FieldError('compression', self.compression, f'it is one of {", ".join(COMPRESSIONS)}', 'give one')
+        for row in fields(self):
+            value = getattr(self, row.name)
+            if row.name.endswith(('_mb', '_s')) and value is not None:
+                number(row.name, value, above=0.0, high=1e9)
+
+    @property
+    def splits(self) -> bool:
+        """Whether there may be several files."""
+        return self.split_size_mb is not None or self.split_duration_s is not None
+
+
+class BagPart(NamedTuple):
+    """One file of a bag: name, first and last log time, messages by topic, bytes."""
+
+    name: str
+    start_ns: int
+    end_ns: int
+    counts: dict[str, int]
+    size: int
+
+    @property
+    def messages(self) -> int:
+        """How many messages are in it."""
+        return sum(self.counts.values())
+
+
+@dataclass
+class _Extras:
+    """What every file of a bag contains, so that each one alone documents its run."""
+
+    metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
+    attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
+
+
+class BagWriter:
+    """Writes messages unchanged. Close it (or use ``with``): a bag that is not closed has no index."""
+
+    def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None) -> None:
+        """Create the bag. Raises MissingError where it cannot be written or would overwrite another."""
+        self.path, self.options = path, options or BagOptions()
+        self._overwrite, self._single = overwrite, path.suffix == '.mcap'
+        if self._single and self.options.splits:
+            raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
+        if not self._single:
+            _make_folder(path, overwrite)
+        self._channels: dict[str, Channel] = {}
+        self._ids: dict[str, int] = {}
+        self._schemas: dict[str, int] = {}
+        self._extras = _Extras()
+        self._files: list[BagPart] = []
+        self._start_ns: int | None = None
+        self._limited = self.options.splits or self.options.max_size_mb is not None
+        self.counts: dict[str, int] = {}
+        self._file = self._new_file()
+
+    def add_channel(self, topic: str, channel: Channel) -> None:
+        """Register a topic by its full name, with type and QoS of a channel; it is written with its first message."""
+        self._channels[topic] = channel
+        self.counts.setdefault(topic, 0)
+
+    def describe(self, name: str, values: dict[str, str]) -> None:
+        """Write a metadata record to this file and those that follow."""
+        self._extras.metadata.append((name, values))
+        self._file.add_metadata(name, values)
+
+    def attach(self, name: str, media_type: str, content: bytes) -> None:
+        """Write an attachment to this file and those that follow."""
+        self._extras.attachments.append((name, media_type, content))
+        self._file.add_attachment(name, media_type, content)
+
+    def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int | None = None) -> None:
+        """Append one message with its simulation time and the time of its publication (None: ``t_ns``).
+
+        Raises DiskError where it cannot be written, or where the bag reaches its size limit.
+        """
+        if self._limited:
+            self._make_room(len(data), t_ns)
+        if topic not in self._ids:
+            self._announce(topic)
+        self._file.add_message(self._ids[topic], data, t_ns, sequence, t_ns if publish_ns is None else publish_ns)
+        self.counts[topic] += 1
+
+    def flush(self) -> None:
+        """Flush to the file everything written so far: a killed process loses nothing of it."""
+        self._file.flush()
+
+    def close(self) -> None:
+        """Write the index and close the file; repeated calls are harmless. Raises DiskError where messages are lost."""
+        if self._file.closed:
+            return
+        try:
+            self._end_file()
+        finally:
+            if not self._single:
+                self._write_metadata()
+
+    def __enter__(self) -> 'BagWriter':
+        """Use it in a ``with`` block."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close at the end of the block."""
+        self.close()
+
+    def _new_file(self) -> McapWriter:
+        path = self.path
+        if not self._single:
+            path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
+        file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync)
+        for name, values in self._extras.metadata:
+            file.add_metadata(name, values)
+        for attachment in self._extras.attachments:
+            file.add_attachment(*attachment)
+        self._ids, self._schemas, self._start_ns = {}, {}, None
+        return file
+
+    def _announce(self, topic: str) -> None:
+        channel = self._channels[topic]
+        if channel.type not in self._schemas:
+            self._schemas[channel.type] = self._file.add_schema(channel.type, schema_text(channel.type).encode())
+        metadata = {'offered_qos_profiles': qos_text(channel), 'topic_type_hash': type_hash(channel.type)}
+        self._ids[topic] = self._file.add_channel(topic, self._schemas[channel.type], metadata)
+
+    def _make_room(self, more: int, t_ns: int) -> None:
+        """Start the next file where this one is full. Raises DiskError where the bag would exceed its limit."""
+        limit, options = self.options.max_size_mb, self.options
+        size = self._file.size + more
+        whole = size + sum(file.size for file in self._files) + self._index_bytes()
+        if limit is not None and whole > limit * MB:
+            raise DiskError(f'{self.path}: has reached its limit of {limit:g} MB (--max-size-mb); recording stops')
+        self._start_ns = t_ns if self._start_ns is None else self._start_ns
+        if self._file.parts and (size > (options.split_size_mb or float('inf')) * MB
+                                 or t_ns - self._start_ns >= (options.split_duration_s or float('inf')) * 10**9):
+            self._end_file()
+            self._write_metadata()
+            self._file, self._start_ns = self._new_file(), t_ns
+
+    def _index_bytes(self) -> int:
+        """Return a safe estimate of the size of the index."""
+        return _INDEX_BYTES * (len(self._files) + 1) + _INDEX_BYTES_A_CHUNK * len(self._file.parts)
+
+    def _end_file(self) -> None:
+        try:
+            self._file.finish()
+        finally:
+            self._files.append(self._summary())
+
+    @property
+    def kept(self) -> int:
+        """How many messages the files of a closed bag contain: all, unless the disk was full."""
+        return sum(file.messages for file in self._files)
+
+    def _summary(self) -> BagPart:
+        found = statistics(0, 0, self._file.parts)
+        by_id = {number: topic for topic, number in self._ids.items()}
+        counts = {by_id[number]: count for number, count in found.channel_message_counts.items()}
+        return BagPart(self._file.path.name, found.message_start_time, found.message_end_time, counts,
+                            self._file.size)
+
+    def _write_metadata(self) -> None:
+        """Write metadata.yaml, which rosbag2 requires beside the files."""
+        profiles = {topic: (channel.type, qos_text(channel), type_hash(channel.type))
+                    for topic, channel in self._channels.items()}
+        custom = {key: value for _, values in self._extras.metadata for key, value in values.items()}
+        _write_metadata_file(self.path, _metadata_text(self._files, profiles, custom))
+
+
+@lru_cache
+def qos_text(channel: Channel) -> str:
+    """Return a channel's QoS as rosbag2 stores it."""
+    row: dict[str, Any] = {
+        'history': 'keep_last', 'depth': channel.depth, 'reliability': channel.reliability,
+        'durability': channel.durability, 'deadline': dict(_FOREVER), 'lifespan': dict(_FOREVER),
+        'liveliness': 'automatic', 'liveliness_lease_duration': dict(_FOREVER),
+        'avoid_ros_namespace_conventions': False}
+    return yaml.safe_dump([row], sort_keys=False)
+
+
+def _make_folder(path: Path, replace: bool) -> None:
+    """Create the directory of a bag; replacing one removes only the files of a bag."""
+    try:
+        if replace and path.is_dir():
+            for old in (*path.glob(f'{path.resolve().name}_*.mcap'), path / 'metadata.yaml'):
+                old.unlink(missing_ok=True)
+        path.mkdir(exist_ok=replace)
+    except FileExistsError:
+        raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
+
+
+def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
+                   custom: Mapping[str, str]) -> str:
+    """Return the file's text; ``topics`` has type, offered QoS (as text) and type hash by name."""
+    filled = [file for file in files if file.messages]
+    start = min((file.start_ns for file in filled), default=0)
+    end = max((file.end_ns for file in filled), default=0)
+    counts: Counter[str] = Counter()
+    for file in files:
+        counts.update(file.counts)
+    return yaml.safe_dump({'rosbag2_bagfile_information': {
+        'version': _VERSION, 'storage_identifier': 'mcap', **_times(start, end), 'message_count': counts.total(),
+        'topics_with_message_count': [_topic(name, *topics[name], counts[name]) for name in topics if counts[name]],
+        'compression_format': '', 'compression_mode': '',
+        'relative_file_paths': [file.name for file in files],
+        'files': [{'path': file.name, **_times(file.start_ns, file.end_ns), 'message_count': file.messages}
+                  for file in files],
+        'custom_data': dict(custom) or None, 'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy')}}, sort_keys=False)
+
+
+def _write_metadata_file(folder: Path, text: str) -> None:
+    """Replace metadata.yaml atomically. Raises DiskError."""
+    new = folder / 'metadata.yaml.new'
+    try:
+        new.write_text(text, encoding='utf-8')
+        new.replace(folder / 'metadata.yaml')
+    except OSError as error:
+        new.unlink(missing_ok=True)
+        raise DiskError(f'{folder / "metadata.yaml"}: cannot be written: {error.strerror}; the .mcap files beside it '
+                        'are complete') from None
+
+
+def _times(start_ns: int, end_ns: int) -> dict[str, Any]:
+    return {'duration': {'nanoseconds': end_ns - start_ns}, 'starting_time': {'nanoseconds_since_epoch': start_ns}}
+
+
+def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[str, Any]:
+    return {'topic_metadata': {
+        'name': name, 'type': kind, 'serialization_format': 'cdr', 'offered_qos_profiles': yaml.safe_load(qos),
+        'type_description_hash': type_hash}, 'message_count': count}

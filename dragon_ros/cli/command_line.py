@@ -1,0 +1,105 @@
+"""What the command lines of all executables share: options, exit codes, and one-line errors."""
+import argparse
+import csv
+import io
+import os
+import sys
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NoReturn
+
+from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
+
+if TYPE_CHECKING:       # keeps --help free of numpy
+    from dragon_ros.core.scene import Scene
+
+OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
+DEFAULT_SCENE = 'winding'
+
+
+class Parser(argparse.ArgumentParser):
+    """A parser with one-line errors and shell completion."""
+
+    def parse_args(self, *args: Any, **options: Any) -> Any:
+        """Parse; where a shell asks for completions, answer and exit."""
+        if '_ARGCOMPLETE' in os.environ:
+            from dragon_ros.cli import completion
+            completion.answer(self)
+        return super().parse_args(*args, **options)
+
+    def error(self, message: str) -> NoReturn:
+        """Print the error and a pointer to --help, and exit with 2."""
+        self.exit(BAD_INPUT, f'{self.prog}: {message}; see {self.prog} --help\n')
+
+
+def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
+    """Return a parser with the executable's name, purpose and example."""
+    return Parser(prog=name, description=text, epilog=f'example: {example}', allow_abbrev=False,
+                  formatter_class=argparse.RawDescriptionHelpFormatter)
+
+
+def add_scene_options(options: argparse.ArgumentParser) -> None:
+    """Add --scene, --set and --accuracy."""
+    options.add_argument('--scene', default=DEFAULT_SCENE, metavar='NAME|FILE',
+                         help=f'scene by name or file ({DEFAULT_SCENE})')
+    options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
+                         help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
+    options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or by tier')
+
+
+def add_source_options(options: argparse.ArgumentParser) -> None:
+    """Add the options of a scene, and --bag and --namespace, which take its place."""
+    add_scene_options(options)
+    options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording instead of a scene')
+    add_namespace_option(options)
+
+
+def add_namespace_option(options: argparse.ArgumentParser) -> None:
+    """Add --namespace, which selects a dragon of a bag (``bags.read.frames.namespace_of``)."""
+    options.add_argument('--namespace', metavar='NAME', help='namespace of the dragon, for a bag with several')
+
+
+def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...] = ('text', 'csv', 'json')) -> None:
+    """Add --format and --output."""
+    options.add_argument('--format', choices=formats, default=formats[0], help=f'output format ({formats[0]})')
+    options.add_argument('--output', type=Path, metavar='FILE', help='write to a file instead of standard output')
+
+
+def scene_from(arguments: argparse.Namespace) -> 'Scene':
+    """Return the scene that the options describe."""
+    from dragon_ros.scenes.load import load_scene
+    accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
+    return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
+
+
+def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
+    """Return rows under their column names as CSV; every line ends in a line feed."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator='\n').writerows([head, *rows])
+    return out.getvalue()
+
+
+def write_output(path: Path | None, text: str) -> None:
+    """Write to a file or to standard output."""
+    if path is None:
+        print(text)
+        return
+    try:
+        path.write_text(f'{text}\n', encoding='utf-8')
+    except OSError as error:
+        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
+
+
+def guarded(name: str, body: Callable[[], int]) -> int:
+    """Run a command; a DragonError becomes one line on standard error and an exit code."""
+    try:
+        return body()
+    except BrokenPipeError:
+        sys.stderr.close()
+        return FAILED
+    except KeyboardInterrupt:
+        return FAILED
+    except DragonError as error:
+        line = ' '.join(str(error).split())
+        print(f'{name}: {line}', file=sys.stderr)
+        return BAD_INPUT if isinstance(error, (InputError, ModelEnd)) else FAILED

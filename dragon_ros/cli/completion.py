@@ -1,0 +1,55 @@
+"""Shell completion by argcomplete, which runs the program with ``_ARGCOMPLETE`` set and asks for the next words."""
+import argparse
+import os
+from collections.abc import Iterable, Iterator
+from dataclasses import fields
+from pathlib import Path
+from typing import Any
+
+from dragon_ros.core.tiers import TIERS
+from dragon_ros.scenes.load import SECTIONS, SINGLES, scene_names
+
+
+def chosen(names: Iterable[str]) -> str:
+    """Return the executable's name on the line and continue after it; complete the name itself and exit."""
+    from argcomplete.lexers import split_line
+    words = split_line(os.environ['COMP_LINE'], int(os.environ['COMP_POINT']))[3]
+    start = int(os.environ['_ARGCOMPLETE'])
+    if len(words) > start:
+        os.environ['_ARGCOMPLETE'] = str(start + 1)
+        return str(words[start])
+    parser = argparse.ArgumentParser()
+    parser.add_argument('name', choices=sorted(names))
+    answer(parser)
+    raise SystemExit
+
+
+def answer(parser: argparse.ArgumentParser) -> None:
+    """Write the completions of a parser's options where the shell reads them, and exit."""
+    import argcomplete
+    for action in _actions(parser):
+        if not action.choices and action.nargs != 0:
+            action.completer = _completer(action)  # type: ignore[attr-defined]
+    argcomplete.autocomplete(parser, always_complete_options='long')
+
+
+def _actions(parser: argparse.ArgumentParser) -> Iterator[argparse.Action]:
+    for action in parser._actions:
+        yield action
+        if isinstance(action, argparse._SubParsersAction):
+            for child in action.choices.values():
+                yield from _actions(child)
+
+
+def _completer(action: argparse.Action) -> Any:
+    """Return what completes the value of an option: files, scenes, keys of scenes, tiers, or nothing."""
+    from argcomplete.completers import FilesCompleter, SuppressCompleter
+    if action.type is Path:
+        return FilesCompleter()
+    if action.dest == 'scene':
+        return lambda prefix, **_: [*scene_names(), *FilesCompleter(('yaml', 'yml'))(prefix)]
+    if action.dest == 'overrides':
+        keys = {f'{name}.{each.name}' for name, kinds in SECTIONS.items() for kind in kinds.values()
+                for each in fields(kind)}
+        return lambda **_: [f'{key}=' for key in (*sorted(keys), *SINGLES)]
+    return (lambda **_: sorted(TIERS)) if action.dest == 'accuracy' else SuppressCompleter()

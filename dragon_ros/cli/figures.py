@@ -1,0 +1,47 @@
+"""The style of all figures, and figures as files. matplotlib is only imported where something is drawn."""
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from dragon_ros.core.errors import MissingError
+
+# Okabe-Ito colours, which colour-blind people can distinguish, by what they show.
+BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
+LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
+QUIET = '#555555'       # of notes and guide lines
+
+_STYLE = {
+    'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
+    'figure.constrained_layout.w_pad': 0.08, 'font.family': 'DejaVu Sans', 'font.size': 10, 'axes.titlesize': 11,
+    'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False, 'axes.edgecolor': QUIET,
+    'axes.axisbelow': True, 'axes.grid': True, 'grid.color': '#E6E6E6', 'grid.linewidth': 0.6, 'lines.linewidth': 1.6,
+    'legend.frameon': False, 'legend.fontsize': 9, 'svg.hashsalt': 'dragon_ros',
+}
+_UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
+                                       '.pdf': {'CreationDate': None}}
+FORMATS = tuple(_UNDATED)
+
+
+@contextmanager
+def style() -> Iterator[None]:
+    """Draw everything inside this block in the style of dragon_ros."""
+    import matplotlib
+    with matplotlib.rc_context(_STYLE):
+        yield
+
+
+def write(figure: Any, path: Path, dpi: int = 130) -> Path:
+    """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path."""
+    import matplotlib
+    try:
+        with matplotlib.rc_context({'svg.hashsalt': _STYLE['svg.hashsalt']}):
+            figure.savefig(path, dpi=dpi, metadata=_UNDATED[path.suffix.lower()])
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
+    return path
+
+
+def save(figure: Any, stem: Path) -> list[Path]:
+    """Write a matplotlib figure as PNG and SVG and return both paths."""
+    return [write(figure, stem.with_suffix(suffix)) for suffix in ('.png', '.svg')]

@@ -1,0 +1,34 @@
+"""Certificates of first contact, written from the solver's proof; ``dragon_ros.verify`` checks them."""
+from typing import Any
+
+from dragon_ros.core.contact.certificate import ALL, Contact, Interval, NoContact
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.scene import Scene
+from dragon_ros.scenes.load import scene_values
+
+_NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
+
+
+def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
+    """Return a certificate as plain values. Raises InputError where there is none.
+
+    It has what is claimed and where to cut; the bounds of the intervals are the solver's own, and nobody needs them.
+    """
+    proof = found.certificate
+    if not proof.complete:
+        raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
+                         'before the contact cannot be told from it')
+    rows = [_row(one) for one in proof.intervals]
+    return {'scene': scene_values(scene), 'contact': _contact(found), 'intervals': rows}
+
+
+def _contact(found: Contact | NoContact) -> dict[str, Any]:
+    if not isinstance(found, Contact):
+        return {'t_s': None}
+    grazing = {'grazing': True} if found.grazing_m else {}
+    return {'t_s': found.t_s, 'benches': list(found.benches), **grazing}
+
+
+def _row(one: Interval) -> dict[str, Any]:
+    return {'lead': _NAMES.get(one.lead, f'bench {one.lead}'), 'start_m': one.start_m, 'stop_m': one.stop_m,
+            'behind': one.behind}

@@ -1,0 +1,110 @@
+"""``contact``: the first contact of a scene."""
+import json
+import subprocess
+import sys
+import time
+from argparse import Namespace
+from collections.abc import Callable
+from functools import partial
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dragon_ros.cli import command_line
+
+if TYPE_CHECKING:       # --verify starts without the solver
+    from dragon_ros.core.contact.certificate import Contact, NoContact
+
+
+def main(argv: list[str]) -> int:
+    """Print the first contact; return the exit code."""
+    options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
+                                  'in the chain.',
+                                  'python -m dragon_ros contact --scene winding --format json')
+    command_line.add_scene_options(options)
+    options.add_argument('--near-misses', type=float, metavar='METRES',
+                         help='also report near misses, the smallest gaps of two benches below this')
+    options.add_argument('--certificate', type=Path, metavar='FILE',
+                         help='write the intervals that prove that nothing touched earlier, as JSON')
+    options.add_argument('--verify', type=Path, metavar='FILE',
+                         help="check a certificate with none of the solver's code (no scene options)")
+    command_line.add_output_options(options)
+    return command_line.guarded('contact', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    if arguments.verify:
+        return _verify(arguments.verify, arguments.output)
+    from tqdm import tqdm
+
+    from dragon_ros.commands import certificate
+    from dragon_ros.core.contact.first_contact import first_contact
+    from dragon_ros.core.contact.near_misses import near_misses
+    scene = command_line.scene_from(arguments)
+    start = time.perf_counter()
+    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+        found = first_contact(scene, bar.update)
+    values = values_of(found)
+    values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
+    if arguments.near_misses is not None:
+        near = near_misses(scene, found, arguments.near_misses)
+        values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 't_s': miss.t_s,
+                                  'gap_m': miss.gap_m} for miss in near.nearest]
+        values['near_misses_count'] = near.count
+    if arguments.certificate:
+        command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
+    command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
+    return command_line.OK
+
+
+def _verify(certificate_file: Path, output: Path | None) -> int:
+    """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
+    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file], stdout=subprocess.PIPE,
+                          text=True, check=False)
+    if done.stdout:
+        command_line.write_output(output, done.stdout.rstrip('\n'))
+    return done.returncode
+
+
+def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
+    """Return the result as plain values."""
+    from dragon_ros.core.contact.certificate import NoContact
+    if isinstance(found, NoContact):
+        end = found.end
+        return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link,
+                'certified': found.certificate.complete}
+    seen = found.witness
+    features = {'bench': seen.owner, 'corner': seen.corner, 'other': seen.other, 'edge': seen.edge}
+    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m), 'features': features,
+            'grazing_m': list(found.grazing_m) if found.grazing_m else None,
+            'simultaneous': [list(pair) for pair in found.simultaneous], 'approach_m_s': found.approach_m_s,
+            'uncertainty_s': found.uncertainty_s if isfinite(found.uncertainty_s) else None,
+            'certified': found.certificate.complete}
+
+
+def _text(values: dict[str, Any]) -> str:
+    stats = f'{values["stats"]["states"]} states in {values["stats"]["elapsed_s"]:.3f} s'
+    stats += '' if values['certified'] else ', without a certificate'
+    if values['t_s'] is None:
+        why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
+        return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
+    (inner, outer), (x, y) = values['benches'], values['point_m']
+    misses_shown = values.get('near_misses', [])
+    misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
+                     f'at {miss["t_s"]:.5f} s' for miss in misses_shown)
+    if (count := values.get('near_misses_count', 0)) > len(misses_shown):
+        misses += f'\n  and {count - len(misses_shown)} more near misses with larger gaps'
+    kind = 'grazing, first' if values['grazing_m'] else 'first contact'
+    return (f'{kind} at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
+            f'{misses}')
+
+
+def _csv(values: dict[str, Any]) -> str:
+    inner, outer = values.get('benches', ('', ''))
+    x, y = values.get('point_m', ('', ''))
+    cells = (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'))
+    row = ['' if cell is None else cell for cell in cells]
+    return 't_s,inner,outer,x_m,y_m,end,t_end_s\n' + ','.join(map(str, row))
+
+
+_FORMATS: dict[str, Callable[[dict[str, Any]], str]] = {'text': _text, 'csv': _csv, 'json': json.dumps}

@@ -1,0 +1,94 @@
+"""Contacts in bags: the first contact and the clearance over time."""
+from collections.abc import Iterator
+from dataclasses import dataclass
+from math import isfinite
+from typing import Any
+
+from tqdm import tqdm
+
+from dragon_ros.bags.read.frames import BagFrame, frames
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagnostics
+
+
+def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None) -> dict[str, Any]:
+    """Return the first contact and its source: the topic ``collision``, or a recomputation from the scene."""
+    reported = _reported(bag, f'{namespace}/collision')
+    if reported is not None:
+        return reported
+    if scene is None:
+        return {'source': None, 't_s': None}
+    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+        found = first_contact(scene, bar.update)
+    if not isinstance(found, Contact):
+        return {'source': 'scene', 't_s': None}
+    return {'source': 'scene', 't_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
+            'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
+
+
+def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:
+    """Return the first contact that a monitor reported in the bag."""
+    for message in bag.messages([topic]):
+        try:
+            for status in read_diagnostics(message.data):
+                if status.values.get('phase') == 'begin':
+                    return _event(status)
+        except (MessageError, KeyError, ValueError):
+            continue        # from another publisher
+    return None
+
+
+def _event(status: Status) -> dict[str, Any]:
+    values = status.values
+    return {'source': 'collision', 't_s': float(values['t_contact_s']), 'in_bag': True,
+            'benches': [int(values['inner']), int(values['outer'])],
+            'point_m': [float(values['x_m']), float(values['y_m'])]}
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """Smallest signed gaps in m at times in s, their source, and how many of all ticks were examined (``looks``)."""
+
+    source: str
+    t_s: list[float]
+    gap_m: list[float]
+    looks: int
+    ticks: int
+
+
+def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
+    """Return the clearance over time from its topic, or from ``looks`` ticks (0: all) where there is none."""
+    counts = {topic.name: topic.messages for topic in bag.topics}
+    ticks = counts.get(f'{namespace}/handles', 0)
+    if counts.get(f'{namespace}/clearance'):
+        rows = [(m.t_ns / NS, float(Reader(m.data).array('d', 1)[0])) for m in bag.messages([f'{namespace}/clearance'])]
+        return _of(rows, 'clearance', len(rows), ticks)
+    seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
+    rows, examined = [], 0
+    for frame in seen:
+        examined += 1
+        if frame.clearance_m is not None:
+            rows.append((frame.t_ns / NS, frame.clearance_m))
+    return _of(rows, 'benches', examined, ticks)
+
+
+def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) -> Clearance:
+    near = [row for row in rows if isfinite(row[1])]
+    return Clearance(source, [t_s for t_s, _ in near], [gap for _, gap in near], looks, ticks)
+
+
+def _every(bag: BagReader, namespace: str, ticks: int) -> Iterator[BagFrame]:
+    yield from tqdm(frames(bag, namespace), desc='clearance', total=ticks, unit=' ticks', disable=None, leave=False,
+                    delay=1)
+
+
+def _some(bag: BagReader, namespace: str, looks: int) -> Iterator[BagFrame]:
+    """Yield the first tick at or after each of ``looks`` evenly spaced times."""
+    span = bag.end_ns - bag.start_ns
+    for n in tqdm(range(looks), desc='clearance', unit=' ticks', disable=None, leave=False, delay=1):
+        frame = next(frames(bag, namespace, bag.start_ns + span * n // max(1, looks - 1)), None)
+        if frame is not None:
+            yield frame

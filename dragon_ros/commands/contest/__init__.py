@@ -1,0 +1,1 @@
+"""The contest problem behind the paper: the paper's tables and the contest's result files."""

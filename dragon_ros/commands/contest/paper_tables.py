@@ -1,0 +1,116 @@
+"""The paper's three tables: printed, reproduced by its own recipe, true, and the error of the print."""
+import json
+from dataclasses import dataclass, replace
+from functools import lru_cache
+from itertools import groupby
+from typing import Any
+
+import numpy as np
+
+from dragon_ros import configuration
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state, velocity_of
+
+TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
+          3: 'Table 3. Position (m) and speed (m/s) at the "moment of collision" (412.20 s, see the errata)'}
+
+
+@dataclass(frozen=True)
+class Cell:
+    """One printed number beside its true value; in ``printed`` the signs lost in print are restored."""
+
+    table: int
+    handle: int
+    quantity: str
+    t_s: float
+    printed: str
+    reproduced: str
+    true: float
+
+    @property
+    def error(self) -> float:
+        """Printed minus true."""
+        return float(self.printed) - self.true
+
+
+def cells() -> list[Cell]:
+    """Return every printed number of the three tables."""
+    printed = json.loads((configuration.folder() / 'paper' / 'tables.json').read_text(encoding='utf-8'))
+    late, signs = printed['table3_reconstructed_time_s'], printed['table3_sign_corrected_x']
+    out = [_cell(1, handle, quantity, t_s, row[t_s][quantity])
+           for handle, row in printed['table1'].items() for quantity in 'xy' for t_s in row]
+    out += [_cell(2, handle, 'v', t_s, row[t_s]) for handle, row in printed['table2'].items() for t_s in row]
+    return out + [_cell(3, handle, quantity, late, signs.get(handle, row['x']) if quantity == 'x' else row[quantity])
+                  for handle, row in printed['table3'].items() for quantity in 'xyv']
+
+
+def text(rows: list[Cell]) -> str:
+    """Return the tables in the paper's layout, with four lines per row: printed, reproduced, true, error."""
+    out = []
+    for table, group in groupby(rows, lambda cell: cell.table):
+        columns = list(group)
+        out += ['', TITLES[table]]
+        key = (lambda cell: (cell.handle, cell.quantity)) if table < 3 else (lambda cell: (cell.handle, ''))
+        for number, (name, cells_) in enumerate(groupby(columns, key)):
+            row = list(cells_)
+            if not number:
+                heads = [f'{cell.t_s:g} s' if table < 3 else cell.quantity for cell in row]
+                out.append(f'{"":31}' + ''.join(f'{head:>12}' for head in heads))
+            out += _lines(_label(*name), row)
+    return '\n'.join(out[1:])
+
+
+def csv_text(rows: list[Cell]) -> str:
+    """Return one line for each printed number."""
+    return csv_of(_values(rows[0]), [_values(cell).values() for cell in rows]).rstrip('\n')
+
+
+def json_text(rows: list[Cell]) -> str:
+    """Return a list of one object for each printed number."""
+    return json.dumps([_values(cell) for cell in rows])
+
+
+def _values(cell: Cell) -> dict[str, Any]:
+    return {'table': cell.table, 'handle': cell.handle, 'quantity': cell.quantity, 't_s': cell.t_s,
+            'printed': cell.printed, 'reproduced': cell.reproduced, 'true': cell.true, 'error': cell.error}
+
+
+def _lines(label: str, row: list[Cell]) -> list[str]:
+    kinds = {'printed': [cell.printed for cell in row], 'reproduced': [cell.reproduced for cell in row],
+             'true': [f'{cell.true:.6f}' for cell in row], 'error': [f'{cell.error:.6f}' for cell in row]}
+    return [f'{label if kind == "printed" else "":20}{kind:11}' + ''.join(f'{value:>12}' for value in values)
+            for kind, values in kinds.items()]
+
+
+def _label(handle: int, quantity: str) -> str:
+    name = {0: 'head', 223: 'tail'}.get(handle, f'section {handle}')
+    return f'{quantity} of {name}' if quantity else name
+
+
+def _cell(table: int, handle: str, quantity: str, t_s: str | float, printed: str) -> Cell:
+    at = float(t_s)
+    return Cell(table, int(handle), quantity, at, printed, six_decimals(_value('paper', at, int(handle), quantity)),
+                _value('exact', at, int(handle), quantity))
+
+
+def six_decimals(value: float) -> str:
+    """Return a number as the paper prints it: six decimals without trailing zeros, no minus on zero."""
+    shown = f'{value:.6f}'.rstrip('0').rstrip('.')
+    return '0' if shown == '-0' else shown
+
+
+def _value(tier: str, t_s: float, handle: int, quantity: str) -> float:
+    chain, speed = _state(tier, t_s)
+    return float(speed[handle]) if quantity == 'v' else float(chain.p[handle, 'xy'.index(quantity)])
+
+
+@lru_cache(maxsize=32)
+def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
+    scene = replace(Scene(), accuracy=tier)
+    chain = state(scene, t_s)
+    return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
+
+
+FORMATS = {'text': text, 'csv': csv_text, 'json': json_text}

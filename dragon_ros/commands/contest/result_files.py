@@ -1,0 +1,128 @@
+"""The result files of the contest problem behind the paper (CUMCM 2024 A), in its layout, as CSV and XLSX."""
+import csv
+from dataclasses import dataclass
+from importlib.util import find_spec
+from pathlib import Path
+
+import numpy as np
+
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import states, velocity_of
+from dragon_ros.core.tracks.spec import STurn
+
+POSITION, SPEED = '位置', '速度'
+ENDS = ('龙头', '龙尾（后）')
+_FIRST_S, _LAST_S = 0, 300
+_BEFORE_S = 100
+
+
+@dataclass(frozen=True)
+class Sheet:
+    """One sheet: title, names of columns and rows, and values (rows, columns)."""
+
+    title: str
+    file: str
+    columns: tuple[str, ...]
+    rows: tuple[str, ...]
+    values: Floats
+
+
+def handle_names(benches: int) -> list[str]:
+    """Return the contest's names of all handles: head, sections, tail, and the tail's rear."""
+    return ['龙头', *(f'第{n}节龙身' for n in range(1, benches - 1)), '龙尾', '龙尾（后）'][-(benches + 1):]
+
+
+def result_1(scene: Scene) -> list[Sheet]:
+    """Return positions and speeds at 0, 1, ... 300 s."""
+    times = [float(t_s) for t_s in range(_FIRST_S, _LAST_S + 1)]
+    return _by_time(scene, times, times)
+
+
+def result_2(scene: Scene) -> list[Sheet]:
+    """Return positions and speeds at the moment of the first contact. Raises InputError where there is none."""
+    found = first_contact(scene)
+    if not isinstance(found, Contact):
+        raise InputError('--contest: result2 is about the first contact, and this scene has none')
+    p, speed = _state(scene, [found.t_s])
+    return [Sheet('Sheet1', 'result2', ('横坐标x (m)', '纵坐标y (m)', '速度 (m/s)'),
+                  tuple(handle_names(scene.dragon.benches)), np.column_stack((p[0], speed[0])))]
+
+
+def result_4(scene: Scene) -> list[Sheet]:
+    """Return positions and speeds at -100, -99, ... 100 s, counted from the start of the turn."""
+    track = scene.track
+    if not isinstance(track, STurn):
+        raise InputError('--contest: result4 needs a scene with track.kind turn')
+    shown = [float(t_s) for t_s in range(-_BEFORE_S, _BEFORE_S + 1)]
+    entry_s = track.before_m / scene.steady_m_s
+    return _by_time(scene, [entry_s + t_s for t_s in shown], shown)
+
+
+def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[Sheet]:
+    p, speed = _state(scene, times_s)
+    names = handle_names(scene.dragon.benches)
+    columns = tuple(f'{t_s:g} s' for t_s in shown_s)
+    places = tuple(f'{name}{axis} (m)' for name in names for axis in 'xy')
+    return [Sheet(POSITION, 'positions', columns, places, p.reshape(len(times_s), -1).T),
+            Sheet(SPEED, 'speeds', columns, tuple(map(_speed_row, names)), speed.T)]
+
+
+def _speed_row(name: str) -> str:
+    """Return a row's name in the sheet of speeds: one space after the names of the two ends, two after all others."""
+    return f'{name} (m/s)' if name in ENDS else f'{name}  (m/s)'
+
+
+def _state(scene: Scene, times_s: list[float]) -> tuple[Floats, Floats]:
+    """Return handles (M, N+1, 2) and speeds (M, N+1)."""
+    chain = states(scene, times_s)
+    velocity = velocity_of(scene, chain, times_s)
+    return chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
+
+
+def write(folder: Path, wound: Scene, turning: Scene) -> list[Path]:
+    """Write all results into a folder and return the paths; XLSX only where openpyxl is installed."""
+    results = {'result1': result_1(wound), 'result2': result_2(wound), 'result4': result_4(turning)}
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        paths = [_write_csv(folder, name, sheet) for name, sheets in results.items() for sheet in sheets]
+        if find_spec('openpyxl'):
+            paths += [_write_xlsx(folder / f'{name}.xlsx', sheets) for name, sheets in results.items()]
+    except OSError as error:
+        raise MissingError(f'--contest {folder}: cannot be written: {error.strerror}') from None
+    return paths
+
+
+def _rounded(values: Floats) -> Floats:
+    """Return values to six decimals, without a minus on zero."""
+    out: Floats = np.round(values, 6) + 0.0
+    return out
+
+
+def _write_csv(folder: Path, name: str, sheet: Sheet) -> Path:
+    path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
+    with path.open('w', encoding='utf-8', newline='') as file:
+        writer = csv.writer(file, lineterminator='\n')
+        writer.writerow(('', *sheet.columns))
+        for row, values in zip(sheet.rows, _rounded(sheet.values), strict=True):
+            writer.writerow((row, *(f'{value:.6f}' for value in values)))
+    return path
+
+
+def _write_xlsx(path: Path, sheets: list[Sheet]) -> Path:
+    from openpyxl import Workbook
+    book = Workbook()
+    book.remove(book.active)
+    for sheet in sheets:
+        page = book.create_sheet(sheet.title)
+        page.append([None, *sheet.columns])
+        for row, values in zip(sheet.rows, _rounded(sheet.values).tolist(), strict=True):
+            page.append([row, *values])
+        for cells in page.iter_rows(min_row=2, min_col=2):
+            for cell in cells:
+                cell.number_format = '0.000000'
+    book.save(path)
+    return path

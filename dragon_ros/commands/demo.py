@@ -1,0 +1,233 @@
+"""``demo``: runs the whole package once: nodes as processes, a bag, its replay, a check, a picture."""
+import re
+import signal
+import subprocess
+import sys
+import threading
+import time
+from argparse import Namespace
+from collections.abc import Iterator
+from contextlib import contextmanager
+from fcntl import LOCK_EX, LOCK_NB, flock
+from functools import partial
+from pathlib import Path
+from typing import IO, NoReturn
+
+from tqdm import tqdm
+
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli import command_line
+from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.cli.figures import save, style
+from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.core.scene import Scene
+from dragon_ros.messages.decode import Status, read_diagnostics
+from dragon_ros.scenes.load import load_scene
+
+SCENE = 'first_contact'
+_READERS = 'handles=2,benches=2,velocities=1'
+_COMPARED = ('handles', 'benches', 'velocities', 'collision')
+_PROGRESS = re.compile(r'at ([\d.]+) s, tick')
+_LONGEST_S = 120.0
+
+
+def main(argv: list[str]) -> int:
+    """Run the demonstration; return the exit code."""
+    options = command_line.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first '
+                                  'contact; replay the bag, check it against the model, draw the dragon.',
+                                  'python -m dragon_ros demo --pace 4')
+    options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
+                         help='where the bag and the picture go; files of an earlier demo are replaced (dragon_demo)')
+    options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (2)')
+    arguments = options.parse_args(argv)
+    for number in (signal.SIGTERM, signal.SIGHUP):
+        signal.signal(number, _end)
+    return command_line.guarded('demo', partial(_run, arguments))
+
+
+def _end(*_: object) -> NoReturn:
+    """End as on Ctrl-C, so that no process remains."""
+    raise KeyboardInterrupt
+
+
+def _run(arguments: Namespace) -> int:
+    folder: Path = arguments.output
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise MissingError(f'--output {folder}: cannot be made: {error.strerror}') from None
+    with _alone(folder):
+        return _demonstrate(folder, arguments.pace)
+
+
+@contextmanager
+def _alone(folder: Path) -> Iterator[None]:
+    """Keep a second demo out of the folder."""
+    with (folder / 'lock').open('w') as lock:
+        try:
+            flock(lock, LOCK_EX | LOCK_NB)
+        except BlockingIOError:
+            raise MissingError(f'{folder}: another demo is running there; wait, or give another --output') from None
+        yield
+
+
+def _demonstrate(folder: Path, pace: float) -> int:
+    live, again = folder / 'first_contact.mcap', folder / 'replayed.mcap'
+    say(f'1. sim, monitor and recorder, three processes over DDS, {pace:g} times real time')
+    with _processes(folder / 'live.log') as start:
+        _bystanders(start, live)
+        sim = start('sim', '--json', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
+                    '-p', f'wait_subscribers:=[{_READERS}]')
+        threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
+        _follow(sim)
+        start.wait_for_contact()
+    say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
+    with _processes(folder / 'replay.log') as start:
+        _bystanders(start, again)
+        topics = '/dragon/handles,/dragon/benches,/dragon/velocities'
+        _finished(start('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
+                        ','.join(f'/dragon/{reader}' for reader in _READERS.split(','))))
+        start.wait_for_contact()
+    return _check(folder, live, again)
+
+
+def _check(folder: Path, live: Path, again: Path) -> int:
+    """Compare live, replayed and model; draw the picture; print the result."""
+    scene = load_scene(SCENE)
+    with BagReader(live) as bag, BagReader(again) as replayed:
+        comparison = compare_with_model(bag, scene)
+        event, second = _event(bag), _event(replayed)
+        same = _by_topic(bag) == _by_topic(replayed)
+    value = event.values
+    pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
+    pictures = _drawn(scene, float(value['t_contact_s']), pair, point, folder)
+    say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
+    say(f'   {comparison.equal} messages are bit for bit those of the model, {len(comparison.faults)} are not')
+    say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
+        f'{"the same event" if second == event else "ANOTHER EVENT"}')
+    for path in (live, again, *pictures):
+        say(f'   {path}')
+    return command_line.OK if same and second == event and not comparison.faults else command_line.FAILED
+
+
+def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
+           folder: Path) -> list[Path]:
+    """Draw the contact that the monitor reported."""
+    from dragon_ros.commands.plot.dragon import contact_picture
+    from dragon_ros.commands.sources import SceneSource, Touch, moment, witness_at
+    source = SceneSource(SCENE, scene)
+    with style():
+        picture = contact_picture(source, Touch(t_s, pair, point_m, witness_at(moment(source, t_s), pair)))
+        return save(picture, folder / 'contact')
+
+
+def say(line: str) -> None:
+    """Print one line at once."""
+    print(line, flush=True)
+
+
+@contextmanager
+def _processes(log: Path) -> Iterator['_Start']:
+    """Start executables in a domain of their own; at the end, interrupt those still running and wait for them."""
+    with log.open('w') as file:
+        start = _Start(file)
+        try:
+            yield start
+            # The recorder stops last: it hears everything from the monitor.
+            for process in (*start.monitors, *start.recorders):
+                process.send_signal(signal.SIGINT)
+                _finished(process)
+        finally:
+            for process in start.all:
+                process.send_signal(signal.SIGINT)
+            for process in start.all:
+                try:
+                    process.wait(timeout=20)
+                except subprocess.TimeoutExpired:
+                    process.kill()
+
+
+class _Start:
+    """Starts ``python -m dragon_ros NAME ...``; output goes to a log file."""
+
+    def __init__(self, log: IO[str]) -> None:
+        self.log, self.environment = log, local_environment(free_domain())
+        self.environment['PYTHONUNBUFFERED'] = '1'
+        self.all: list[subprocess.Popen[str]] = []
+        self.monitors: list[subprocess.Popen[str]] = []
+        self.recorders: list[subprocess.Popen[str]] = []
+
+    def __call__(self, name: str, *arguments: str) -> subprocess.Popen[str]:
+        process = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], env=self.environment,
+                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE if name == 'sim' else self.log,
+                                   stderr=subprocess.STDOUT, text=True)
+        self.all.append(process)
+        return process
+
+
+    def wait_for_contact(self) -> None:
+        """Wait until the monitor has reported: it may lag behind."""
+        end = time.monotonic() + _LONGEST_S
+        while 'contact of benches' not in Path(self.log.name).read_text(encoding='utf-8'):
+            if time.monotonic() > end:
+                raise DragonError(f'the monitor reported no contact; see {self.log.name}')
+            time.sleep(0.05)
+
+
+def _bystanders(start: _Start, bag: Path) -> None:
+    """Start a monitor, and a recorder that continues until the monitor has reported."""
+    start.monitors.append(start('monitor'))
+    start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))
+
+
+def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subprocess.Popen[str]') -> None:
+    """Stop the simulator, which waits for its readers, where one of them fails."""
+    for process in others:
+        if process.wait():
+            sim.send_signal(signal.SIGINT)
+
+
+def _follow(sim: 'subprocess.Popen[str]') -> None:
+    """Show the progress of the simulator, from its log."""
+    run = load_scene(SCENE).run
+    stop_s = run.stop_s or run.start_s
+    assert sim.stdout is not None
+    with tqdm(total=stop_s - run.start_s, unit='s', disable=None, leave=False, bar_format='{l_bar}{bar}| {n:.1f} of '
+              '{total:.0f} s [{elapsed}<{remaining}]') as bar:
+        for line in sim.stdout:
+            if found := _PROGRESS.search(line):
+                bar.update(float(found[1]) - run.start_s - bar.n)
+                if bar.disable:
+                    say(f'   at {float(found[1]):.2f} s of {stop_s:g} s')
+    _finished(sim)
+
+
+def _finished(process: 'subprocess.Popen[str]') -> None:
+    """Wait for a process. Raises DragonError where it fails or hangs."""
+    name = process.args[3] if isinstance(process.args, list) else '?'
+    try:
+        code = process.wait(timeout=_LONGEST_S)
+    except subprocess.TimeoutExpired:
+        raise DragonError(f'{name} did not end within {_LONGEST_S:g} s; see the .log files beside the bag') from None
+    if code:
+        raise DragonError(f'{name} ended with exit code {code}; see the .log files beside the bag')
+
+
+def _by_topic(bag: BagReader) -> dict[str, list[tuple[int, bytes]]]:
+    """Return the messages of each topic with a stamp, in order; topics are not ordered among each other."""
+    out: dict[str, list[tuple[int, bytes]]] = {}
+    for message in bag.messages([f'/dragon/{name}' for name in _COMPARED]):
+        out.setdefault(message.topic, []).append((message.t_ns, message.data))
+    return out
+
+
+def _event(bag: BagReader) -> Status:
+    """Return the one contact in a bag."""
+    events = [status for message in bag.messages(['/dragon/collision']) for status in read_diagnostics(message.data)
+              if status.values['phase'] == 'begin']
+    if len(events) != 1:
+        raise DragonError(f'{bag.path}: {len(events)} contacts were reported; expected one')
+    return events[0]
+
+

@@ -1,0 +1,244 @@
+"""``design``: questions about what to build, each a subcommand whose answer has bounds."""
+import json
+from argparse import ArgumentParser, Namespace
+from collections.abc import Callable
+from dataclasses import asdict, replace
+from functools import partial
+from typing import Any, NamedTuple
+
+from tqdm import tqdm
+
+from dragon_ros.cli import command_line
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.checks import number
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.design.bounding_box import bounding_box, fits
+from dragon_ros.core.design.max_speed import max_speed
+from dragon_ros.core.design.min_pitch import min_pitch
+from dragon_ros.core.errors import FieldError, InputError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.composite import least_radius_m
+from dragon_ros.core.tracks.s_turn import shortest_bent
+from dragon_ros.core.tracks.spec import STurn
+
+Values = dict[str, Any]
+_PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
+                  'start_turns': 'track.start_turns'}
+
+
+class Question(NamedTuple):
+    """A subcommand: what it answers, its options, and the functions that find and print the answer."""
+
+    help: str
+    example: str
+    options: Callable[[ArgumentParser], None]
+    answer: Callable[[Namespace], Values]
+    text: Callable[[Values], str]
+
+
+def main(argv: list[str]) -> int:
+    """Answer a design question; return the exit code."""
+    options = command_line.parser('design', 'Answer a question about what to build.',
+                                  'python -m dragon_ros design turn')
+    questions = options.add_subparsers(dest='question', required=True, metavar='QUESTION')
+    for name, question in QUESTIONS.items():
+        one = questions.add_parser(name, help=question.help, description=f'Find {question.help}.', allow_abbrev=False,
+                                   epilog=f'example: python -m dragon_ros design {question.example}')
+        question.options(one)
+        command_line.add_output_options(one, ('text', 'json'))
+    arguments = options.parse_args(argv)
+    return command_line.guarded('design', partial(_run, QUESTIONS[arguments.question], arguments))
+
+
+def _run(question: Question, arguments: Namespace) -> int:
+    values = question.answer(arguments)
+    text = json.dumps(values) if arguments.format == 'json' else question.text(values)
+    command_line.write_output(arguments.output, text)
+    return command_line.OK
+
+
+def _turn_options(parser: ArgumentParser) -> None:
+    """Add the scene options and --contact; the scene is the turn's."""
+    command_line.add_scene_options(parser)
+    parser.set_defaults(scene='turning')
+    parser.add_argument('--contact', action='store_true', help='also look for a contact in the smallest circle')
+
+
+def _turn_answer(arguments: Namespace) -> dict[str, Any]:
+    """Return the length of the scene's turn, and of shorter alternatives."""
+    scene = command_line.scene_from(arguments)
+    turn = _turn_of(scene)
+    values = _figures_of(turn, least_radius_m(scene.dragon.link_lengths_m))
+    if arguments.contact and values['smallest_diameter_m']:
+        values['contact_there_m'] = _contact_m(scene, values['smallest_diameter_m'])
+    return values
+
+
+def _contact_m(scene: Scene, diameter_m: float) -> float | None:
+    """Return how far the head is from the entry of the smallest turn at the first contact there; None without one.
+
+    The search goes from the head's entry until the whole dragon has left the turn.
+    """
+    turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
+    run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
+    with tqdm(desc='turn', unit=' states', disable=None, leave=False, delay=1) as bar:
+        found = first_contact(replace(scene, track=turn, head=Head(), run=run), bar.update)
+    return found.t_s if isinstance(found, Contact) else None
+
+
+def _turn_of(scene: Scene) -> STurn:
+    if isinstance(scene.track, STurn):
+        return scene.track
+    raise InputError('--scene: its track has no S-turn; give a scene whose track.kind is turn', field='track.kind')
+
+
+def _figures_of(turn: STurn, least_radius_m: float) -> dict[str, Any]:
+    """Return the figures of a turn whose arcs may have a least radius."""
+    smallest, bent = turn.smallest_diameter_m(least_radius_m), shortest_bent(turn, least_radius_m)
+    return {'length_m': turn.length_m, 'radii_m': list(turn.radii_m), 'angle_rad': turn.angle_rad,
+            'shortened_by_ratio': False, 'least_radius_m': least_radius_m,
+            'largest_ratio': turn.largest_ratio(least_radius_m), 'smallest_diameter_m': smallest,
+            'length_there_m': replace(turn, diameter_m=smallest, ratio=1.0).length_m if smallest else None,
+            'with_line': asdict(bent) | {'length_m': bent.length_m} if bent else None}
+
+
+def _turn_text(values: dict[str, Any]) -> str:
+    """Return the answer as text."""
+    first, second = values['radii_m']
+    least = values['least_radius_m']
+    lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each by '
+             f'{values["angle_rad"]:.9g} rad',
+             'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set',
+             f'what limits the ratio: both radii must be at least {least:.9g} m, a hair over half the longest link, '
+             f'or links could lock; that allows ratios from {1 / values["largest_ratio"]:.9g} to '
+             f'{values["largest_ratio"]:.9g}']
+    if values['length_there_m']:
+        lines.append(f'a smaller circle shortens it: down to {values["smallest_diameter_m"]:.9g} m, both arcs of '
+                     f'{least:.9g} m, it is {values["length_there_m"]:.12g} m long')
+    if bent := values['with_line']:
+        lines.append(f'in this circle, arcs of {bent["radius_m"]:.9g} m with a line of {bent["line_m"]:.9g} m between '
+                     f'them are shorter: {bent["length_m"]:.12g} m')
+    if 'contact_there_m' in values:
+        at = values['contact_there_m']
+        what = ('no benches touch until the whole dragon has left the turn' if at is None else
+                f'benches touch when the head has gone {at:.9g} m from the entry')
+        lines.append(f'in that smallest circle {what}')
+    return '\n'.join(lines)
+
+
+def _max_speed_options(parser: ArgumentParser) -> None:
+    """Add the scene options and the limit; the scene is the turn's."""
+    command_line.add_scene_options(parser)
+    parser.set_defaults(scene='turning')
+    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (2)')
+
+
+def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
+    """Return the leader's largest speed, and which handle reaches the limit, and where; a profile is scaled."""
+    limit = number('--limit', arguments.limit, above=0.0, high=1e9)
+    scene = command_line.scene_from(arguments)
+    with tqdm(desc='max-speed', unit=' places', disable=None, leave=False, delay=1) as bar:
+        found = max_speed(scene, bar.update)
+    return {'speed_m_s': limit / found.ratio, 'uncertainty_m_s': limit / found.ratio - limit / found.bound,
+            'limit_m_s': limit, **asdict(found)}
+
+
+def _max_speed_text(values: dict[str, Any]) -> str:
+    """Return the answer as text."""
+    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; of a profile, '
+            f'its largest speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
+            f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
+            f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
+            f'{values["looks"]} places were examined')
+
+
+def _min_pitch_options(parser: ArgumentParser) -> None:
+    """Add the scene options, the circle and the bounds."""
+    command_line.add_scene_options(parser)
+    parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES', help='of the turning circle (9)')
+    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES', help='largest pitch considered (1)')
+    parser.add_argument('--within', type=float, default=2e-11, metavar='METRES', help='width of the bracket (2e-11)')
+
+
+def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
+    """Return the bracket of the smallest pitch; only the scene's dragon and track.start_turns are used."""
+    scene = command_line.scene_from(arguments)
+    with tqdm(desc='min-pitch', unit=' states', disable=None, leave=False, delay=1) as bar:
+        try:
+            found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
+                              arguments.within, bar.update)
+        except FieldError as error:
+            known = error.fields
+            raise FieldError(_PITCH_OPTIONS.get(known['field'], known['field']), known['value'], known['limit'],
+                             known['cure']) from None
+    return asdict(found)
+
+
+def _min_pitch_text(values: dict[str, Any]) -> str:
+    """Return the answer as text."""
+    inner, outer = values['benches']
+    return '\n'.join([
+        f'the smallest pitch is {values["high_m"]:.12f} m: from there to {values["largest_m"]:g} m there is no '
+        'contact on the way in',
+        f'at {values["low_m"]:.12f} m benches {inner} and {outer} touch, with the head at radius '
+        f'{values["radius_m"]:.6f} m',
+        f'{values["states"]:,} windings were examined'])
+
+
+def _fit_options(parser: ArgumentParser) -> None:
+    """Add the scene options and the square."""
+    command_line.add_scene_options(parser)
+    parser.add_argument('--square', type=float, metavar='METRES', help='side of a square to fit into')
+
+
+def _fit_answer(arguments: Namespace) -> dict[str, Any]:
+    """Return the smallest squares, what touches the centred one, and whether the run fits into the given one."""
+    scene = command_line.scene_from(arguments)
+    side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
+    with tqdm(desc='fit', unit=' looks', disable=None, leave=False, delay=1) as bar:
+        found = bounding_box(scene, progress=bar.update)
+    return {'centred_m': found.centred_m, 'free_m': found.free_m, 'touching': asdict(found.touching),
+            'reaches': [asdict(reach) for reach in found.reaches], 'looks': found.looks, 'square_m': side,
+            'fits_centred': side and fits(found.centred_m, side), 'fits_free': side and fits(found.free_m, side)}
+
+
+def _fit_text(values: dict[str, Any]) -> str:
+    """Return the answer as text."""
+    at, side = values['touching'], values['square_m']
+    x, y = at['point_m']
+    lines = [f'the smallest square about the origin that contains the run: {_bounds(values["centred_m"])}',
+             f'its side is touched by the {at["corner"]} corner of bench {at["bench"]} at {at["t_s"]:.6f} s, at '
+             f'({x:.6f}, {y:.6f}) m',
+             f'wherever its centre is, along the axes: {_bounds(values["free_m"])}']
+    if side:
+        lines.append(f'a square of {side:.12g} m: {_verdict(values["fits_centred"], values["fits_free"])}')
+    return '\n'.join(lines)
+
+
+def _bounds(bounds_m: tuple[float, float]) -> str:
+    """Return a lower bound that is attained, and how far above it the proved bound lies."""
+    low, high = bounds_m
+    return f'{low:.10f} m, and no more than {high - low:.1e} m larger'
+
+
+def _verdict(centred: bool | None, free: bool | None) -> str:
+    """Return as text whether the dragon fits."""
+    if free is False:
+        return 'the dragon does not fit'
+    if centred is None or free is None:
+        return 'that is between the bounds: whether the dragon fits is undecided'
+    return 'the dragon fits' if centred else 'the dragon fits off the centre only'
+
+
+QUESTIONS = {
+    'turn': Question('the length of the S-turn, and whether it can be shortened', 'turn --set track.ratio=3',
+                     _turn_options, _turn_answer, _turn_text),
+    'max-speed': Question('the largest speed of the leader at which no handle ever exceeds a limit',
+                          'max-speed --limit 2', _max_speed_options, _max_speed_answer, _max_speed_text),
+    'min-pitch': Question('the smallest pitch at which the head reaches a circle without any contact on the way in',
+                          'min-pitch --diameter 9', _min_pitch_options, _min_pitch_answer, _min_pitch_text),
+    'fit': Question('the smallest square that holds the whole dragon during a run, and whether it fits a given one',
+                    'fit --square 24', _fit_options, _fit_answer, _fit_text),
+}

@@ -1,0 +1,250 @@
+"""``inspect``: what is in a bag and how far it can be trusted; checks it against the model, or repairs it."""
+import json
+from argparse import Namespace
+from collections.abc import Callable
+from contextlib import suppress
+from dataclasses import asdict
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+from tqdm import tqdm
+
+from dragon_ros.bags.check.compare import Comparison, compare_with_model
+from dragon_ros.bags.check.examine import Contents, examine, gaps_of
+from dragon_ros.bags.check.repair import repair
+from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.frames import namespace_of, scene_of_bag
+from dragon_ros.bags.read.mcap import BagError
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli import command_line
+from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
+from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import NS
+from dragon_ros.scenes.load import scene_values
+from dragon_ros.scenes.provenance import RECORD
+
+_SHOWN = 20     # lines of faults
+_STEPS = 8      # of the clearance over time
+
+
+def main(argv: list[str]) -> int:
+    """Inspect, check or repair; return the exit code (1 where something is wrong with the bag)."""
+    options = command_line.parser('inspect', 'Show what is in a bag: topics, rates, missing ticks, scene, first '
+                                  'contact, clearance, integrity.', 'python -m dragon_ros inspect run.mcap --check')
+    options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
+    options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
+                         'compare bit for bit, or to the promise of its tier where bits differ')
+    options.add_argument('--repair', type=Path, metavar='OUT', help='write what is readable to a complete bag')
+    options.add_argument('--looks', type=int, default=200, metavar='N',
+                         help='number of evenly spaced ticks that the clearance is computed at; 0: all (200)')
+    command_line.add_namespace_option(options)
+    command_line.add_output_options(options, ('text', 'json'))
+    return command_line.guarded('inspect', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    if arguments.looks < 0:
+        raise InputError(f'--looks {arguments.looks}: give 0 (all ticks) or more', field='looks')
+    body = _repair if arguments.repair else _check if arguments.check else _inspect
+    values, code = body(arguments)
+    text = json.dumps(values) if arguments.format == 'json' else _TEXT[body](values)
+    command_line.write_output(arguments.output, text)
+    return code
+
+
+def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    contents = _examined(arguments.bag)
+    if arguments.namespace is not None:
+        with BagReader(arguments.bag, bool(contents.problems.count)) as bag:
+            namespace_of(bag, arguments.namespace)
+    values: dict[str, Any] = {
+        'bag': str(arguments.bag), 'files': [path.name for path in contents.files], 'bytes': contents.size,
+        'written_by': contents.writers, 'chunks': contents.compressions, 'problems': contents.problems.lines,
+        'problem_count': contents.problems.count, 'notes': contents.notes.lines, 'about': {}, 'scene': None}
+    try:
+        values.update(_dragon(arguments))
+    except DragonError as error:
+        values['unread'] = str(error)
+        if isinstance(error, BagError):
+            with suppress(DragonError):
+                values.update(_dragon(arguments, damaged=True))
+    values['topics'] = _topics(contents, values.pop('run', None))
+    return values, command_line.FAILED if contents.problems.count else command_line.OK
+
+
+def _examined(path: Path) -> Contents:
+    total = sum(each.stat().st_size for each in files_of(path) if each.exists())
+    with tqdm(desc='read', total=total, unit='B', unit_scale=True, disable=None, leave=False, delay=1) as bar:
+        return examine(path, bar.update)
+
+
+def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
+    """Return what the bag, or the intact part of a damaged one, says about its dragon."""
+    with BagReader(arguments.bag, damaged) as bag:
+        return _about_dragon(bag, arguments)
+
+
+def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
+    scene = scene_of_bag(bag)
+    about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
+    out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
+                           'run': scene.run if scene else None}
+    if bag.empty:
+        return out
+    out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
+    try:
+        namespace = namespace_of(bag, arguments.namespace)
+    except InputError:
+        return out
+    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, scene),
+            'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}
+
+
+def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
+    out = []
+    for name, seen in contents.topics.items():
+        gaps = gaps_of(seen.times_ns, run)
+        out.append({'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size,
+                    'rate_hz': gaps.rate_hz, 'first_tick': gaps.first, 'last_tick': gaps.last,
+                    'missing': gaps.missing, 'doubled': gaps.doubled, 'missing_ranges': gaps.ranges})
+    return out
+
+
+def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    with BagReader(arguments.bag) as bag:
+        scene = scene_of_bag(bag)
+        if scene is None:
+            raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene); '
+                           'it cannot be recomputed')
+        namespace = namespace_of(bag, arguments.namespace)
+        frame_id = bag.metadata(RECORD).get('about.frame_id', 'dragon')
+        ticks = compile_scene(scene).last_tick + 1
+        with tqdm(desc='check', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
+            found = compare_with_model(bag, scene, namespace, lambda k: bar.update(k + 1 - bar.n), frame_id)
+    code = command_line.FAILED if found.fault_count else command_line.OK
+    return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
+
+
+def _verdict(path: Path, found: Comparison, tier: str) -> dict[str, Any]:
+    return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
+            'other_version': found.other_version, 'fault_count': found.fault_count, 'faults': found.faults}
+
+
+def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    total = sum(each.stat().st_size for each in files_of(arguments.bag) if each.exists())
+    with tqdm(desc='repair', total=total, unit='B', unit_scale=True, disable=None, leave=False, delay=1) as bar:
+        done = repair(arguments.bag, arguments.repair, bar.update)
+    values = {'bag': str(arguments.bag), 'repaired': str(arguments.repair), 'messages': done.messages,
+              'lost_count': done.lost.count, 'lost': done.lost.lines}
+    return values, command_line.OK
+
+
+def _bag_text(values: dict[str, Any]) -> str:
+    """Return the text of an inspection."""
+    chunks = ', '.join(f'{count} chunks in {name}' for name, count in values['chunks'].items()) or 'no chunks'
+    lines = [f'{values["bag"]}: {len(values["files"])} file{"s"[:len(values["files"]) != 1]}, '
+             f'{values["bytes"] / 1e6:.3f} MB, {chunks}; written by {", ".join(sorted(set(values["written_by"])))}']
+    lines += _about_lines(values['about'])
+    lines += _scene_lines(values['scene']) + _topic_lines(values['topics'])
+    if 'start_s' in values:
+        lines.append(f'  from {values["start_s"]:.9f} to {values["end_s"]:.9f} s')
+    if 'namespace' in values:
+        lines += [_contact_line(values['first_contact']), *_clearance_lines(values['clearance'])]
+    return '\n'.join([*lines, *_integrity_lines(values)])
+
+
+def _check_text(values: dict[str, Any]) -> str:
+    """Return the text of a check."""
+    line = f'{values["bag"]}: {values["equal"]} messages are bit for bit those of the model'
+    if values['close']:
+        why = (f'version {values["other_version"]} made the bag, so all topics are held to twice the promise'
+               if values['other_version'] else "another machine's mathematics library")
+        line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
+                 f'difference is {values["worst_m"]:.3g} m: {why})')
+    lines = [f'{line}, {values["fault_count"]} are not'] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
+    return '\n'.join(lines + _more(len(values['faults'][:_SHOWN]), len(values['faults'])))
+
+
+def _repair_text(values: dict[str, Any]) -> str:
+    """Return the text of a repair."""
+    lines = [f'{values["repaired"]}: {values["messages"]} messages saved from {values["bag"]}']
+    lines += [f'  {line}' for line in values['lost'][:_SHOWN]]
+    return '\n'.join(lines + _more(len(values['lost'][:_SHOWN]), values['lost_count']))
+
+
+def _more(shown: int, count: int) -> list[str]:
+    return [f'  and {count - shown} more'] if count > shown else []
+
+
+def _about_lines(about: dict[str, str]) -> list[str]:
+    made = [f'{key.removeprefix("about.")} {value}' for key, value in about.items() if key.startswith('about.')]
+    return [f'  made with {", ".join(made)}'] if made else []
+
+
+def _scene_lines(scene: dict[str, Any] | None) -> list[str]:
+    if scene is None:
+        return ['  no scene is recorded in it']
+    dragon, track, run = scene['dragon'], scene['track'], scene['run']
+    benches = dragon.get('benches') or sum(group['count'] for group in dragon['groups'])
+    on = f'pitch {track["pitch_m"]:g} m' if 'pitch_m' in track else f'{len(track["pieces"])} pieces of track'
+    return [f'  scene: {benches}{" mixed" if "groups" in dragon else ""} benches, {on}, {run["rate_hz"]:g} Hz from '
+            f'{run["start_s"]:g} s, accuracy {scene["accuracy"]}, effects {", ".join(scene["effects"]) or "none"}']
+
+
+def _topic_lines(topics: list[dict[str, Any]]) -> list[str]:
+    head = f'  {"topic":<30} {"type":<36} {"messages":>9} {"MB":>9} {"Hz":>9}  ticks'
+    return [head, *(f'  {row["topic"]:<30} {row["type"]:<36} {row["messages"]:>9} {row["bytes"] / 1e6:>9.3f} '
+                    f'{_number(row["rate_hz"])}  {_ticks(row)}' for row in topics)]
+
+
+def _number(value: float | None) -> str:
+    return f'{"-":>9}' if value is None else f'{value:>9.3f}'
+
+
+def _ticks(row: dict[str, Any]) -> str:
+    if row['missing'] is None:
+        return '-'
+    line = f'{row["first_tick"]} to {row["last_tick"]}'
+    if row['missing']:
+        ranges = ', '.join(f'{a}' if a == b else f'{a} to {b}' for a, b in row['missing_ranges'])
+        line += f', {row["missing"]} MISSING: {ranges}{", ..." if len(row["missing_ranges"]) == _SHOWN else ""}'
+    return line + (f', {row["doubled"]} DOUBLED' if row['doubled'] else '')
+
+
+def _contact_line(found: dict[str, Any]) -> str:
+    source = {'collision': 'as the monitor reported it', 'scene': 'recomputed from the scene'}.get(found['source'])
+    if source is None:
+        return '  first contact: unknown, there is neither a scene nor a report in it'
+    if found['t_s'] is None:
+        return f'  no contact ({source})'
+    where = '' if found['in_bag'] else ', which is not in this bag'
+    return (f'  first contact: benches {found["benches"][0]} and {found["benches"][1]} at {found["t_s"]:.9f} s{where} '
+            f'({source})')
+
+
+def _clearance_lines(found: dict[str, Any]) -> list[str]:
+    rows = list(zip(found['t_s'], found['gap_m'], strict=True))
+    examined = f'{found["looks"]} of {found["ticks"]} ticks'
+    if not rows:
+        return [f'  smallest clearance: none ({examined} examined)']
+    t_s, gap = min(rows, key=lambda row: row[1])
+    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{examined} examined'
+    size = max(1, -(-len(rows) // _STEPS))
+    parts = [min(rows[n:n + size], key=lambda row: row[1]) for n in range(0, len(rows), size)]
+    over_time = ', '.join(f'{gap * 1e3:.3f} at {t:g} s' for t, gap in parts)
+    return [f'  smallest clearance: {gap * 1e3:.6f} mm at {t_s:.9f} s ({where}); over time, in mm: {over_time}']
+
+
+def _integrity_lines(values: dict[str, Any]) -> list[str]:
+    lines = [f'  NOT READ: {values["unread"]}'] if 'unread' in values else []
+    lines += [f'  {line}' for line in values['notes']]
+    count = values['problem_count']
+    lines.append(f'  integrity: {count} problems' if count else '  integrity: every length, index and CRC holds')
+    return lines + [f'    {line}' for line in values['problems'][:_SHOWN]] + _more(
+        len(values['problems'][:_SHOWN]), count)
+
+
+_TEXT: dict[Callable[[Namespace], tuple[dict[str, Any], int]], Callable[[dict[str, Any]], str]] = {
+    _inspect: _bag_text, _check: _check_text, _repair: _repair_text}

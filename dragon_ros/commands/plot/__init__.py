@@ -1,0 +1,1 @@
+"""``plot``: pictures of a scene or a bag."""

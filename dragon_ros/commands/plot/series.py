@@ -1,0 +1,76 @@
+"""Curves of a run: clearance over time, and speed along the chain."""
+import numpy as np
+from matplotlib.axes import Axes
+from matplotlib.figure import Figure
+
+from dragon_ros.cli.figures import HEAD, LINES, POINT, QUIET
+from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
+
+MOST_POINTS = 1500          # points of one curve: more than a screen resolves
+_CLOSE_S = 15.0             # before the contact
+
+
+def clearance_picture(source: Source, progress: Progress) -> Figure:
+    """Return the smallest gap of all benches over the run, and over the last seconds before the contact."""
+    touch = source.first_touch(progress)
+    first, last = source.span_s
+    start = first if touch is None else max(first, touch.t_s - _CLOSE_S)
+    stop = last if touch is None else min(last, touch.t_s + 0.1 * _CLOSE_S)
+    figure = Figure(figsize=(11, 4.4))
+    spans = [(first, last)] if touch is None or stop - start > 0.8 * (last - first) else [(first, last), (start, stop)]
+    panels = figure.subplots(1, len(spans), squeeze=False).flat
+    for axes, span in zip(panels, spans, strict=True):
+        times_s, gaps_m = clearances(source, source.ticks_s(*span, MOST_POINTS), progress)
+        axes.plot(times_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.2)
+        _shade_overlap(axes)
+        axes.set(xlabel='time (s)', ylabel='clearance (mm)', xlim=span)
+        axes.set_title(f'{source.name}: smallest gap of all benches' if span == spans[0] else
+                       f'the last {_CLOSE_S:g} s before the contact')
+        if touch is not None:
+            _mark(axes, touch, len(spans) == 1 or span != spans[0])
+    return figure
+
+
+def _shade_overlap(axes: Axes) -> None:
+    """Mark where benches overlap."""
+    low, high = axes.get_ylim()
+    axes.axhline(0.0, color=QUIET, linewidth=0.8)
+    if low < 0:
+        axes.axhspan(low, 0.0, color=HEAD, alpha=0.07, linewidth=0)
+        axes.text(0.02, 0.03, 'overlap', transform=axes.transAxes, color=HEAD)
+    axes.set_ylim(min(low, 0.0), high)
+
+
+def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
+    """Mark the contact."""
+    axes.plot(touch.t_s, 0.0, marker='o', markersize=7, color=HEAD, markeredgecolor=POINT, markeredgewidth=0.7,
+              zorder=5, clip_on=False)
+    inner, outer = touch.benches
+    text = f'benches {inner} and {outer} touch\nat {touch.t_s:.6f} s' if fully else f'contact at {touch.t_s:.2f} s'
+    axes.annotate(text, (touch.t_s, 0.0), xytext=(-24, -30), textcoords='offset points', ha='right', va='center',
+                  arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.8, 'shrinkB': 5})
+
+
+def speeds_picture(source: Source, times_s: list[float]) -> Figure:
+    """Return the speed of each handle, from head to tail, one line for each time. Raises InputError without speeds."""
+    check_times(source, times_s)
+    figure = Figure(figsize=(8.4, 5))
+    axes = figure.subplots()
+    for number, one in enumerate(source.moments(np.array(sorted(times_s)))):
+        colour = LINES[number % len(LINES)]
+        speed = speeds_of(source, one)
+        axes.plot(np.arange(speed.size), speed, color=colour)
+        axes.annotate(f'{one.t_s:g} s', (speed.size - 1, speed[-1]), xytext=(6, 0), textcoords='offset points',
+                      va='center', color=colour, annotation_clip=False)
+    axes.set(xlabel='handle (0 is the head, the last the tail)', ylabel='speed (m/s)', xlim=(0, speed.size - 1))
+    axes.set_title(f'{source.name}: speed along the chain')
+    return figure
+
+
+def speeds_of(source: Source, one: Moment) -> Floats:
+    """Return the speeds of a moment. Raises InputError where there are none."""
+    if one.speed_m_s is None:
+        raise InputError(f'{source.name}: has no velocities; record with the effect velocity, or plot the scene')
+    return one.speed_m_s

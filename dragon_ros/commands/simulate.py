@@ -1,0 +1,87 @@
+"""``simulate``: writes the bag of a scene, without ROS and as fast as the machine allows."""
+import sys
+import time
+from argparse import Namespace
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from threading import Event
+
+from tqdm import tqdm
+
+from dragon_ros.bags.write.mcap import COMPRESSIONS
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.cli import command_line
+from dragon_ros.cli.signals import stopped_by_signals
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.channels import channels, live
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.markers import track_marker
+from dragon_ros.scenes import provenance
+
+_NAMESPACE = '/dragon'      # default of the live nodes
+_FRAME_ID = 'dragon'
+_SHOW = 100                 # ticks between two updates of the progress bar
+
+
+def main(argv: list[str]) -> int:
+    """Write the bag; return the exit code (1 where a signal ended it early; the bag is complete then, too)."""
+    options = command_line.parser('simulate', 'Write the bag that `sim` and `record` would, without ROS and without '
+                                  'waiting: the same messages, bit for bit.',
+                                  'python -m dragon_ros simulate --scene winding --output run.mcap')
+    command_line.add_scene_options(options)
+    options.add_argument('--output', type=Path, metavar='BAG', required=True,
+                         help='bag to write: a file if it ends in .mcap, else a rosbag2 folder')
+    options.add_argument('--force', action='store_true', help='replace an existing bag')
+    options.add_argument('--rate', type=float, metavar='HZ', help='ticks for each second (as the scene says)')
+    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='of the bag (zstd)')
+    options.add_argument('--namespace', default=_NAMESPACE, help=f'of the topics ({_NAMESPACE})')
+    return command_line.guarded('simulate', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    scene = command_line.scene_from(arguments)
+    if arguments.rate is not None:
+        scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
+    ticks, began = compile_scene(scene).last_tick + 1, time.perf_counter()
+    writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
+    with stopped_by_signals() as stop, writer as bag:
+        _introduce(scene, bag, arguments.namespace)
+        done = simulate(scene, bag, arguments.namespace, stop)
+    simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
+    elapsed_s = time.perf_counter() - began
+    print(f'{arguments.output}: {done} of {ticks} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
+          f'({simulated_s / elapsed_s:.0f} times real time)', file=sys.stderr)
+    return command_line.OK if done == ticks else command_line.FAILED
+
+
+def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
+    """Write the provenance of the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
+    text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
+    settings = {key: str(value) for key, value in vars(bag.options).items()}
+    bag.describe(provenance.RECORD, provenance.run_metadata(text, settings | provenance.versions()))
+    bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
+    once = {'track': track_marker(scene, _FRAME_ID), 'scene': string_message(text)}
+    for name in (*once, *(row.name for row in live(scene.effects))):
+        bag.add_channel(f'{namespace}/{name}', channels()[name])
+    for name, data in once.items():
+        bag.write(f'{namespace}/{name}', data, scene.run.start_ns, 1)
+
+
+def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
+    """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
+    topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
+    ticks = compile_scene(scene).last_tick + 1
+    with tqdm(desc='simulate', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
+        for k in range(ticks):
+            if stop.is_set():
+                return k
+            frame = tick(scene, k)
+            for topic, encode in topics:
+                bag.write(topic, encode(frame), frame.t_ns, k + 1)
+            if not k % _SHOW:
+                bar.update(k - bar.n)
+    return ticks

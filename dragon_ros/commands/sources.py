@@ -1,0 +1,257 @@
+"""Sources of pictures and of the web view: a scene, which is computed, or a bag, which is read."""
+from argparse import Namespace
+from collections.abc import Callable, Iterable, Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import chain as joined
+from pathlib import Path
+from typing import Any, Protocol
+
+import numpy as np
+
+from dragon_ros.bags.read.frames import frames, namespace_of
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli import command_line
+from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import Witness, gaps, witness
+from dragon_ros.core.contact.tracker import Sight, Watch
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import states, velocity_of
+from dragon_ros.messages.decode import read_stamp_ns
+
+_AT_ONCE = 64               # states that are computed together
+_EACH_RAD = 12              # points of the drawn track
+_MOST_TRACK_RAD = 2000
+Progress = Callable[[Iterable[Any]], Iterable[Any]]
+_HAIR_S = 1e-9
+
+
+@dataclass(frozen=True)
+class Moment:
+    """A dragon at one time: handles (N+1, 2) in m, benches, and speeds (N+1,) in m/s, None if unknown."""
+
+    t_s: float
+    p: Floats
+    benches: Benches
+    speed_m_s: Floats | None
+
+    @property
+    def clearance_m(self) -> float:
+        """The smallest signed gap of benches that are not neighbours in the chain; inf without any."""
+        return float(np.min(gaps(self.benches, *candidates(self.p, self.benches)), initial=np.inf))
+
+
+@dataclass(frozen=True)
+class Touch:
+    """A first contact: when, between which benches (inner first), where, and which corner meets which edge."""
+
+    t_s: float
+    benches: tuple[int, int]
+    point_m: tuple[float, float]
+    witness: Witness
+
+
+class Source(Protocol):
+    """A dragon over time."""
+
+    @property
+    def name(self) -> str:
+        """Its name in pictures."""
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of its first and last tick."""
+
+    @property
+    def track(self) -> Floats | None:
+        """Points (P, 2) of its track, None if unknown."""
+
+    def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
+        """Return at most ``most`` ticks between two times, both included, evenly spaced."""
+
+    def moments(self, times_s: Floats) -> Iterator[Moment]:
+        """Yield the dragon at increasing times; a source with ticks alone gives the nearest tick."""
+
+    def first_touch(self, progress: Progress) -> Touch | None:
+        """Return the first contact, or None."""
+
+
+@dataclass(frozen=True)
+class SceneSource:
+    """A dragon computed from a scene on demand."""
+
+    name: str
+    scene: Scene
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the run's first and last tick."""
+        run = self.scene.run
+        return run.start_ns / NS, run.time_ns(compile_scene(self.scene).last_tick) / NS
+
+    @cached_property
+    def track(self) -> Floats:
+        """The part of the track on which handles are during the run."""
+        return compile_scene(self.scene).track_line()
+
+    def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
+        """Return at most ``most`` of the run's ticks between two times, evenly spaced."""
+        run = self.scene.run
+        first, last = (run.tick_at(round(t_s * NS)) for t_s in (start_s, stop_s))
+        numbers = thinned(max(0, first + (run.time_ns(first) < round(start_s * NS))), last, most)
+        return np.array([run.time_ns(k) for k in numbers.tolist()]) / NS
+
+    def moments(self, times_s: Floats) -> Iterator[Moment]:
+        """Yield the dragon at these times."""
+        for first in range(0, len(times_s), _AT_ONCE):
+            group = times_s[first:first + _AT_ONCE].tolist()
+            chain = states(self.scene, group)
+            benches = benches_of(chain, self.scene.dragon, axes_of(chain))
+            velocity = velocity_of(self.scene, chain, group)
+            speed = np.hypot(velocity[..., 0], velocity[..., 1])
+            for n, t_s in enumerate(group):
+                one = Benches(benches.centre[n], benches.axis[n], benches.half_length, benches.half_width)
+                yield Moment(t_s, chain.p[n], one, speed[n])
+
+    def first_touch(self, progress: Progress = iter) -> Touch | None:
+        """Return the first contact of the run, exactly."""
+        found = first_contact(self.scene)
+        return Touch(found.t_s, found.benches, found.point_m, found.witness) if isinstance(found, Contact) else None
+
+
+def moment(source: Source, t_s: float) -> Moment:
+    """Return the dragon at one time. Raises InputError outside the source's ticks."""
+    check_times(source, [t_s])
+    for one in source.moments(np.array([t_s])):
+        return one
+    raise InputError(f'{source.name}: has handles but no benches at {t_s:g} s')
+
+
+def check_times(source: Source, times_s: Iterable[float]) -> None:
+    """Raise InputError for a time outside the source."""
+    first, last = source.span_s
+    for t_s in times_s:
+        if not first - 1e-9 <= t_s <= last + 1e-9:
+            raise InputError(f'--time {t_s:g}: {source.name} goes from {first:g} to {last:g} s; ask for a time between')
+
+
+def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
+    """Return times (T,) and the smallest signed gap in m at each (T,), nan where no two benches are near."""
+    rows = np.array([(one.t_s, one.clearance_m) for one in progress(source.moments(times_s))]).reshape(-1, 2)
+    return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
+
+
+def thinned(first: int, last: int, most: int) -> Ints:
+    """Return the integers from first to last, or ``most`` of them, evenly spaced, with both ends."""
+    count = last - first + 1
+    return np.linspace(first, last, min(count, most)).round().astype(int) if count > most else np.arange(
+        first, last + 1)
+
+
+def witness_at(moment: Moment, pair: tuple[int, int]) -> Witness:
+    """Return how two benches meet at a moment."""
+    return witness(moment.benches, *pair)
+
+
+@dataclass(frozen=True)
+class BagSource:
+    """A dragon whose topics are in one namespace of an open bag; its times are those of its ticks."""
+
+    bag: BagReader
+    namespace: str
+
+    @property
+    def name(self) -> str:
+        """The bag's file name."""
+        return self.bag.path.name
+
+    @property
+    def track(self) -> Floats | None:
+        """None: a bag does not record its track."""
+        return None
+
+    @cached_property
+    def _ticks(self) -> list[tuple[int, int]]:
+        """Stamp and log time of each tick, in ns, in order of stamps."""
+        rows = {read_stamp_ns(one.data): one.t_ns for one in self.bag.messages([f'{self.namespace}/handles'])}
+        return sorted(rows.items())
+
+    @cached_property
+    def _times_s(self) -> Floats:
+        return np.array([stamp for stamp, _ in self._ticks]) / NS
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """Times of the first and the last tick."""
+        return float(self._times_s[0]), float(self._times_s[-1])
+
+    def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
+        """Return at most ``most`` ticks between two times, evenly spaced."""
+        first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
+        last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S)) - 1
+        out: Floats = self._times_s[thinned(first, last, most)]
+        return out
+
+    def moments(self, times_s: Floats) -> Iterator[Moment]:
+        """Yield the tick nearest to each of increasing times, without ticks that lack benches."""
+        rows = self._nearest(times_s)
+        wanted = {self._ticks[row][0] for row in rows.tolist()}
+        first_ns, last_ns = (self._ticks[row][1] for row in (int(rows[0]), int(rows[-1])))
+        for observation, speed in self._observations(first_ns, last_ns):
+            if observation.t_ns in wanted:
+                yield Moment(observation.t_ns / NS, observation.p, observation.benches, speed)
+
+    def _nearest(self, times_s: Floats) -> Ints:
+        """Return the numbers of the ticks nearest to times, each once."""
+        ticks = self._times_s
+        after = np.clip(np.searchsorted(ticks, times_s), 0, len(ticks) - 1)
+        before = np.maximum(after - 1, 0)
+        return np.unique(np.where(times_s - ticks[before] < ticks[after] - times_s, before, after))
+
+    def first_touch(self, progress: Progress) -> Touch | None:
+        """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
+        watch = Watch()
+        for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
+            for event in joined.from_iterable(report.begins for report in watch.look(observation)):
+                at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
+                return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches))
+        return None
+
+    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple[Sight, Floats | None]]:
+        """Yield observations and speeds of the ticks logged between two times, in order."""
+        for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
+            if frame.benches is not None:
+                speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
+                yield Sight(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id), speeds
+
+
+def dragon_in(bag: BagReader, namespace: str | None = None) -> BagSource:
+    """Return the dragon in a bag. Raises InputError where it is ambiguous, or where its topics are missing."""
+    chosen = namespace_of(bag, namespace)
+    having = {topic.name for topic in bag.topics if topic.messages}
+    for topic in ('handles', 'benches'):
+        if f'{chosen}/{topic}' not in having:
+            raise InputError(f'{bag.path}: has no messages on {chosen}/{topic}, which a picture needs; '
+                             'record both handles and benches (scene key effects)')
+    return BagSource(bag, chosen)
+
+
+@contextmanager
+def opened(arguments: Namespace) -> Iterator[Source]:
+    """Open the source that ``command_line.add_source_options`` selects, for the duration of a ``with`` block."""
+    if arguments.bag is None:
+        if arguments.namespace is not None:
+            raise InputError('--namespace: belongs to --bag; a scene has no topics')
+        yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments))
+        return
+    if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
+        raise InputError('--bag: shows what was recorded; leave out --scene, --set and --accuracy')
+    with BagReader(arguments.bag) as bag:
+        yield dragon_in(bag, arguments.namespace)

@@ -1,0 +1,173 @@
+"""``table``: positions and velocities of handles at given times."""
+import json
+import sys
+from argparse import Namespace
+from collections.abc import Iterable, Iterator
+from functools import partial
+from pathlib import Path
+
+import numpy as np
+
+from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli import command_line
+from dragon_ros.commands.contest import paper_tables
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import states, velocity_of
+from dragon_ros.scenes.load import load_scene
+
+COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
+Row = tuple[float, int, float, float, float, float, float]
+
+
+def main(argv: list[str]) -> int:
+    """Print the table; return the exit code."""
+    options = command_line.parser('table', 'Print positions and velocities of the handles (0 is the head, the last '
+                                  'the tail).',
+                                  'python -m dragon_ros table --times 0,60,300 --handles 0,1,51,223')
+    options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
+                         help='take them from a bag, each time the first tick at or after it (no scene options)')
+    command_line.add_scene_options(options)
+    command_line.add_namespace_option(options)
+    options.add_argument('--times', metavar='T,...|START:STOP:STEP', help='seconds (0, or where the bag begins)')
+    options.add_argument('--handles', metavar='I,...', help='handles (all)')
+    options.add_argument('--paper', action='store_true',
+                         help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
+    options.add_argument('--contest', type=Path, metavar='FOLDER',
+                         help="write the contest's result1, result2 and, from the scene turning, result4 (no times)")
+    command_line.add_output_options(options)
+    return command_line.guarded('table', partial(_run, options.parse_args(argv)))
+
+
+_SCENE = {'--scene', '--set', '--accuracy'}
+_TAKES = {'--paper': {'--output'}, 'BAG': {'--times', '--handles', '--namespace', '--output'}, '--contest': _SCENE,
+          'a table of a scene': _SCENE | {'--times', '--handles', '--output'}}
+
+
+def _check(arguments: Namespace) -> None:
+    """Reject options that would be ignored."""
+    given = {'--scene': arguments.scene != command_line.DEFAULT_SCENE, '--set': arguments.overrides,
+             '--accuracy': arguments.accuracy, '--times': arguments.times, '--handles': arguments.handles,
+             '--namespace': arguments.namespace, '--output': arguments.output, '--paper': arguments.paper,
+             'BAG': arguments.bag, '--contest': arguments.contest}
+    wanted = {name for name, value in given.items() if value}
+    what = next(name for name in _TAKES if name in wanted or name == 'a table of a scene')
+    unused = sorted(wanted - _TAKES[what] - {what})
+    if unused:
+        raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
+
+
+def _run(arguments: Namespace) -> int:
+    _check(arguments)
+    if arguments.paper:
+        command_line.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
+        return command_line.OK
+    if arguments.bag:
+        rows = _bag_rows(arguments)
+    else:
+        scene = command_line.scene_from(arguments)
+        if arguments.contest:
+            return _write_contest(arguments.contest, scene)
+        handles = handles_of(arguments.handles, scene.dragon.benches)
+        rows = table(scene, times_of(arguments.times or '0'), handles)
+    command_line.write_output(arguments.output, _FORMATS[arguments.format](rows))
+    return command_line.OK
+
+
+def _write_contest(folder: Path, scene: Scene) -> int:
+    """Write the contest's files and list them."""
+    from dragon_ros.commands.contest import result_files
+    paths = result_files.write(folder, scene, load_scene('turning'))
+    print('\n'.join(map(str, paths)))
+    if not any(path.suffix == '.xlsx' for path in paths):
+        print('table: no XLSX, openpyxl is not installed: pip install openpyxl', file=sys.stderr)
+    return command_line.OK
+
+
+def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
+    """Return one row for each time and handle, in the order of COLUMNS."""
+    chain = states(scene, times_s)
+    velocity = velocity_of(scene, chain, times_s)
+    speed = np.hypot(velocity[..., 0], velocity[..., 1])
+    block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
+    return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)
+            for handle, values in zip(handles, group, strict=True)]
+
+
+def _bag_rows(arguments: Namespace) -> list[Row]:
+    """Return rows like those of a scene from a bag; missing velocities are nan."""
+    out: list[Row] = []
+    with BagReader(arguments.bag) as bag:
+        times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
+        for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):
+            handles = handles_of(arguments.handles, len(frame.handles_m) - 1)
+            values = values_of(frame, handles).tolist()
+            out += [(frame.t_ns / NS, handle, *row) for handle, row in zip(handles, values, strict=True)]
+    if not out:
+        raise InputError(f'{arguments.bag}: has no tick at or after the --times; it ends at {bag.end_ns / NS:.9f} s')
+    return out
+
+
+def times_of(text: str) -> list[float]:
+    """Return the times of ``0,60,300`` or ``start:stop:step`` (the stop is included)."""
+    try:
+        if ':' not in text:
+            return [float(part) for part in text.split(',')]
+        start, stop, step = (float(part) for part in text.split(':'))
+    except ValueError:
+        raise InputError(f'--times {text}: write numbers as 0,60,300 or start:stop:step', field='times') from None
+    if not (step > 0 and stop >= start and (stop - start) / step < 1e7):
+        raise InputError(f'--times {text}: step must be positive, stop not before start, and 1e7 times at most')
+    return [start + k * step for k in range(int((stop - start) / step * (1 + 1e-12)) + 1)]
+
+
+def handles_of(text: str | None, benches: int) -> list[int]:
+    """Return the handles of ``0,1,51``; all without a text."""
+    if text is None:
+        return list(range(benches + 1))
+    try:
+        handles = [int(part) for part in text.split(',')]
+    except ValueError:
+        raise InputError(f'--handles {text}: write integers such as 0,1,51', field='handles') from None
+    for handle in handles:
+        if not 0 <= handle <= benches:
+            raise InputError(f'--handles {handle}: the dragon has the handles 0 to {benches}', field='handles')
+    return handles
+
+
+def _text(rows: list[Row]) -> str:
+    head = f'{"t_s":>12} {"handle":>6}' + ''.join(f' {name:>15}' for name in COLUMNS[2:])
+    return '\n'.join([head, *(f'{row[0]:12.6f} {row[1]:6d}' + ''.join(f' {value:15.9f}' for value in row[2:])
+                              for row in rows)])
+
+
+def _csv(rows: list[Row]) -> str:
+    return command_line.csv_of(COLUMNS, rows).rstrip('\n')
+
+
+def _json(rows: list[Row]) -> str:
+    return json.dumps([dict(zip(COLUMNS, (None if value != value else value for value in row), strict=True))
+                       for row in rows])
+
+
+_FORMATS = {'text': _text, 'csv': _csv, 'json': _json}
+
+
+def values_of(frame: BagFrame, handles: list[int]) -> Floats:
+    """Return (handles, 5): x and y in m, vx, vy and speed in m/s; nan where the bag has no velocities."""
+    out = np.full((len(handles), 5), np.nan)
+    out[:, :2] = frame.handles_m[handles]
+    if frame.velocity_m_s is not None:
+        out[:, 2:4] = frame.velocity_m_s[handles]
+        out[:, 4] = np.hypot(out[:, 2], out[:, 3])
+    return out
+
+
+def at_times(bag: BagReader, namespace: str, times_s: Iterable[float]) -> Iterator[BagFrame]:
+    """Yield, for each time, the first tick in the bag at or after it, up to the last."""
+    for t_s in times_s:
+        frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)
+        if frame is not None:
+            yield frame

@@ -1,0 +1,1 @@
+"""``view``: a scene or a bag in the browser."""

@@ -1,0 +1,58 @@
+"""``view``: shows a scene or a bag in the browser, served on this host only, without ROS."""
+import argparse
+import os
+import signal
+import sys
+import threading
+import webbrowser
+from argparse import Namespace
+from functools import partial
+
+from dragon_ros.cli import command_line
+from dragon_ros.core.errors import FieldError
+
+
+def main(argv: list[str]) -> int:
+    """Serve until Ctrl-C; return the exit code."""
+    return command_line.guarded('view', partial(_run, options().parse_args(argv)))
+
+
+def options() -> argparse.ArgumentParser:
+    """Return the parser."""
+    parser = command_line.parser('view', 'Play a scene or a bag in the browser: play, pause, scrub, speed, zoom to the '
+                                 'contact, with clearance and speeds beside it. Only this host can reach the page. '
+                                 'Ctrl-C ends it.',
+                                 'python -m dragon_ros view --scene first_contact')
+    command_line.add_source_options(parser)
+    parser.add_argument('--port', type=int, default=0, help='of the page (any free one)')
+    parser.add_argument('--no-browser', action='store_true', help='only print the address')
+    return parser
+
+
+def _run(arguments: Namespace) -> int:
+    if not 0 <= arguments.port <= 65535:
+        raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'leave it out to take any free one')
+    from tqdm import tqdm
+
+    from dragon_ros.commands.sources import opened
+    from dragon_ros.commands.view.data import ViewData
+    from dragon_ros.commands.view.server import ViewServer
+    stop = threading.Event()
+    shown = partial(tqdm, desc='view', unit=' ticks', disable=None, leave=False, delay=0.5)
+    with opened(arguments) as source, ViewServer(ViewData(source, shown), arguments.port) as server:
+        for number in (signal.SIGINT, signal.SIGTERM):
+            signal.signal(number, lambda *_: stop.set())
+        serving = threading.Thread(target=server.serve_forever)
+        serving.start()
+        print(f'{source.name} is at {server.url} (Ctrl-C ends)', flush=True)
+        if not arguments.no_browser and _has_screen():
+            webbrowser.open(server.url)
+        stop.wait()
+        server.shutdown()
+        serving.join()
+    return command_line.OK
+
+
+def _has_screen() -> bool:
+    """Return whether a browser would open a window; a text browser would take over this terminal."""
+    return sys.platform != 'linux' or bool(os.environ.get('DISPLAY') or os.environ.get('WAYLAND_DISPLAY'))

@@ -1,0 +1,96 @@
+"""The data of the web view: a description of the run, and frames as plain numbers, in chunks."""
+import threading
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+
+from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearances, moment, thinned
+from dragon_ros.core.numerics.types import Floats, Ints
+
+MOST_TICKS = 100_000
+MOST_BENCHES = 2000         # benches drawn as rectangles, from the head on; the rest is a line
+MOST_POINTS = 1500          # points of a line
+_CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed: this takes some seconds
+_CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
+
+
+class ViewData:
+    """The data of a source for a browser; one thread at a time computes."""
+
+    def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
+        """Describe a source; it is shown at its ticks unless other times are given."""
+        self._source, self._progress, self._lock = source, progress, threading.Lock()
+        self.times_s = source.ticks_s(*source.span_s, MOST_TICKS) if times_s is None else times_s
+        self._first = moment(source, float(self.times_s[0]))
+        self._touch: Touch | None = source.first_touch(progress)
+        benches, handles = len(self._first.benches.centre), len(self._first.p)
+        self._drawn = min(benches, MOST_BENCHES)
+        self._rest: Ints = thinned(self._drawn, handles - 1, MOST_POINTS) if self._drawn < benches else np.empty(0, int)
+        self._handles = thinned(0, handles - 1, MOST_POINTS)
+        values = 8 * self._drawn + 2 * self._rest.size + self._handles.size
+        self.frames_each = max(1, min(256, _CHUNK_VALUES // values))
+
+    @property
+    def chunks(self) -> int:
+        """Number of chunks."""
+        return -(-len(self.times_s) // self.frames_each)
+
+    @cached_property
+    def run(self) -> dict[str, Any]:
+        """Everything that does not change, for JSON."""
+        track, touch = self._source.track, self._touch
+        shown = None if track is None else track.astype(np.float32).T.tolist()
+        contact = None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m}
+        return {'name': self._source.name, 'benches': len(self._first.benches.centre), 'drawn': self._drawn,
+                'rest': self._rest.tolist(), 'handles': self._handles.tolist(), 'frames_each': self.frames_each,
+                'times_s': self.times_s.tolist(), 'speeds': self._first.speed_m_s is not None, 'track': shown,
+                'contact': contact, 'note': self._note(),
+                'length_m': 2 * float(np.median(self._first.benches.half_length)),
+                'size_m': 1.04 * float(np.max(np.abs(self._first.benches.corners)))}
+
+    @cached_property
+    def _curve(self) -> dict[str, Any]:
+        first, last = float(self.times_s[0]), float(self.times_s[-1])
+        points = max(100, min(MOST_POINTS, _CURVE_BENCHES // len(self._first.benches.centre)))
+        times_s, gaps_m = clearances(self._source, self._source.ticks_s(first, last, points), self._progress)
+        return {'t_s': times_s.tolist(), 'gap_mm': [None if np.isnan(gap) else 1e3 * gap for gap in gaps_m.tolist()]}
+
+    def clearance(self) -> dict[str, Any]:
+        """Return clearance over time, for JSON."""
+        with self._lock:
+            return self._curve
+
+    def frames(self, chunk: int) -> bytes:
+        """Return the frames of one chunk as little-endian float32, one after the other; nan where a tick has none.
+
+        A frame has the corners of the drawn benches (8 each), the rest's handles (2 each), and speeds of handles.
+        """
+        times_s = self.times_s[chunk * self.frames_each:(chunk + 1) * self.frames_each]
+        out = np.full((len(times_s), 8 * self._drawn + 2 * self._rest.size + self._handles.size), np.nan, '<f4')
+        with self._lock:
+            for one in self._source.moments(times_s):
+                out[int(np.argmin(np.abs(times_s - one.t_s)))] = self._row(one)
+        return out.tobytes()
+
+    def contact_frame(self) -> bytes:
+        """Return the frame at the contact; empty if there is none."""
+        if self._touch is None:
+            return b''
+        with self._lock:
+            return self._row(moment(self._source, self._touch.t_s)).astype('<f4').tobytes()
+
+    def _row(self, one: Moment) -> Floats:
+        unknown = np.full(len(one.p), np.nan)
+        speed = unknown if one.speed_m_s is None else one.speed_m_s
+        return np.concatenate((one.benches.corners[:self._drawn].ravel(), one.p[self._rest].ravel(),
+                               speed[self._handles]))
+
+    def _note(self) -> str:
+        """Return notes about what is omitted."""
+        notes = []
+        if self._rest.size:
+            notes.append(f'benches from {self._drawn} on are drawn as a line')
+        if len(self.times_s) == MOST_TICKS:
+            notes.append(f'only {MOST_TICKS} ticks of the run are shown')
+        return '; '.join(notes)

@@ -1,0 +1,29 @@
+"""Where the configuration files of the package are."""
+import os
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+
+from dragon_ros.core.errors import MissingError
+
+
+def folder() -> Path:
+    """Return the ``msg_configs`` folder that belongs to the running code.
+
+    A source tree (a checkout, ``--symlink-install``, ``pip install -e``) comes first, then the install prefix of this
+    file, then the ament index, then the Python prefix: an older installed copy never shadows a checkout.
+    """
+    for candidate in _candidates():
+        if (candidate / 'topics.yaml').is_file():
+            return candidate
+    raise MissingError('msg_configs/topics.yaml was not found near the package; install dragon_ros again (pip, or '
+                       'colcon and source its setup file)')
+
+
+def _candidates() -> Iterator[Path]:
+    here = Path(__file__).resolve()
+    yield here.parents[1] / 'msg_configs'
+    prefixes = [*here.parents[2:6], *map(Path, os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)),
+                Path(sys.prefix)]
+    for prefix in prefixes:
+        yield prefix / 'share' / 'dragon_ros' / 'msg_configs'

@@ -1,0 +1,294 @@
+"""The chain: where all handles are, whatever placed them, and how fast they move.
+
+Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), alpha and beta the angles between a
+link and the track's tangents at its two handles: a rigid link has no speed along itself between its ends.
+"""
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, NamedTuple, Protocol
+
+import numpy as np
+
+from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+
+
+class Part(Protocol):
+    """Some ``links`` of a chain behind handle ``start`` from the leader, as one solver placed them."""
+
+    @property
+    def start(self) -> int:
+        """Number of the first handle, from the leader on."""
+        ...
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        ...
+
+    @property
+    def solver(self) -> str:
+        """What placed them: 'table', 'march' where a table did not reach, '' where none was looked for."""
+        ...
+
+    def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
+        """Fill in the velocities of these handles, the first at a speed in the head's way; return that of the last.
+
+        ``out`` is (S, N+1, 2), and for one instant its 2 N + 2 numbers in a row. A part may leave its last handle to
+        the next one.
+        """
+        ...
+
+    def headings(self, chain: 'Chain', out: Floats) -> None:
+        """Fill in unit tangents in the head's way; ``out`` as above."""
+        ...
+
+    def places(self) -> Places:
+        """Return the places (..., links + 1) of these handles, the nearest to the leader first."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Chain:
+    """All handles at one instant (or at many: the arrays then have a leading axis).
+
+    ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) the spacing of the handles from head to tail,
+    ``evaluations`` how often an equation was evaluated. The leader is the head where ``direction`` is BEHIND (its
+    followers lie behind), else the tail. ``parts`` are in order from the leader on.
+    """
+
+    p: Floats
+    links_m: Floats
+    evaluations: int
+    track: Track
+    direction: int
+    parts: tuple[Part, ...]
+
+    @property
+    def solver(self) -> str:
+        """What placed the handles: 'table', 'march', or 'table+march' where a table did not reach all along a block."""
+        seen = {part.solver for part in self.parts}
+        if 'table' not in seen:
+            return 'march'
+        return 'table+march' if 'march' in seen else 'table'
+
+    @cached_property
+    def residuals_m(self) -> Floats:
+        """Distance of consecutive handles minus link length, from the coordinates, shape (..., N)."""
+        step = np.diff(self.p, axis=-2)
+        out: Floats = np.hypot(step[..., 0], step[..., 1]) - self.links_m
+        return out
+
+    @cached_property
+    def worst(self) -> tuple[float, int]:
+        """Largest |residual| in metres and its link."""
+        link = int(np.argmax(np.abs(self.residuals_m)) % self.links_m.size)
+        return float(np.max(np.abs(self.residuals_m))), link
+
+    @property
+    def leader(self) -> int:
+        """Index of the leading handle: 0, or -1 where the tail leads."""
+        return 0 if self.direction == BEHIND else -1
+
+    @cached_property
+    def headings(self) -> Floats:
+        """Unit tangents of the track at the handles, in the head's way, shape (..., N+1, 2)."""
+        out = np.empty_like(self.p)
+        for part in self.parts:
+            part.headings(self, out.reshape(-1) if out.ndim == 2 else out)
+        return read_only(out)
+
+    @property
+    def tangents(self) -> Floats:
+        """Unit tangents against the head's way, towards the tail, also of handles that move back for a while."""
+        return read_only(-self.headings)
+
+    @cached_property
+    def places(self) -> Places:
+        """Places of the handles on the track from head to tail: segments and coordinates (hi, lo), (..., N+1) each."""
+        shape = self.p.shape[:-1]
+        segment, u, lo = np.empty(shape, dtype=np.int64), np.empty(shape), np.empty(shape)
+        for part in self.parts:
+            some = self.slice_of(part)
+            for out, values in zip((segment, u, lo), part.places(), strict=True):
+                out[..., some] = values[..., ::-self.direction]
+        return segment, u, lo
+
+    @property
+    def segment(self) -> Ints:
+        """Numbers of the segments on which the handles are."""
+        return self.places[0]
+
+    @property
+    def u(self) -> Floats:
+        """Coordinates of the handles on their segments."""
+        return self.places[1]
+
+    @property
+    def u_lo(self) -> Floats:
+        """What ``u`` misses."""
+        return self.places[2]
+
+    def slice_of(self, part: Part) -> slice:
+        """Return where the handles of a part are among those of the chain."""
+        start = part.start if self.direction == BEHIND else self.links_m.size - part.start - part.links
+        return slice(start, start + part.links + 1)
+
+    def velocities(self, leader_speed_m_s: Any) -> Floats:
+        """Return velocity vectors in m/s, shape (..., N+1, 2).
+
+        The leader's speed (one, or one an instant) is positive in its own way: outwards where a tail leads.
+        """
+        speed = -self.direction * leader_speed_m_s
+        out: Floats = np.empty(self.p.size)
+        if self.p.ndim > 2:
+            out, speed = out.reshape(self.p.shape), np.broadcast_to(np.asarray(speed, np.float64), self.p.shape[:1])
+        for part in self.parts:
+            speed = part.velocities(self, speed, out)
+        out = out.reshape(self.p.shape)
+        out.setflags(write=False)
+        return out
+
+
+def conditioning(chain: Chain) -> float:
+    """Return how much faster than the leader the fastest handle is, at least 1.
+
+    Close to a lock it grows without bound, and with it what the last bit of the head's place does to the handles: a
+    position error is promised in metres times this number. A speed is promised relative to the speed itself over
+    cos^2 beta, that is times the square of it.
+    """
+    v = chain.velocities(1.0)
+    return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))
+
+
+@dataclass(frozen=True, eq=False)
+class MarchedLinks:
+    """Links that forward placement put on the track: ``handles`` (..., links + 1) from the leader on."""
+
+    start: int
+    handles: Places
+    solver: str = ''
+
+    @property
+    def links(self) -> int:
+        """Number of links."""
+        return int(self.handles[0].shape[-1]) - 1
+
+    def places(self) -> Places:
+        """Return the places."""
+        return self.handles
+
+    def headings(self, chain: Chain, out: Floats) -> None:
+        """Fill in unit tangents in the head's way."""
+        rows = out.reshape(chain.p.shape)
+        rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
+
+    def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
+        """Fill in velocities; a link of no length carries the speed over unchanged."""
+        some, order = chain.slice_of(self), slice(None, None, -chain.direction)
+        heading = chain.track.headings(*self.handles)
+        p = chain.p[..., some, :][..., order, :]
+        link = p[..., :-1, :] - p[..., 1:, :]
+        near, far = np.sum(link * heading[..., :-1, :], axis=-1), np.sum(link * heading[..., 1:, :], axis=-1)
+        joined = far == 0
+        ratio = np.where(joined, 1.0, near) / np.where(joined, 1.0, far)
+        speeds = np.concatenate((np.ones((*ratio.shape[:-1], 1)), np.cumprod(ratio, axis=-1)), axis=-1)
+        speeds *= np.asarray(speed)[..., None]
+        out.reshape(chain.p.shape)[..., some, :] = (speeds[..., None] * heading)[..., order, :]
+        return speeds[..., -1] if chain.p.ndim > 2 else float(speeds[-1])
+
+
+class MarchedLink(NamedTuple):
+    """One link at one instant, as ``MarchedLinks`` in plain floats: the handle nearer to the leader, and the other."""
+
+    start: int
+    near: Place
+    far: Place
+    solver: str = ''
+
+    @property
+    def links(self) -> int:
+        """One."""
+        return 1
+
+    def places(self) -> Places:
+        """Return the places."""
+        (k, u), (k_2, u_2) = self.near, self.far
+        return np.array([k, k_2]), np.array([u.hi, u_2.hi]), np.array([u.lo, u_2.lo])
+
+    def _numbers(self, chain: Chain) -> tuple[int, int]:
+        """Return where both handles begin in the numbers of a chain."""
+        if chain.direction < 0:
+            return 2 * self.start, 2 * self.start + 2
+        last = 2 * (chain.links_m.size - self.start)
+        return last, last - 2
+
+    def headings(self, chain: Chain, out: Floats) -> None:
+        """Fill in unit tangents in the head's way."""
+        for at, (k, u) in zip(self._numbers(chain), (self.near, self.far), strict=True):
+            heading = chain.track.segments[k].heading(*u)
+            out[at], out[at + 1] = heading.real, heading.imag
+
+    def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
+        """Fill in velocities; a link of no length carries the speed over unchanged."""
+        at, following = self._numbers(chain)
+        segments, p = chain.track.segments, chain.p
+        (k, u), (k_2, u_2) = self.near, self.far
+        one, two = segments[k].heading(*u), segments[k_2].heading(*u_2)
+        out[at], out[at + 1] = speed * one.real, speed * one.imag
+        x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
+        if x or y:
+            speed *= (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
+        if self.start + 1 == chain.links_m.size:
+            out[following], out[following + 1] = speed * two.real, speed * two.imag
+        return speed
+
+
+def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort: Effort) -> Chain:
+    """Return the chain of a leader by forward placement: of the head (``direction`` BEHIND), or of the tail.
+
+    Raises as ``forward``.
+    """
+    handles = forward(track, blocks_of(links_m, direction), leader, direction, effort)
+    return chain_of(track, links_m, direction, arrays_of(handles), handles.evaluations)
+
+
+def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int, effort: Effort) -> Chain:
+    """Return the chains of many leaders in one, as ``marched`` does for one, to the last digits."""
+    rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction, effort)
+    return chain_of(track, links_m, direction, (rows[0].T, rows[1].T, rows[2].T), spent)
+
+
+def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, evaluations: int) -> Chain:
+    """Return the chain of handles (..., N+1) from the leader on."""
+    p = track.points(*handles)[..., ::-direction, :]
+    if not np.all(links_m):
+        p = p.copy()
+        join(p, links_m, direction)
+    return Chain(read_only(p), links_m, evaluations, track, direction, (MarchedLinks(0, handles),))
+
+
+def join(p: Floats, links_m: Floats, direction: int) -> None:
+    """Put both handles of a link of no length on one point, which solvers round apart."""
+    for link in np.flatnonzero(links_m == 0)[::-direction].tolist():
+        near, far = (link, link + 1) if direction == BEHIND else (link + 1, link)
+        p[..., far, :] = p[..., near, :]
+
+
+def arrays_of(handles: Handles) -> Places:
+    """Return handles as arrays."""
+    segment, u, lo, _ = handles
+    return np.array(segment), np.array(u), np.array(lo)
+
+
+def stack(chains: Sequence[Chain]) -> Chain:
+    """Return chains of one dragon as one, with a leading axis."""
+    first = chains[0]
+    segment, u, lo = (np.stack(values)[..., ::-first.direction]
+                      for values in zip(*(one.places for one in chains), strict=True))
+    p = read_only(np.stack([one.p for one in chains]))
+    return type(first)(p, first.links_m, sum(one.evaluations for one in chains), first.track, first.direction,
+                       (MarchedLinks(0, (segment, u, lo)),))

@@ -1,0 +1,123 @@
+"""The dragon's benches: how many, how long, how wide, and where their handle holes are."""
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from dragon_ros.core.checks import Settings, number, settle, whole
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.types import Floats, read_only
+
+_MOST, _MOST_GROUPS = 1_000_000, 10_000
+
+
+@dataclass(frozen=True)
+class Dragon(Settings):
+    """A head bench and ``benches - 1`` equal body benches, joined at ``benches + 1`` handles.
+
+    Every length is in metres. Defaults are those of the contest problem behind the paper (CUMCM 2024 A).
+    """
+
+    benches: int = 223
+    head_length_m: float = 3.41
+    body_length_m: float = 2.20
+    width_m: float = 0.30
+    hole_inset_m: float = 0.275
+
+    def __post_init__(self) -> None:
+        """Refuse benches that cannot be built."""
+        settle(self, benches=whole('dragon.benches', self.benches, low=1, high=_MOST))
+        _settle_common(self)
+        settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
+                        for name in ('head_length_m', 'body_length_m')})
+
+    @property
+    def head_link_m(self) -> float:
+        """Distance between the two handles of the head bench."""
+        return self.head_length_m - 2 * self.hole_inset_m
+
+    @cached_property
+    def link_lengths_m(self) -> Floats:
+        """Handle spacing of each bench, shape (benches,)."""
+        return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
+
+    @cached_property
+    def bench_lengths_m(self) -> Floats:
+        """Full length of each bench, shape (benches,)."""
+        return read_only(np.array([self.head_length_m] + [self.body_length_m] * (self.benches - 1)))
+
+
+@dataclass(frozen=True)
+class Group:
+    """Benches of one length, one behind the other."""
+
+    length_m: float
+    count: int = 1
+
+
+@dataclass(frozen=True)
+class Mixed(Settings):
+    """Benches of different lengths: ``groups`` from the head backwards, all of one width, joined by their handles."""
+
+    groups: tuple[Group, ...]
+    width_m: float = Dragon.width_m
+    hole_inset_m: float = Dragon.hole_inset_m
+
+    def __post_init__(self) -> None:
+        """Refuse benches that cannot be built."""
+        _settle_common(self)
+        if not 1 <= len(self.groups) <= _MOST_GROUPS:
+            raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {_MOST_GROUPS} groups',
+                             'list its benches, such as [{length_m: 3.41}, {count: 222, length_m: 2.2}]')
+        settle(self, groups=tuple(self._group(n, group) for n, group in enumerate(self.groups, 1)))
+        if self.benches > _MOST:
+            raise FieldError('dragon.groups', f'{self.benches} benches', f'the most are {_MOST}', 'give smaller counts')
+
+    def _group(self, n: int, group: Group) -> Group:
+        """Return a group with its values checked."""
+        count = whole(f'dragon.groups.{n}.count', group.count, low=1, high=_MOST)
+        return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
+
+    @property
+    def benches(self) -> int:
+        """Number of benches."""
+        return sum(group.count for group in self.groups)
+
+    @cached_property
+    def link_lengths_m(self) -> Floats:
+        """Handle spacing of each bench, shape (benches,)."""
+        return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
+
+    @cached_property
+    def bench_lengths_m(self) -> Floats:
+        """Full length of each bench, shape (benches,)."""
+        lengths, counts = zip(*((group.length_m, group.count) for group in self.groups), strict=True)
+        return read_only(np.repeat(np.array(lengths, dtype=np.float64), counts))
+
+
+AnyDragon = Dragon | Mixed
+
+
+def is_even(lengths_m: Floats) -> bool:
+    """Return whether all behind the first are equal, as for the classic dragon (link or bench lengths, (N,))."""
+    return bool(np.all(lengths_m[1:] == lengths_m[-1]))
+
+
+def goes_on_alike(lengths_m: Floats, one: int, other: int) -> bool:
+    """Return whether the dragon goes on from bench ``other`` as it does from ``one`` <= other, as far as it goes."""
+    rest = lengths_m[other:]
+    return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
+
+
+def _settle_common(dragon: AnyDragon) -> None:
+    settle(dragon, hole_inset_m=number('dragon.hole_inset_m', dragon.hole_inset_m, low=0.0, high=1e12),
+           width_m=number('dragon.width_m', dragon.width_m, above=0.0, high=1e12))
+
+
+def _length(field: str, length_m: float, hole_inset_m: float) -> float:
+    number(field, length_m, above=0.0, high=1e12)
+    length = number(field, length_m, low=1e-12)
+    if length < 2 * hole_inset_m:
+        raise FieldError(field, length, f'a bench must hold its two holes, 2 x {hole_inset_m} m from the ends',
+                         'make the bench longer or dragon.hole_inset_m smaller')
+    return length

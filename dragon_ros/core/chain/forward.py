@@ -1,0 +1,160 @@
+"""Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many."""
+from collections.abc import Callable
+from itertools import pairwise
+from math import inf
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.errors import ChainLockError, TrackEndError
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
+from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.tracks.chord import TIGHT
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort, Past, SpiralSegment
+
+
+class Block(NamedTuple):
+    """Links ``start`` to ``stop`` from the leader on, all of one length."""
+
+    start: int
+    stop: int
+    link_m: float
+
+
+class Handles(NamedTuple):
+    """Handles from a leader on, at one instant: segments and coordinates (hi, lo), and evaluations."""
+
+    segment: list[int]
+    u: list[float]
+    lo: list[float]
+    evaluations: int
+
+    def place(self, n: int) -> Place:
+        """Return the place of one of them."""
+        return Place(self.segment[n], DoubleDouble(self.u[n], self.lo[n]))
+
+
+def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
+    """Return the blocks of equal links (N,), given from head to tail, from the leader on."""
+    links = links_m if direction == BEHIND else links_m[::-1]
+    if not links.size:
+        return ()
+    ends = [0, *(np.flatnonzero(np.diff(links)) + 1).tolist(), links.size]
+    return tuple(Block(start, stop, float(links[start])) for start, stop in pairwise(ends))
+
+
+def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int, effort: Effort) -> Handles:
+    """Return the handles of blocks of links from a leader on, the leader first.
+
+    Raises ChainLockError where a link finds no place near a spiral's centre, TrackEndError where there is no track.
+    """
+    k, (high, low) = leader
+    segments, us, lows, spent = [k], [high], [low], 0
+    for block in blocks:
+        i = block.start
+        while i < block.stop:
+            k, u = segments[-1], DoubleDouble(us[-1], lows[-1])
+            highs, los, more = track.segments[k].march(u, (block.stop - i, block.link_m), direction, effort,
+                                                       track.edge(k, block.link_m, direction))
+            segments += [k] * len(highs)
+            us += highs
+            lows += los
+            spent += more
+            i += len(highs)
+            if i < block.stop:
+                u = DoubleDouble(us[-1], lows[-1])
+                if direction == BEHIND and k == 0 and track.from_afar:
+                    raise locked(track, i, u.hi, block.link_m)
+                (k, u), more = track.across(Place(k, u), block.link_m, direction, effort.newton)
+                segments.append(k)
+                us.append(u.hi)
+                lows.append(u.lo)
+                spent += more
+                i += 1
+    return Handles(segments, us, lows, spent)
+
+
+def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockError:
+    """Return the error that names the link without a place, its front handle at a polar angle of the first segment."""
+    spiral = track.from_afar
+    assert spiral
+    radius = spiral.curve.b_m * theta
+    return ChainLockError(
+        f'the chain locks: link {link} of {link_m:.6g} m finds no place behind its front handle at radius '
+        f'{radius:.6f} m; end the scene earlier, or use shorter benches or a larger pitch',
+        link=link, radius_m=radius, theta_rad=theta)
+
+
+def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int, effort: Effort,
+                 settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
+    """Return the handles behind many leaders (M,) as arrays (links + 1, M), and evaluations.
+
+    They agree with ``forward`` to the last digits and not bit for bit. With ``settle``, which may put each row in
+    order, rows end where the track does. Raises as ``forward`` does.
+    """
+    rows, spent = [leaders], 0
+    for block in blocks:
+        past: list[Floats] = []
+        for i in range(block.start, block.stop):
+            try:
+                following, square, more = next_places(track, rows[-1], block.link_m, direction, effort,
+                                                      Past(*past) if len(past) == 3 else None)
+            except ChainLockError as error:
+                raise locked(track, i, error.fields['theta_rad'], block.link_m) from None
+            except TrackEndError:
+                if settle:
+                    return _stacked(rows), spent
+                raise
+            past = [] if square is None else [square, *past[:2]]
+            rows.append(settle(following) if settle else following)
+            spent += more
+    return _stacked(rows), spent
+
+
+def _stacked(rows: list[Places]) -> Places:
+    segment, u, lo = (np.array(values) for values in zip(*rows, strict=True))
+    return segment, u, lo
+
+
+def next_places(track: Track, places: Places, chord_m: float, direction: int, effort: Effort,
+                past: Past | None = None) -> tuple[Places, Floats | None, int]:
+    """Return the next places behind or ahead of many, what a predictor keeps of them, and evaluations.
+
+    The second is None unless all stayed on one segment. Raises TrackEndError where any finds no track, ChainLockError
+    with its ``theta_rad`` where any locks.
+    """
+    number, u, lo = places
+    if not number.size:
+        return places, None, 0
+    numbers = np.unique(number).tolist() if len(track.segments) > 1 else [0]
+    if len(numbers) == 1:
+        return _next_on_one(track, numbers[0], places, chord_m, direction, effort, past)
+    number, u, lo, spent = number.copy(), u.copy(), lo.copy(), 0
+    for k in numbers:
+        on = np.flatnonzero(places[0] == k)
+        found, _, more = _next_on_one(track, k, (number[on], u[on], lo[on]), chord_m, direction, effort, None)
+        number[on], u[on], lo[on] = found
+        spent += more
+    return (number, u, lo), None, spent
+
+
+def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction: int, effort: Effort,
+                 past: Past | None) -> tuple[Places, Floats | None, int]:
+    """Return ``next_places`` of places on one segment."""
+    segment, (number, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
+    newton = effort.newton
+    if effort.near_m and isinstance(segment, SpiralSegment) and np.min(u) * segment.curve.b_m <= effort.near_m:
+        newton = min(newton, TIGHT)
+    shift, spent = segment.shifts(u, chord_m, direction, newton, past)
+    if edge == inf:         # outwards without end: all stay
+        return (number, *plus(u, lo, shift)), segment.squares(u, shift), spent
+    found = np.isfinite(shift)
+    high, low = plus(u, lo, np.where(found, shift, 0.0))
+    stays: Array = found & (np.minimum(u, edge) <= high) & (high <= np.maximum(u, edge))
+    if np.all(stays):
+        return (number, high, low), segment.squares(u, shift), spent
+    over, number = np.flatnonzero(~stays), number.copy()
+    (number[over], high[over], low[over]), more = track.across_many(k, (u[over], lo[over]), chord_m, direction,
+                                                                    effort.newton)
+    return (number, high, low), None, spent + more

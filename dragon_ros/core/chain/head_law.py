@@ -1,0 +1,208 @@
+"""The head law: how far the leading handle has gone along the track at a time, and how fast it is.
+
+Speeds are positive inwards, along the head's way. Where the tail leads they are positive outwards: the dragon lies
+wound in as the head's start says, the tail walks out along the track, and each handle lies where its link to the one
+nearer the tail puts it.
+"""
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from itertools import pairwise
+from math import isfinite
+from typing import Any
+
+import numpy as np
+
+from dragon_ros.core.checks import Settings, number, settle
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.double_double import product
+from dragon_ros.core.numerics.roots import bracketed_newton
+
+LEADERS = ('head', 'tail')
+RAMPS = ('linear', 'smooth')
+_MOST = 10_000
+
+
+@dataclass(frozen=True)
+class Head:
+    """Constant speed; the leader has gone ``speed_m_s * t`` of arc length at time t (paper, eq. 4)."""
+
+    speed_m_s: float = 1.0
+    lead: str = 'head'
+
+    def __post_init__(self) -> None:
+        """Refuse a speed that is not a number."""
+        settle(self, speed_m_s=number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9))
+        _check_lead(self.lead)
+
+    @property
+    def breaks_s(self) -> list[float]:
+        """Times between which the speed only grows or only falls, and keeps its sign."""
+        return []
+
+    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
+        """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
+        return product(self.speed_m_s, t_s)
+
+    def speed_at_m_s(self, t_s: float) -> float:
+        """Return the leader's speed."""
+        return self.speed_m_s
+
+    def acceleration_at_m_s2(self, t_s: float) -> float:
+        """Return the rate of the leader's speed: 0."""
+        return 0.0
+
+    def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
+        """Return the least and the greatest rate of the leader's speed between two times: 0."""
+        return 0.0, 0.0
+
+    def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
+        """Return the first time at which the leader has gone ``distance_m``, onwards (sense 1) or back; None if never.
+
+        The distance must have the sign of the sense, or be 0.
+        """
+        return distance_m / self.speed_m_s if sense * self.speed_m_s > 0 else None
+
+    def extent_m(self, t_s: float) -> tuple[float, float]:
+        """Return the least and the greatest distance that the leader has gone by ``t_s`` (0 is among them)."""
+        gone = self.speed_m_s * t_s
+        return min(0.0, gone), max(0.0, gone)
+
+
+@dataclass(frozen=True)
+class Profile(Settings):
+    """Speed by time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed stays.
+
+    A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), without jumps in the acceleration's sign. Two
+    knots at one time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
+    """
+
+    knots: tuple[tuple[float, float], ...]
+    ramps: str = 'linear'
+    lead: str = 'head'
+
+    def __post_init__(self) -> None:
+        """Refuse a profile without knots, or whose times go back."""
+        _check_lead(self.lead)
+        if self.ramps not in RAMPS:
+            raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
+        if not 1 <= len(self.knots) <= _MOST:
+            raise FieldError('head.knots', len(self.knots), f'a profile has 1 to {_MOST} knots', 'list [time, speed]')
+        settle(self, knots=tuple(
+            (number(f'head.knots.{n + 1}', t_s, low=self.knots[n - 1][0] if n else 0.0, high=1e10),
+             number(f'head.knots.{n + 1}', speed, low=-1e9, high=1e9)) for n, (t_s, speed) in enumerate(self.knots)))
+        if self.knots[0][0] != 0:
+            raise FieldError('head.knots.1', self.knots[0], 'the first knot is at 0 s', 'say the speed at 0 s')
+
+    @cached_property
+    def _times(self) -> list[float]:
+        return [t_s for t_s, _ in self.knots]
+
+    @cached_property
+    def _reached(self) -> list[Fraction]:
+        """Distance at each knot: a ramp's mean speed is the mean of its ends."""
+        out = [Fraction(0)]
+        for (t0, v0), (t1, v1) in pairwise(self.knots):
+            out.append(out[-1] + (Fraction(t1) - Fraction(t0)) * (Fraction(v0) + Fraction(v1)) / 2)
+        return out
+
+    def _part(self, t_s: float) -> tuple[int, Fraction, Fraction, Fraction]:
+        """Return (knot before, time since, length of its ramp or 0, change of speed on it)."""
+        n = bisect_right(self._times, t_s) - 1
+        since = Fraction(t_s) - Fraction(self._times[n])
+        if n + 1 == len(self.knots):
+            return n, since, Fraction(0), Fraction(0)
+        (t0, v0), (t1, v1) = self.knots[n], self.knots[n + 1]
+        return n, since, Fraction(t1) - Fraction(t0), Fraction(v1) - Fraction(v0)
+
+    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
+        """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
+        if isinstance(t_s, np.ndarray):
+            gone = np.array([self._gone(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
+            return gone[:, 0], gone[:, 1]
+        return self._gone(t_s)
+
+    def _gone(self, t_s: float) -> tuple[float, float]:
+        n, since, length, change = self._part(t_s)
+        gone = self._reached[n] + Fraction(self.knots[n][1]) * since
+        if change:
+            x = since / length
+            gone += change * length * (x * x / 2 if self.ramps == 'linear' else x**3 * (1 - x / 2))
+        hi = float(gone)
+        return hi, float(gone - Fraction(hi))
+
+    def speed_at_m_s(self, t_s: float) -> float:
+        """Return the leader's speed; at a jump, the one after it."""
+        n, since, length, change = self._part(t_s)
+        if not change:
+            return self.knots[n][1]
+        x = since / length
+        return float(Fraction(self.knots[n][1]) + change * (x if self.ramps == 'linear' else x * x * (3 - 2 * x)))
+
+    def acceleration_at_m_s2(self, t_s: float) -> float:
+        """Return the rate of the leader's speed in m/s^2; at a knot, the one just after it."""
+        _, since, length, change = self._part(t_s)
+        return self._rate(since, length, change) if change else 0.0
+
+    def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
+        """Return the least and the greatest rate of the leader's speed between two times without a knot in between."""
+        _, since, length, change = self._part(start_s)
+        if not change:
+            return 0.0, 0.0
+        until = since + Fraction(stop_s) - Fraction(start_s)
+        rates = [self._rate(part, length, change) for part in (since, until)]
+        if since < length / 2 < until:      # the steepest place of a smooth ramp
+            rates.append(self._rate(length / 2, length, change))
+        return min(rates), max(rates)
+
+    def _rate(self, since: Fraction, length: Fraction, change: Fraction) -> float:
+        x = since / length
+        return float(change / length * (1 if self.ramps == 'linear' else 6 * x * (1 - x)))
+
+    @cached_property
+    def breaks_s(self) -> list[float]:
+        """Times between which the speed only grows or only falls, and keeps its sign: knots, and rests on ramps."""
+        out = list(self._times)
+        for (t0, v0), (t1, v1) in pairwise(self.knots):
+            if v0 * v1 < 0:
+                x = bracketed_newton(self._rest_of(v0, v1), 0.0, 1.0, v0 / (v0 - v1))[0]
+                out.append(t0 + x * (t1 - t0))
+        return sorted(set(out))
+
+    def _rest_of(self, v0: float, v1: float) -> Callable[[float], tuple[float, float]]:
+        """Return x -> (share of a ramp's change of speed less what brings it to rest, slope)."""
+        rest = v0 / (v0 - v1)
+        if self.ramps == 'linear':
+            return lambda x: (x - rest, 1.0)
+        return lambda x: (x * x * (3 - 2 * x) - rest, 6 * x * (1 - x))
+
+    def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
+        """Return the first time at which the leader has gone ``distance_m``, onwards (sense 1) or back; None if never.
+
+        The distance must have the sign of the sense, or be 0: then it is the time at which the leader leaves.
+        """
+        def beyond(t_s: float) -> tuple[float, float]:
+            hi, lo = self.travelled_m(t_s)
+            return sense * ((hi - distance_m) + lo), sense * self.speed_at_m_s(t_s)
+
+        for before, after in pairwise(self.breaks_s):
+            if beyond(after)[0] > 0:
+                return bracketed_newton(beyond, before, after, 0.5 * (before + after))[0]
+        last, speed = self.breaks_s[-1], sense * self.knots[-1][1]
+        left = -beyond(last)[0]
+        return last + left / speed if speed > 0 and isfinite(left / speed) else None
+
+    def extent_m(self, t_s: float) -> tuple[float, float]:
+        """Return the least and the greatest distance that the leader has gone by ``t_s`` (0 is among them)."""
+        gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
+        return min(gone), max(gone)
+
+
+HeadLaw = Head | Profile
+
+
+def _check_lead(lead: str) -> None:
+    if lead not in LEADERS:
+        raise FieldError('head.lead', lead, 'the dragon is led by its head or its tail', 'give head or tail')

@@ -1,0 +1,147 @@
+"""Speeds and accelerations of all handles from the rigid links, on any track, behind the head or the tail.
+
+Handle i moves along the track at the signed speed s_i, positive in the head's way, so that q' = s T and
+
+    q'' = s' T + s^2 kappa N,
+
+with the unit tangent T in the head's way, its left normal N and the signed curvature kappa. A link of length l and unit
+direction e, from its rear handle r to its front handle f, keeps its length: |q_f - q_r|^2 = l^2, differentiated once
+and twice, gives
+
+    s_f (e . T_f) = s_r (e . T_r),
+    s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r),
+
+one equation a link for speeds and one for s', solved link by link from the leader. Where e . T of a follower vanishes
+the chain locks.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import accumulate
+
+import numpy as np
+
+from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
+from dragon_ros.core.numerics.vectors import dot, left
+from dragon_ros.core.tracks.composite import Track
+
+HEAD, TAIL = 0, -1      # the leading handle's index
+_ULP = 2.0**-52
+
+
+@dataclass(frozen=True, eq=False)
+class RigidLinks:
+    """The links of a chain and the track under its handles, at one instant or at many (leading axes).
+
+    ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) the links, ``forward`` (..., N+1, 2) unit tangents
+    in the head's way, ``leader`` is HEAD or TAIL. The leader's speed and tangential acceleration count in its own
+    way: in the head's where the head leads, against it where the tail does.
+    """
+
+    p: Floats
+    links_m: Floats
+    forward: Floats
+    leader: int
+
+    @cached_property
+    def along_track(self) -> Array:
+        """Whether a link (..., N) lies along the track and hands speed and acceleration over as they are.
+
+        So it is for links of no length. The direction of a link of length l is off by ulp |p| / l, and e . T, even in
+        that angle, by its square at least; along the track it is taken wrong by (kappa l)^2. Up to sqrt(ulp) |p|
+        rounding is the larger of the two.
+        """
+        size = np.max(np.abs(self.p), axis=(-2, -1), keepdims=True)[..., 0]
+        out: Array = self.links_m <= np.sqrt(_ULP) * size
+        return out
+
+    @cached_property
+    def axis(self) -> Floats:
+        """Unit vectors (..., N, 2) from handle i + 1 to handle i."""
+        axis = self.p[..., :-1, :] - self.p[..., 1:, :]
+        length = np.where(self.along_track, 1.0, np.hypot(axis[..., 0], axis[..., 1]))
+        return np.where(self.along_track[..., None], self.forward[..., :-1, :], axis / length[..., None])
+
+    @cached_property
+    def cosines(self) -> tuple[Floats, Floats]:
+        """Return e . T at the front and at the rear handle of each link, (..., N)."""
+        front, rear = dot(self.axis, self.forward[..., :-1, :]), dot(self.axis, self.forward[..., 1:, :])
+        return np.where(self.along_track, 1.0, front), np.where(self.along_track, 1.0, rear)
+
+    def speeds(self, leader_m_s: float | Floats) -> Floats:
+        """Return the signed speeds (..., N+1) in m/s, positive in the head's way, for speeds (...) of the leader."""
+        front, rear = self.cosines
+        out = np.empty(self.p.shape[:-1])
+        leading = self._forward(leader_m_s)
+        out[..., self.leader] = leading
+        if self.leader == HEAD:
+            np.multiply(np.cumprod(front / rear, axis=-1), leading[..., None], out=out[..., 1:])
+        else:
+            ratio = np.cumprod((rear / front)[..., ::-1], axis=-1)[..., ::-1]
+            np.multiply(ratio, leading[..., None], out=out[..., :-1])
+        return out
+
+    def velocities(self, leader_m_s: float | Floats) -> Floats:
+        """Return the velocities (..., N+1, 2) in m/s."""
+        return read_only(self.speeds(leader_m_s)[..., None] * self.forward)
+
+    def accelerations(self, speeds: Floats, curvature: Floats, leader_m_s2: float | Floats) -> Floats:
+        """Return the accelerations (..., N+1, 2) in m/s^2.
+
+        ``speeds`` (..., N+1) are those of ``speeds``, ``curvature`` (..., N+1) is signed, in 1/m, positive where the
+        head's way turns left (see ``entered_curvatures`` for joints), ``leader_m_s2`` (...) the rate of the leader's
+        speed.
+        """
+        side, bend = left(self.forward), speeds * speeds * curvature
+        front, rear = self.cosines
+        v = speeds[..., None] * self.forward
+        spread = v[..., :-1, :] - v[..., 1:, :]
+        pull = (bend[..., :-1] * dot(self.axis, side[..., :-1, :]) - bend[..., 1:] * dot(self.axis, side[..., 1:, :])
+                + dot(spread, spread) / np.where(self.along_track, 1.0, self.links_m))
+        pull = np.where(self.along_track, 0.0, pull)
+        leading = self._forward(leader_m_s2)
+        if self.leader == HEAD:
+            tangential = carried(leading, front / rear, pull / rear)
+        else:
+            tangential = carried(leading, (rear / front)[..., ::-1], (-pull / front)[..., ::-1])[..., ::-1]
+        return read_only(tangential[..., None] * self.forward + bend[..., None] * side)
+
+    def _forward(self, leader: float | Floats) -> Floats:
+        """Return a rate of the leader in the head's way."""
+        rate = np.asarray(leader, dtype=np.float64)
+        return rate if self.leader == HEAD else -rate
+
+
+def carried(start: Floats, ratio: Floats, added: Floats) -> Floats:
+    """Return y (..., N+1) with y[0] = start (...) and y[m+1] = ratio[m] y[m] + added[m], both (..., N)."""
+    if ratio.ndim == 1:
+        return np.array(list(_carried(float(start), zip(ratio.tolist(), added.tolist(), strict=True))))
+    out = np.empty((*ratio.shape[:-1], ratio.shape[-1] + 1))
+    out[..., 0] = start
+    for m in range(ratio.shape[-1]):
+        out[..., m + 1] = ratio[..., m] * out[..., m] + added[..., m]
+    return out
+
+
+def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[float]:
+    return accumulate(steps, lambda y, step: step[0] * y + step[1], initial=start)
+
+
+def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
+    """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
+
+    ``segment`` and ``u`` (..., N+1) are the handles' places. A handle that stands on a joint to within ``within_m``,
+    the error that its position may have, is taken to be on the segment that it moves into. A handle at rest keeps its
+    own: its curvature counts times the square of its speed.
+    """
+    if not track.joints_m:
+        return track.curvatures(segment, u)
+    along, joints = track.distances(segment, u), np.array(track.joints_m)
+    near = within_m + 4 * _ULP * np.abs(along)      # a distance along the track rounds as well
+    entered = np.where(speeds > 0, np.searchsorted(joints, along + near, side='right'),
+                       np.where(speeds < 0, np.searchsorted(joints, along - near, side='left'), segment))
+    ahead, behind = entered > segment, entered < segment
+    if not np.any(ahead | behind):
+        return track.curvatures(segment, u)
+    first, last = (np.array([getattr(one, end) for one in track.segments]) for end in ('first', 'last'))
+    return track.curvatures(entered, np.where(ahead, first[entered], np.where(behind, last[entered], u)))

@@ -1,0 +1,107 @@
+"""The leader of a chain: where it is on the track when it has gone some distance, and how far it can go."""
+from dataclasses import dataclass
+from functools import cached_property
+from math import hypot, inf, sqrt
+
+import numpy as np
+
+from dragon_ros.core.chain.forward import blocks_of, forward
+from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+
+
+@dataclass(frozen=True, eq=False)
+class Leader:
+    """The leader of the chain whose head lies ``start_m`` along a track when the leader has gone 0.
+
+    Led by the head, followers lie behind. Led by the tail (``direction`` AHEAD), the leader is the last handle: it
+    walks back along the track, and each handle lies ahead of the one nearer the tail, so links follow in reverse. The
+    track then ends where the head lies at the start.
+    """
+
+    track: Track
+    links_m: Floats
+    start_m: float
+    direction: int
+
+    def __post_init__(self) -> None:
+        """Refuse links that could lock on a composite track, and a start without track for the whole chain."""
+        self.track.check_links(self.links_m)
+        if self.least_m > self.start_m:
+            raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon, '
+                             f'which fits from {self.least_m:.9g} m on', 'start there, or lengthen the track')
+
+    @cached_property
+    def least_m(self) -> float:
+        """Distance of the head where the tail lies at the beginning of the track; -inf if that is open."""
+        if self.track.begin_m == -inf:
+            return -inf
+        try:
+            head = self._last(self.track.place_at(self.track.begin_m), AHEAD)
+        except TrackEndError:
+            return inf
+        return self.track.distance_of(head)[0]
+
+    def _last(self, leader: Place, direction: int) -> Place:
+        """Return the place of the last handle behind, or ahead of, a place."""
+        return forward(self.track, blocks_of(self.links_m, direction), leader, direction, Effort()).place(-1)
+
+    @cached_property
+    def _origin_m(self) -> tuple[float, float]:
+        """Distance of the leader along the track when it has gone 0, as (hi, lo)."""
+        if self.direction == BEHIND:
+            return self.start_m, 0.0
+        return self.track.distance_of(self._last(self.track.place_at(self.start_m), BEHIND))
+
+    def place(self, gone_m: tuple[float, float]) -> Place:
+        """Return the place of the leader after (hi, lo) metres. Raises TrackEndError off the track."""
+        (origin, low), step = self._origin_m, -self.direction * gone_m[0]
+        total = origin + step               # double_double.plus, written out
+        part = total - origin
+        low += (origin - (total - part)) + (step - part)
+        return self.track.place_at(total, low - self.direction * gone_m[1])
+
+    def places(self, gone_m: tuple[Floats, Floats]) -> Places:
+        """Return ``place`` of many."""
+        high, low = plus(*self._origin_m, -self.direction * gone_m[0])
+        return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
+
+    def gone_m(self, leader: Place) -> float:
+        """Return how far the leader has gone when it is at a place."""
+        high, low = plus(*self.track.distance_of(leader), -self._origin_m[0])
+        return float(-self.direction * (high + (low - self._origin_m[1])))
+
+    def along_m(self, gone_m: float) -> float:
+        """Return the distance of the leader along the track when it has gone so far."""
+        return self._origin_m[0] - self.direction * gone_m
+
+    @cached_property
+    def range_m(self) -> tuple[float, float]:
+        """The least and the greatest way that the leader can go before a handle would leave the track."""
+        if self.direction == BEHIND:
+            return self.least_m - self.start_m, self.track.end_m - self.start_m
+        return 0.0, self._origin_m[0] - self.track.begin_m
+
+    def size_m(self, extent_m: tuple[float, float]) -> float:
+        """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
+        spiral = self.track.from_afar
+        if self.track.may_lock and spiral:      # r^2 grows by at most 2 b a metre of track, and links are no longer
+            curve, length_m = spiral.curve, float(np.sum(self.links_m))
+            return curve.b_m * (1 + hypot(curve.start.hi, sqrt(2 * (length_m - extent_m[0]) / curve.b_m)))
+        return self.track.far_m(*self.span_m(extent_m))
+
+    def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
+        """Return the stretch of the track on which handles are while the leader goes between two distances.
+
+        Every handle moves on as the leader moves on, so the tail's least distance is that of the leader's least.
+        """
+        (least, most), origin, track = extent_m, self._origin_m[0], self.track
+        if self.direction == BEHIND:
+            first = track.place_at(max(origin + least, self.least_m))
+            low, high = track.distance_of(self._last(first, BEHIND))[0], min(origin + most, track.end_m)
+        else:
+            low, high = max(origin - most, track.begin_m), self.start_m
+        return min(low, high), high     # the tail's distance rounds, and may pass that of a leader next to it

@@ -1,0 +1,141 @@
+"""Where a chain locks: the innermost place of the head from which every link still finds its next handle.
+
+Moving in, the first peak of the chord equation (``chord.first_peak``) sinks; where it meets the link's length the
+smallest root vanishes and the follower's speed goes to infinity.
+"""
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import pairwise
+from math import cos, inf, pi, sin, sqrt
+
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.tracks.chord import chord_of, first_guess, first_peak, step
+
+
+@lru_cache(maxsize=256)
+def lock_angle(chord: float) -> float:
+    """Return the polar angle below which a link (``chord`` in units of b) has no place; 0 if it always has one."""
+    low, high = max(0.0, 0.5 * (chord - 1.5 * pi)), 0.5 * (chord - pi)
+    if high <= 0.0 or chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
+        return 0.0
+    return _bisect(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) >= chord, max(low, _first_with_peak()), high)
+
+
+def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
+    """Return (polar angle of the head where the chain first locks on its way in, link); (0, 0) if it never does.
+
+    A link locks where its front handle comes in to ``lock_angle``: for each link, from the head on, that handle is
+    followed over the places of the head at which the links before still hold. Between the ``places`` it moves one way.
+    As handles lie further and further out, that ends where none of the longest link's could lock.
+    """
+    angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
+    places = sorted({angle, *_within(turns(chords[0]), angle, max(angle, top)), max(angle, top)}) if top else []
+    here = [follower(place, chords[0]) for place in places]
+    for k, chord in enumerate(chords[1:], 1):
+        if not here or min(here) >= top:
+            break
+        below = [n for n, theta in enumerate(here) if theta < lock_angle(chord)]
+        if below:
+            angle, link = _meets(chords[:k], lock_angle(chord), places[below[-1]], places[below[-1] + 1]), k
+            places, here = [angle, *places[below[-1] + 1:]], [lock_angle(chord), *here[below[-1] + 1:]]
+        turning = _turns_between(chords[:k], chord, places, here)
+        here = [follower(theta, chord) for theta in here] + [_handle(turn, chords[:k + 1]) for turn in turning]
+        places, here = map(list, zip(*sorted(zip(places + turning, here, strict=True)), strict=True))
+    return angle, link
+
+
+def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> float:
+    """Return the first place of the head in (low, high] at which the handle behind these links is not within theta."""
+    return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
+
+
+def _turns_between(chords: Sequence[float], chord: float, places: Sequence[float],
+                   here: Sequence[float]) -> list[float]:
+    """Return where the head is, between some places of it, when the rear handle of one more link turns back.
+
+    Its front handle, behind ``chords``, is ``here`` at the places and moves one way between them.
+    """
+    return [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
+                     places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
+            for turn in turns(chord) for n in range(len(places) - 1) if (here[n] - turn) * (here[n + 1] - turn) < 0]
+
+
+def _within(values: list[float], low: float, high: float) -> list[float]:
+    return [value for value in values if low < value < high]
+
+
+def _handle(theta: float, chords: Sequence[float]) -> float:
+    """Return the polar angle of the handle behind some links; infinite where there is none."""
+    for chord in chords:
+        theta = follower(theta, chord)
+    return theta
+
+
+def follower(theta: float, chord: float) -> float:
+    """Return the polar angle of the next handle; infinite where there is none."""
+    return theta + step(theta, chord, first_guess(theta, chord), 1e-8)[0] if theta < inf else inf
+
+
+def follower_range(low: float, high: float, chord: float) -> tuple[float, float]:
+    """Return the least and greatest polar angle of the next handle while one moves between ``low`` and ``high``.
+
+    Where it turned back on the way the least is there. At a lock itself, where rounding may leave it no place, it is
+    not the greatest.
+    """
+    turning = follower_turns(lock_angle(chord), high, chord)
+    places = [low, high, turning] if low < turning < high else [low, high]
+    found = [angle for angle in (follower(place, chord) for place in places) if angle < inf]
+    return min(found), max(found)
+
+
+def follower_turns(low: float, high: float, chord: float) -> float:
+    """Return the head angle where the follower stops coming in (link across the tangent's foot); ``low`` if nowhere."""
+    def comes_in(theta: float) -> bool:
+        return _comes_in(theta, chord)
+    return low if comes_in(low) else _bisect(comes_in, low, high)
+
+
+@lru_cache(maxsize=1)
+def _first_with_peak() -> float:
+    """Return the polar angle (about 0.9, a pure number) from which on the chord has a first peak at all."""
+    return _bisect(lambda theta: first_peak(theta, pi)[0] < inf, 0.5, 2.0)
+
+
+def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped-def]
+    """Return the smallest float in (low, high] for which a monotone condition holds; it must hold at ``high``."""
+    while low < (middle := low + 0.5 * (high - low)) < high:
+        low, high = (low, middle) if holds(middle) else (middle, high)
+    return high
+
+
+def turning_places(head_chord: float, body_chord: float, low: float, high: float) -> list[float]:
+    """Return the head angles in (low, high), growing, where the second or the third handle turns back.
+
+    Those behind follow the third (docs/contact.md).
+    """
+    places = _within(turns(head_chord), low, high)
+    ends = [low, *places, high]
+    return sorted([*places, *_turns_between([head_chord], body_chord, ends, [follower(x, head_chord) for x in ends])])
+
+
+@lru_cache(maxsize=256)
+def turns(chord: float) -> list[float]:
+    """Return where a link's rear handle turns back: once at most while it spans less than 3/4 turn, and once beyond."""
+    far = 1.5 * pi
+    apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
+    ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + 4})
+    out = []
+    for low, high in pairwise(ends):
+        inside = _comes_in(low, chord)
+        if inside != _comes_in(high, chord):
+            out.append(_bisect(lambda theta, inside=inside: _comes_in(theta, chord) != inside, low, high))
+    return out
+
+
+def _comes_in(theta: float, chord: float) -> bool:
+    """Return whether a link's rear handle follows its front handle inwards."""
+    delta = step(theta, chord, first_guess(theta, chord), 1e-8)[0]
+    if delta == inf:
+        return False
+    s = sin(0.5 * delta)
+    return chord == 0 or delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) > 0

@@ -1,0 +1,51 @@
+"""Benches as rectangles: the handles' line, extended by the hole inset at both ends, half the width to both sides."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.dragon import AnyDragon
+from dragon_ros.core.numerics.types import Floats, read_only
+
+
+@dataclass(frozen=True)
+class Benches:
+    """Rectangles in metres: ``centre`` and unit ``axis`` (..., N, 2) from the rear to the front, half sizes (N,)."""
+
+    centre: Floats
+    axis: Floats
+    half_length: Floats
+    half_width: Floats
+
+    @property
+    def yaw_rad(self) -> Floats:
+        """Heading of each bench, from handle i + 1 to handle i, in (-pi, pi]."""
+        yaw: Floats = np.arctan2(self.axis[..., 1], self.axis[..., 0])
+        return yaw
+
+    @property
+    def corners(self) -> Floats:
+        """Corners (..., N, 4, 2): front left, rear left, rear right, front right."""
+        along = self.half_length[..., None] * self.axis
+        side = self.half_width[..., None] * np.stack((-self.axis[..., 1], self.axis[..., 0]), axis=-1)
+        c = self.centre
+        return np.stack((c + along + side, c - along + side, c - along - side, c + along - side), axis=-2)
+
+
+def axes_of(chain: Chain) -> Floats:
+    """Return unit vectors (..., N, 2) from handle i + 1 to handle i. A link of zero length lies along the track."""
+    axis = chain.p[..., :-1, :] - chain.p[..., 1:, :]
+    length = np.hypot(axis[..., 0], axis[..., 1])
+    joined = length == 0
+    if np.any(joined):
+        axis = np.where(joined[..., None], -chain.tangents[..., :-1, :], axis)
+        length = np.where(joined, 1.0, length)
+    axis /= length[..., None]
+    return read_only(axis)
+
+
+def benches_of(chain: Chain, dragon: AnyDragon, axis: Floats) -> Benches:
+    """Return the rectangles of a chain whose links have the directions ``axis``."""
+    count = chain.p.shape[-2] - 1
+    centre = 0.5 * (chain.p[..., :-1, :] + chain.p[..., 1:, :])
+    return Benches(read_only(centre), axis, 0.5 * dragon.bench_lengths_m[:count], np.full(count, 0.5 * dragon.width_m))

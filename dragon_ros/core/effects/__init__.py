@@ -1,0 +1,1 @@
+"""What each effect computes for a frame; the modules of effects that are off stay unloaded."""

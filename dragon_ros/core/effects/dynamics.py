@@ -1,0 +1,49 @@
+"""Accelerations of the handles, and the tensions in the links that they say."""
+import numpy as np
+
+from dragon_ros.core.chain.kinematics import HEAD, RigidLinks, carried, entered_curvatures
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import Simulation
+from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.numerics.vectors import dot
+from dragon_ros.core.scene import NS
+
+
+def accelerations(simulation: Simulation, frame: Frame) -> Floats:
+    """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the leader's law.
+
+    Where they jump, at a knot of the law and where a handle passes a joint of the track, they are those just after.
+    """
+    law, links, t_s = simulation.scene.head, _links(frame), frame.t_ns / NS
+    speeds = links.speeds(law.speed_at_m_s(t_s))
+    segment, u, _ = frame.chain.places
+    curvature = entered_curvatures(frame.chain.track, segment, u, speeds, simulation.promise_m)
+    return links.accelerations(speeds, curvature, law.acceleration_at_m_s2(t_s))
+
+
+def tensions(simulation: Simulation, frame: Frame) -> Floats:
+    """Return the tensions (N,) of all links in newtons for each kilogram at a handle, positive where a link pulls.
+
+    The model: equal masses at the handles, massless links, a track without friction that pushes only across itself;
+    the leader is moved from outside. Along the track a handle feels its own two links alone,
+
+        a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i],
+
+    which gives all tensions from the free end on, where there is no further link: from the tail on behind a head, from
+    the head on behind a tail.
+    """
+    links, a = _links(frame), frame.acceleration_m_s2
+    assert a is not None
+    front, rear = links.cosines
+    along = dot(a, links.forward)
+    none = np.zeros(())
+    if links.leader == HEAD:    # link i - 1 from link i, divided by its own part along the track at handle i
+        ratio = np.append(front[1:], 0.0) / rear
+        return read_only(carried(none, ratio[::-1], (along[1:] / rear)[::-1])[:0:-1].copy())
+    ratio = np.append(0.0, rear[:-1]) / front
+    return read_only(carried(none, ratio, -along[:-1] / front)[1:].copy())
+
+
+def _links(frame: Frame) -> RigidLinks:
+    chain = frame.chain
+    return RigidLinks(chain.p, chain.links_m, chain.headings, chain.leader)

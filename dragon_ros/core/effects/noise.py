@@ -1,0 +1,29 @@
+"""Handles as a noisy sensor would see them: a function of (seed, tick), computed in any order."""
+import numpy as np
+
+from dragon_ros.core.frame import Frame, Measured
+from dragon_ros.core.model import Simulation
+from dragon_ros.core.numerics.types import Floats, read_only
+
+
+def measured(simulation: Simulation, frame: Frame) -> Measured:
+    """Return the handles and directions of a frame with independent normal errors, as the scene's noise says."""
+    noise, handles = simulation.scene.noise, frame.chain.p.shape[0]
+    draw = normal(noise.seed, frame.k if frame.k is not None else frame.t_ns, frame.k is None, 3 * handles - 1)
+    p = frame.chain.p + noise.position_m * draw[:2 * handles].reshape(handles, 2)
+    angle = noise.yaw_rad * draw[2 * handles:]
+    turn = (np.cos(angle) + 1j * np.sin(angle)) * (frame.axis[:, 0] + 1j * frame.axis[:, 1])
+    return Measured(read_only(p), read_only(np.stack((turn.real, turn.imag), axis=1)))
+
+
+def normal(seed: int, number: int, off_tick: bool, count: int) -> Floats:
+    """Return ``count`` standard normal numbers for a seed and a tick (or, off the ticks, a time in ns).
+
+    The bits are Philox's (Salmon et al. 2011), which numpy keeps for good; Box and Muller's formula makes them normal.
+    """
+    half = (count + 1) // 2
+    bits = np.random.Philox(key=seed, counter=[0, number, int(off_tick), 0]).random_raw(2 * half)
+    even = ((bits >> np.uint64(11)).astype(np.float64) + 0.5) * 2.0**-53
+    size, angle = np.sqrt(-2 * np.log(even[:half])), 2 * np.pi * even[half:]
+    out: Floats = np.concatenate((size * np.cos(angle), size * np.sin(angle)))[:count]
+    return out

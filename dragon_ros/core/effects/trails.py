@@ -1,0 +1,24 @@
+"""Where the head has been in the last seconds."""
+import numpy as np
+
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import Simulation
+from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.scene import NS
+from dragon_ros.core.tracks.segments import BEHIND
+
+
+def trail(simulation: Simulation, frame: Frame) -> Floats:
+    """Return where the head was in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in metres."""
+    now, trails = frame.t_ns / NS, simulation.scene.trails
+    times = np.linspace(max(0.0, now - trails.seconds), now, trails.points)
+    return read_only(np.ascontiguousarray(_head_at(simulation, times)))
+
+
+def _head_at(simulation: Simulation, times_s: Floats) -> Floats:
+    """Return where the head is at many times, (S, 2): the leader itself, or the far end of the chain behind a tail."""
+    model, gone_m = simulation.model, simulation.scene.head.travelled_m(times_s)
+    if model.direction == BEHIND:
+        return model.track.points(*model.leader.places(gone_m))
+    head: Floats = model.place_many(gone_m).p[:, 0]
+    return head

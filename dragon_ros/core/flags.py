@@ -1,0 +1,101 @@
+"""Effects as flags, and their settings. What a scene does not ask for is not computed, published or recorded."""
+from collections.abc import Iterable
+from dataclasses import dataclass
+from enum import Flag, auto
+
+from dragon_ros.core.checks import number, settle, whole
+from dragon_ros.core.errors import FieldError
+
+
+class Effect(Flag):
+    """Switches; handles are always there."""
+
+    NONE = 0
+    VELOCITY = auto()
+    BENCHES = auto()
+    CLEARANCE = auto()
+    CONTACT = auto()
+    MARKERS = auto()
+    ACCELERATIONS = auto()
+    FORCES = auto()
+    NOISE = auto()
+    TRAILS = auto()
+    CLOCK = auto()
+    DIAGNOSTICS = auto()
+
+    @property
+    def names(self) -> list[str]:
+        """Names as a scene file writes them."""
+        return [name for name, effect in known().items() if effect in self]
+
+
+NEEDS = {Effect.CLEARANCE: Effect.BENCHES, Effect.CONTACT: Effect.CLEARANCE, Effect.MARKERS: Effect.CONTACT,
+         Effect.FORCES: Effect.ACCELERATIONS}
+
+MEANINGS = {
+    Effect.VELOCITY: 'velocities of all handles',
+    Effect.BENCHES: 'the benches as rectangles',
+    Effect.CLEARANCE: 'gaps of the pairs of benches that are near each other, and the smallest',
+    Effect.CONTACT: 'which benches touch, and where',
+    Effect.MARKERS: 'the benches that touch, to be shown',
+    Effect.ACCELERATIONS: 'accelerations of all handles',
+    Effect.FORCES: 'tensions of all links, for equal masses at the handles and a track without friction',
+    Effect.NOISE: 'handles as a noisy sensor would see them; the scene section noise says how noisy',
+    Effect.TRAILS: 'the way that the head has come lately; the scene section trails says how far back',
+    Effect.CLOCK: '/clock, the simulation time for other nodes',
+    Effect.DIAGNOSTICS: 'how well each tick was solved',
+}
+
+
+def effects_of(names: Iterable[object]) -> Effect:
+    """Return the flags for names such as 'velocity'."""
+    effects = Effect.NONE
+    for name in names:
+        if not isinstance(name, str) or name not in known():
+            raise FieldError('effects', name, f'the effects are {", ".join(known())}', 'name only these')
+        effects |= known()[name]
+    return effects
+
+
+def check_needs(effects: Effect) -> None:
+    """Raise FieldError where an effect is on and another that it needs is off."""
+    complete = effects
+    for effect, need in reversed(NEEDS.items()):        # those that need come after those that are needed
+        complete |= need if effect in complete else Effect.NONE
+    if complete != effects:
+        effect, need = next((e, n) for e, n in NEEDS.items() if e in effects and n not in effects)
+        raise FieldError('effects', effects.names, f'{effect.names[0]} needs {need.names[0]}',
+                         f'write effects: [{", ".join(complete.names)}]')
+
+
+def known() -> dict[str, Effect]:
+    """Return every effect by name (Python 3.10 iterates over the zero as well)."""
+    return {str(effect.name).lower(): effect for effect in Effect if effect.value}
+
+
+@dataclass(frozen=True)
+class Noise:
+    """Standard deviations of a sensor that sees the handles, and the seed that repeats it."""
+
+    position_m: float = 0.005
+    yaw_rad: float = 0.002
+    seed: int = 0
+
+    def __post_init__(self) -> None:
+        """Refuse a sensor that is not one."""
+        settle(self, position_m=number('noise.position_m', self.position_m, low=0.0, high=1e6),
+               yaw_rad=number('noise.yaw_rad', self.yaw_rad, low=0.0, high=1e3),
+               seed=whole('noise.seed', self.seed, low=0, high=2**63))
+
+
+@dataclass(frozen=True)
+class Trails:
+    """How many seconds a trail goes back, and by how many points it is drawn."""
+
+    seconds: float = 10.0
+    points: int = 32
+
+    def __post_init__(self) -> None:
+        """Refuse a trail that is not one."""
+        settle(self, seconds=number('trails.seconds', self.seconds, above=0.0, high=1e9),
+               points=whole('trails.points', self.points, low=2, high=10_000))

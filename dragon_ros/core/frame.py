@@ -1,0 +1,75 @@
+"""What one tick computes: the frame, and the results of its effects."""
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.rectangles import Benches
+from dragon_ros.core.numerics.types import Floats, Ints
+
+
+@dataclass(frozen=True)
+class Closeness:
+    """Pairs (i, j) of benches that may be near each other, (K,), and their signed gaps in metres."""
+
+    i: Ints
+    j: Ints
+    gap_m: Floats
+
+    @property
+    def clearance_m(self) -> float:
+        """Smallest signed gap; inf where no pair is near."""
+        return float(np.min(self.gap_m, initial=inf))
+
+
+@dataclass(frozen=True)
+class Contacts:
+    """Pairs that touch, (M, 2), deepest first, their signed gaps (M,) in m, and points (M, 2) of contact."""
+
+    benches: Ints
+    gap_m: Floats
+    point_m: Floats
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Noisy handles (N+1, 2) in metres and noisy unit directions of the links (N, 2)."""
+
+    p: Floats
+    axis: Floats
+
+
+@dataclass(frozen=True)
+class Health:
+    """The solver that placed the handles and its evaluations; the worst link, its error, and the allowed error."""
+
+    solver: str
+    evaluations: int
+    link: int
+    off_m: float
+    allowed_m: float
+
+    @property
+    def good(self) -> bool:
+        """Whether the worst link is right to within what both its handles may be off."""
+        return self.off_m <= self.allowed_m
+
+
+@dataclass(frozen=True)
+class Frame:
+    """All that leaves the core at one instant; arrays are read-only, what the scene does not call for is None."""
+
+    k: int | None
+    t_ns: int
+    chain: Chain
+    axis: Floats
+    velocity_m_s: Floats | None = None
+    benches: Benches | None = None
+    closeness: Closeness | None = None
+    contacts: Contacts | None = None
+    acceleration_m_s2: Floats | None = None
+    tension_n_kg: Floats | None = None
+    measured: Measured | None = None
+    trail_m: Floats | None = None
+    health: Health | None = None

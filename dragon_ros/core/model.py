@@ -1,0 +1,372 @@
+"""What is compiled from a scene: its model in metres, and the simulation that maps times to metres.
+
+A ``Model`` comes from dragon, track, leader, solver and accuracy alone: where all handles are when the leader has gone
+so far, and how far it can go. Law and run only map a tick to metres gone, which is what a ``Simulation`` adds. So a
+place has the same bits in any run and any process, and scenes that differ in law, run or effects share one model.
+"""
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import floor, inf, ulp
+from threading import Lock
+
+import numpy as np
+
+from dragon_ros.core import paper
+from dragon_ros.core.chain.chain import Chain, marched
+from dragon_ros.core.chain.dragon import AnyDragon
+from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
+from dragon_ros.core.chain.leader import Leader
+from dragon_ros.core.chain.lock import head_lock_angle
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
+from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.scene import LATEST_S, NS, Scene
+from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
+from dragon_ros.core.shift_map.table import ShiftMap
+from dragon_ros.core.tiers import EXACT, PAPER, Tier, tier_for
+from dragon_ros.core.tracks.composite import Place, Track, spiral_track, track_of
+from dragon_ros.core.tracks.polyline import SAG_M, polyline
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, SpiralSegment
+from dragon_ros.core.tracks.spec import Spiral, TrackSpec
+
+_LAST_FLOAT = 1.7976931348623157e308    # a time that is no end
+_MOST_SIMULATIONS = 64              # kept compiled
+_MOST_BYTES = 1_000_000_000         # of the shift maps of all models that are kept; the least recently used go first
+
+
+@dataclass(frozen=True)
+class Limit:
+    """How far the leader can go: metres, why it ends there ('lock' or 'track'), and the link that locks."""
+
+    gone_m: float
+    reason: str
+    link: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Model:
+    """Where all handles of a dragon are when its leader has gone so far along a track, at one tier of accuracy."""
+
+    dragon: AnyDragon
+    spec: TrackSpec
+    lead: str
+    solver: str
+    tier: Tier
+
+    @cached_property
+    def direction(self) -> int:
+        """Where followers lie: BEHIND the head, or AHEAD of the tail."""
+        return AHEAD if self.lead == 'tail' else BEHIND
+
+    @cached_property
+    def track(self) -> Track:
+        """The track in the plane; behind a tail, a spiral ends where the head starts. Raises FieldError."""
+        if isinstance(self.spec, Spiral) and self.direction == AHEAD:
+            return spiral_track(self.spec, self.spec.start.hi)
+        return track_of(self.spec)
+
+    @cached_property
+    def links_m(self) -> Floats:
+        """Handle spacing of each bench, shape (N,)."""
+        return self.dragon.link_lengths_m
+
+    @cached_property
+    def length_m(self) -> float:
+        """Length of the whole chain, handle to handle."""
+        return float(np.sum(self.links_m))
+
+    @cached_property
+    def leader(self) -> Leader:
+        """The leader on the track. Raises FieldError for bends that are too tight and a start without track."""
+        start_m = 0.0 if isinstance(self.spec, Spiral) else self.spec.start_m
+        return Leader(self.track, self.links_m, start_m, self.direction)
+
+    @cached_property
+    def effort(self) -> Effort:
+        """The work on each link that keeps the promise.
+
+        Where a spiral goes to its centre a link that is longer than twice the radius may turn its follower back, and
+        makes an error of its front handle larger. Up to there handles are placed as floats can, for all tiers: what is
+        off before a lock is the more so behind it.
+        """
+        near_m = 0.5 * float(np.max(self.links_m[1:], initial=0.0)) if self.track.may_lock else 0.0
+        return self.tier.effort(self.length_m, near_m)
+
+    @cached_property
+    def placement(self) -> Placement:
+        """What places the handles: shift maps for blocks of equal links, unless the scene asks for the march."""
+        lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
+        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, self._series_m)
+                for link_m, links in lengths.items()}
+        return Placement(self.track, self.links_m, self.direction, self.effort, maps)
+
+    def _series_m(self, fore: Place) -> Callable[[Floats], Floats]:
+        """Return where the series of a tile are cut, by size; ``effort`` tells why some are as exact as floats."""
+        spiral = self.track.segments[0]
+        near = (self.effort.near_m and isinstance(spiral, SpiralSegment)
+                and fore.u.hi * spiral.curve.b_m <= self.effort.near_m)
+        return (EXACT if near else self.tier).series_m
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the shift maps that are built take."""
+        return sum(shift.memory_bytes for shift in self.placement.maps.values())
+
+    def place(self, gone_m: tuple[float, float]) -> Chain:
+        """Return the chain when the leader has gone (hi, lo) metres. Raises ModelEnd where there is none."""
+        return self.placement.place(self.leader.place(gone_m))
+
+    def place_many(self, gone_m: tuple[Floats, Floats]) -> Chain:
+        """Return the chains of many distances in one: the same to the tier's metres, not bit for bit."""
+        return self.placement.place_many(self.leader.places(gone_m))
+
+    def march(self, gone_m: tuple[float, float], effort: Effort) -> Chain:
+        """Return the chain by forward placement alone, at an effort of its own."""
+        return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction, effort)
+
+    def size_m(self, extent_m: tuple[float, float]) -> float:
+        """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
+        return self.leader.size_m(extent_m)
+
+    @cached_property
+    def limits(self) -> tuple[Limit | None, Limit | None]:
+        """How far the leader can go back, and on; None where nothing ends it. Raises ChainLockError."""
+        back_m, onwards_m = self.leader.range_m
+        if not self.track.may_lock:
+            back, onwards = (Limit(gone_m, 'track') if abs(gone_m) < inf else None for gone_m in (back_m, onwards_m))
+            return back, onwards
+        spiral = self.track.from_afar
+        assert spiral
+        curve = spiral.curve
+        angle, link = head_lock_angle((self.links_m / curve.b_m).tolist())
+        if curve.start.hi < angle:
+            raise ChainLockError(
+                f'the chain is locked from the start: link {link} finds no place while the head is nearer to the '
+                f'centre than {curve.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
+                'shorter benches', link=link, radius_m=curve.b_m * angle, t_s=0.0)
+        if not angle:
+            return None, Limit(curve.length_m, 'track')
+        return None, Limit(self._last_stand_m(curve.distance_to(angle), link), 'lock', link)
+
+    def _last_stand_m(self, gone_m: float, link: int) -> float:
+        """Return the distance of a lock, or the last one just before it at which links find their places.
+
+        The lock's place is known to a float, and its distance is another float: the chain may be beyond it already.
+        """
+        blocks, back = blocks_of(self.links_m[:link + 2], BEHIND), ulp(gone_m)
+        while 0 < gone_m < inf and not self._stands(gone_m, blocks):
+            gone_m, back = max(0.0, gone_m - back), 2 * back
+        return gone_m
+
+    def _stands(self, gone_m: float, blocks: tuple[Block, ...]) -> bool:
+        """Return whether links find their places, alone and among many."""
+        try:
+            forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND, self.effort)
+            forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND, self.effort)
+        except ChainLockError:
+            return False
+        return True
+
+
+@dataclass(frozen=True)
+class End:
+    """Where a run ends: time, why ('stop', 'lock' or 'track') and the link that locks."""
+
+    t_s: float
+    reason: str
+    link: int | None = None
+
+
+@dataclass(frozen=True, eq=False)
+class Simulation:
+    """A scene with its model: when its run ends, and how far the leader has gone at a time."""
+
+    scene: Scene
+    model: Model
+
+    @cached_property
+    def size_m(self) -> float:
+        """How far from the origin a handle can be in this run, in metres (a bound)."""
+        return self.model.size_m(self.scene.head.extent_m(self.scene.run.stop_s or 0.0))
+
+    @cached_property
+    def tier(self) -> Tier:
+        """The accuracy as a promise."""
+        return self.model.tier
+
+    @cached_property
+    def promise_m(self) -> float:
+        """The largest position error that this scene may have."""
+        return self.tier.promise_for_m(self.size_m)
+
+    @cached_property
+    def limit(self) -> End | None:
+        """Where the model itself ends: the chain locks or a handle reaches the track's end; None if never."""
+        law = self.scene.head
+        ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
+                if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
+        if not ends:
+            return None
+        t_s, limit = min(ends, key=lambda end: end[0])
+        return End(self._before_s(t_s, limit.gone_m) if limit.reason == 'lock' else t_s, limit.reason, limit.link)
+
+    def _before_s(self, t_s: float, gone_m: float) -> float:
+        """Return a time, or the last one before it at which the leader has gone no further than a distance."""
+        back = ulp(t_s)
+        while 0 < t_s < inf:
+            high, low = self.scene.head.travelled_m(t_s)
+            if (high - gone_m) + low <= 0:
+                break
+            t_s, back = max(0.0, t_s - back), 2 * back
+        return t_s
+
+    @cached_property
+    def end(self) -> End:
+        """Where the run ends. Raises FieldError where nothing ends it."""
+        run, limit = self.scene.run, self.limit
+        if run.stop_s is not None and (limit is None or run.stop_s <= limit.t_s):
+            return End(run.stop_s, 'stop')
+        if limit is None:
+            raise FieldError('run.stop_s', None, 'the leader never reaches an end', 'say when to stop')
+        if limit.t_s < run.start_s:
+            raise self._beyond(run.start_s, limit)
+        return limit
+
+    @cached_property
+    def last_tick(self) -> int:
+        """Number of the last tick of the run."""
+        if self.end.t_s > LATEST_S:
+            raise FieldError('run.stop_s', None, f'the run would end at {self.end.t_s:.6g} s and stamps end at '
+                             f'{LATEST_S} s', 'say when to stop')
+        run = self.scene.run
+        return run.tick_at(max(run.start_ns, floor(self.end.t_s * NS)))
+
+    def check_time(self, t_s: float) -> None:
+        """Raise FieldError or ModelEnd where the model has no state at ``t_s``."""
+        if not 0.0 <= t_s <= self._last_s:
+            number('t_s', t_s, low=0.0)
+            assert self.limit
+            raise self._beyond(t_s, self.limit)
+
+    @cached_property
+    def _last_s(self) -> float:
+        return _LAST_FLOAT if self.limit is None else self.limit.t_s
+
+    def check_times(self, times_s: Floats) -> None:
+        """Raise as ``check_time`` does for the first of many times without a state."""
+        for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
+            self.check_time(t_s)
+
+    def _beyond(self, t_s: float, limit: End) -> ModelEnd:
+        """Return the error for a time after the model's end."""
+        spiral = self.model.track.from_afar
+        if not self.model.track.may_lock or not spiral:
+            return TrackEndError(f't_s: {t_s:.9g} s is beyond the end of the scene: the track ends for a handle '
+                                 f'at {limit.t_s:.6f} s; ask for an earlier time', t_s=t_s, limit_s=limit.t_s)
+        gone_m = min(spiral.curve.length_m, self.scene.head.travelled_m(limit.t_s)[0])
+        radius_m = spiral.curve.b_m * spiral.curve.inward(gone_m).hi
+        why = 'the head reaches the centre' if limit.reason == 'track' else f'the chain locks at link {limit.link}'
+        kind = TrackEndError if limit.reason == 'track' else ChainLockError
+        return kind(f't_s: {t_s:.9g} s is beyond the end of the scene: {why} at {limit.t_s:.6f} s, with the head at '
+                    f'radius {radius_m:.6f} m; ask for an earlier time', t_s=t_s, limit_s=limit.t_s, link=limit.link,
+                    radius_m=radius_m)
+
+    @cached_property
+    def extent_m(self) -> tuple[float, float]:
+        """The least and the greatest distance that the leader has gone during the run."""
+        run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
+        times = (run.start_s, *(t_s for t_s in law.breaks_s if run.start_s < t_s < end_s), end_s)
+        gone = [float(law.travelled_m(t_s)[0]) for t_s in times]
+        return min(gone), max(gone)
+
+    @cached_property
+    def span_m(self) -> tuple[float, float]:
+        """The stretch of the track on which handles are during the run."""
+        if self.tier is not PAPER:
+            return self.model.leader.span_m(self.extent_m)
+        chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))
+        ends = [chain.track.distances(*chain.places[:2]) for chain in chains]
+        return float(np.min(ends)), float(np.max(ends))
+
+    def track_line(self, sag_m: float = SAG_M) -> Floats:
+        """Return points (n, 2) in metres along the track, from the front to the rear of where any handle is in the run.
+
+        The line between them strays ``sag_m`` from the track at most.
+        """
+        return read_only(polyline(self.model.track, *self.span_m, sag_m)[::-1].copy())
+
+    def chain(self, t_s: float) -> Chain:
+        """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
+        if not 0.0 <= t_s <= self._last_s:
+            self.check_time(t_s)
+        if self.tier is PAPER:
+            return paper.place(self.model.track, self.model.links_m, self.scene.steady_m_s, t_s)
+        return self._placement.place(self._leader.place(self.scene.head.travelled_m(t_s)))
+
+    @cached_property
+    def _placement(self) -> Placement:
+        return self.model.placement
+
+    @cached_property
+    def _leader(self) -> Leader:
+        return self.model.leader
+
+
+class _Compiled:
+    """Simulations and models that are kept, the most recently used last; bounded in number and in bytes."""
+
+    def __init__(self) -> None:
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()
+        self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
+        self._lock = Lock()
+
+    def get(self, scene: Scene) -> Simulation:
+        """Return the simulation of a scene, compiled when it is first asked for."""
+        known = self._simulations.get(id(scene))        # it holds its scene, so that no other one has its id
+        if known is not None and known.scene is scene:
+            return known
+        with self._lock:
+            simulation = self._at(scene, tier_for(scene.accuracy))
+            tier = tier_for(scene.accuracy, simulation.size_m)
+            if tier is not simulation.tier:     # metres may ask for more where coordinates are large
+                simulation = self._at(scene, tier)
+            key = _key_of(scene, simulation.tier)
+            self._models[key] = simulation.model
+            self._models.move_to_end(key)
+            self._simulations[id(scene)] = simulation
+            self._bound()
+        return simulation
+
+    def _at(self, scene: Scene, tier: Tier) -> Simulation:
+        """Return the simulation at a tier, with the model that is kept if there is one."""
+        key = _key_of(scene, tier)
+        return Simulation(scene, self._models.get(key) or Model(*key))
+
+    def _bound(self) -> None:
+        """Drop what was used least recently."""
+        while len(self._models) > 1 and (len(self._models) > _MOST_SIMULATIONS or sum(
+                model.memory_bytes for model in self._models.values()) > _MOST_BYTES):
+            _, model = self._models.popitem(last=False)
+            for key in [key for key, one in self._simulations.items() if one.model is model]:
+                del self._simulations[key]
+        while len(self._simulations) > _MOST_SIMULATIONS:
+            self._simulations.popitem(last=False)
+
+
+_COMPILED = _Compiled()
+
+
+def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, Tier]:
+    """Return what a model is compiled from."""
+    return scene.dragon, scene.track, scene.head.lead, scene.solver, tier
+
+
+def compile_scene(scene: Scene) -> Simulation:
+    """Return the simulation of a scene; it is kept, and scenes that share their geometry share one model.
+
+    Raises FieldError for what the scene's settings alone cannot tell: pieces that do not join, bends that are too tight
+    for the benches, a start without track, an accuracy that floats cannot keep so far out.
+    """
+    return _COMPILED.get(scene)

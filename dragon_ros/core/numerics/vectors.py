@@ -1,0 +1,15 @@
+"""Vectors of the plane as arrays (..., 2)."""
+import numpy as np
+
+from dragon_ros.core.numerics.types import Floats
+
+
+def left(vectors: Floats) -> Floats:
+    """Return vectors turned left by a quarter."""
+    return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
+
+
+def dot(a: Floats, b: Floats) -> Floats:
+    """Return scalar products of vectors."""
+    out: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
+    return out

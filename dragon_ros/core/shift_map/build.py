@@ -1,0 +1,303 @@
+"""Building the table of a tile: where to cut the span, its images, row after row, and the series of what they met."""
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, inf
+
+import numpy as np
+
+from dragon_ros.core.chain.forward import Block, forward_many
+from dragon_ros.core.errors import ChainLockError, TrackEndError
+from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transform
+from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.tracks.chord import TIGHT, reach_m
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+
+_NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
+_MOST_STEPS = 40_000        # from joints to their places in the span
+_MOST_BYTES = 256_000_000   # of the series of one table
+_ROUNDS = 5                 # of cutting parts in two
+_NOISE = 4                  # what rounding may add to the last terms, in units of the error
+_HAIR = 1e-12               # of a distance along the track: places that far apart are one
+_WIDEST_RAD = 1.3           # about what a link may span on a spiral from afar: further in it is marched
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """R rows of S parts of a span of places, for links of one length; leaders are in L rows from ``first`` on.
+
+    Part s of row r lies on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
+    (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. ``slack`` (L, S) is how far |x| may be
+    beyond 1 by rounding, ``inverse`` (L, S, K) the coefficients of u(x), the highest power first. Series by part:
+    ``coordinates`` (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit
+    speed in row 0. From row r on ``terms[s, r]`` terms are enough.
+    """
+
+    segment: Ints
+    middle: Floats
+    first: int
+    slack: Floats
+    inverse: Floats
+    coordinates: Floats
+    places: Floats
+    motions: Floats
+    terms: Ints
+
+    @property
+    def rows(self) -> int:
+        """Number of images of the span."""
+        return int(self.segment.shape[0])
+
+    @property
+    def parts(self) -> int:
+        """Number of parts of the span."""
+        return int(self.segment.shape[1])
+
+    @property
+    def nodes(self) -> int:
+        """Number of terms of the series."""
+        return int(self.places.shape[1])
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the arrays of the table take."""
+        return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
+
+
+@dataclass(frozen=True)
+class Stretch:
+    """Where a tile's leaders are: between two distances along the track; ``links`` handles follow in ``direction``."""
+
+    low_m: float
+    high_m: float
+    links: int
+    direction: int
+
+
+@dataclass(frozen=True)
+class _Part:
+    """A part of the span: its segment, and its ends there, the foremost first."""
+
+    segment: int
+    fore: Floats
+    rear: Floats
+
+    def nodes(self) -> tuple[Floats, Floats]:
+        """Return the coordinates (hi, lo) of the nodes (K,)."""
+        share = 0.5 * (1 + transform(_NODES)[0])
+        high, low = np.broadcast_to(self.fore[:, None], (2, _NODES))
+        return plus(high, low, share * ((self.rear[0] - self.fore[0]) + (self.rear[1] - self.fore[1])))
+
+
+@dataclass(frozen=True)
+class _Rows:
+    """Series of R rows of S parts: of coordinates less ``origin`` (S, K, R), places and motions (S, K, 2 R)."""
+
+    segment: Ints                     # (R, S)
+    origin: tuple[Floats, Floats]     # (R, S)
+    leading: slice                    # rows in which leaders can be
+    error_m: Floats                   # (R,): where series are cut
+    coordinates: Floats
+    places: Floats
+    motions: Floats
+
+
+def build(track: Track, link_m: float, stretch: Stretch, series_m: Callable[[Floats], Floats]) -> Table | None:
+    """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
+
+    ``series_m`` tells from how far out the places of each row (R,) are where the series of that row are cut. None where
+    no table serves: the links have no length, it would be too large, or series do not end.
+    """
+    if not link_m:
+        return None
+    try:
+        front = _front(track, link_m, stretch)
+        low_m, front_m = max(stretch.low_m, track.begin_m), track.distance_of(front)[0]
+        count = ceil((front_m - low_m) / link_m) + 1 + (stretch.links if stretch.direction == BEHIND else 0)
+        if front_m <= low_m or 8 * 5 * _NODES * count > _MOST_BYTES:
+            return None
+        parts = _parts(track, link_m, front, front_m - count * reach_m(min(track.bend, 1 / link_m), link_m))
+        return _built(track, link_m, parts, count, stretch, series_m) if parts else None
+    except (TrackEndError, ChainLockError):
+        return None
+
+
+def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
+    """Return the foremost place: before the leaders of a tail, that of the head."""
+    high_m = stretch.high_m
+    if stretch.direction == AHEAD:
+        high_m += stretch.links * reach_m(track.bend, link_m)
+    front = track.place_at(min(track.end_m, high_m + _HAIR * (1 + abs(high_m))))
+    if front.segment == 0 and track.from_afar:
+        return Place.of(0, *max(front.u, (link_m / (_WIDEST_RAD * track.from_afar.curve.b_m), 0.0)))
+    return front
+
+
+def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Part]:
+    """Return the parts of the span behind ``front``: it is cut at every place that a joint is whole links behind of."""
+    rear = track.next(front, link_m, BEHIND, TIGHT)[0]
+    here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
+    inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
+    if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
+        return []
+    cuts = sorted((_pulled(track, link_m, Place.of(k, track.segments[k].first, 0.0), back_m) for k in inside),
+                  key=track.distance_of, reverse=True)
+    ends = [front]
+    for cut in [*cuts, rear]:
+        if track.distance_of(ends[-1])[0] - track.distance_of(cut)[0] > _HAIR * (link_m + abs(here_m)):
+            ends.append(cut)
+    return [_part(track, fore, rear) for fore, rear in pairwise(ends)]
+
+
+def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
+    """Return a place moved ahead, link by link, into the span that ends at ``back_m``."""
+    while track.distance_of(place)[0] <= back_m:
+        place = track.next(place, link_m, AHEAD, TIGHT)[0]
+    return place
+
+
+def _part(track: Track, fore: Place, rear: Place) -> _Part:
+    """Return the part between two places, with the one segment that it is on."""
+    middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
+    k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
+    segment = track.segments[k]
+    ends = (fore.u if fore.segment == k else (segment.last, 0.0), rear.u if rear.segment == k else (segment.first, 0.0))
+    return _Part(k, *(np.array(end) for end in ends))
+
+
+def _halves(part: _Part) -> list[_Part]:
+    middle = np.array(plus(part.fore[0], part.fore[1], 0.5 * (part.rear[0] - part.fore[0])))
+    return [_Part(part.segment, part.fore, middle), _Part(part.segment, middle, part.rear)]
+
+
+def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
+           series_m: Callable[[Floats], Floats]) -> Table | None:
+    """Return the table, once all series end; parts whose do not are cut in two."""
+    for _ in range(_ROUNDS):
+        if 8 * 5 * _NODES * len(parts) * count > _MOST_BYTES:
+            return None
+        rows = _series(track, link_m, parts, count, stretch, series_m)
+        x, middle, scale = _scaled(rows)
+        leading = x[:, :, rows.leading]
+        if not leading.shape[2]:
+            return None
+        inverse = _by_part(inverse_series(leading.transpose(1, 0, 2).reshape(_NODES, -1)), len(parts))
+        left = _left(rows, x, inverse, link_m)
+        if np.max(left) <= _NOISE:
+            return _table(rows, (x, middle, scale), inverse, link_m)
+        parts = [one for part, over in zip(parts, left, strict=True)
+                 for one in (_halves(part) if over > _NOISE else [part])]
+    return None
+
+
+def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
+            series_m: Callable[[Floats], Floats]) -> _Rows:
+    """Push the nodes of all parts back through ``count`` rows, as far as there is track, and return their series."""
+    segment, u, lo = _pushed(track, link_m, parts, count)
+    matrix, rows, several = transform(_NODES)[1], segment.shape[0], segment[..., None]
+    each = np.broadcast_to(several, u.shape)
+    p, heading = track.points(each, u, lo), track.headings(each, u, lo)
+    axis = p[:-1] - p[1:]
+    ratio = np.sum(axis * heading[:-1], axis=-1) / np.sum(axis * heading[1:], axis=-1)
+    speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)
+    origin = u[..., _NODES // 2], lo[..., _NODES // 2]
+    from_origin = (u - origin[0][..., None]) + (lo - origin[1][..., None])
+    by_part = [values.transpose(1, 2, 0, 3).reshape(len(parts), _NODES, 2 * rows)
+               for values in (p, speed[..., None] * heading)]
+    # Nodes run from the rear of a part to its front.
+    along = track.distances(each[..., [0, -1]], u[..., [0, -1]])
+    low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
+    reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
+    leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
+    # A row near the origin is as exact as the dragon is large: about as a spiral of its length, one turn a link apart.
+    size_m = np.maximum(np.max(np.abs(p), axis=(1, 2, 3)), link_m * np.sqrt(stretch.links))
+    return _Rows(segment, origin, leading, series_m(size_m), matrix @ from_origin.transpose(1, 2, 0),
+                 *(matrix @ values for values in by_part))
+
+
+def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tuple[Ints, Floats, Floats]:
+    """Return the segments (R, S) and coordinates (R, S, K) as (hi, lo) of the nodes in all rows."""
+    nodes: Floats = np.array([part.nodes() for part in parts])
+    numbers: Ints = np.repeat([part.segment for part in parts], _NODES)
+    first: Places = numbers, nodes[:, 0].reshape(-1), nodes[:, 1].reshape(-1)
+
+    def settle(places: Places) -> Places:
+        return _together(track, places) if len(track.segments) > 1 else places
+
+    rows, _ = forward_many(track, (Block(0, count - 1, link_m),), first, BEHIND, Effort(), settle)
+    shape = -1, len(parts), _NODES
+    return rows[0].reshape(shape)[..., 0], rows[1].reshape(shape), rows[2].reshape(shape)
+
+
+def _together(track: Track, places: Places) -> Places:
+    """Return places of parts, each part on one segment: a node beyond a joint by rounding is put on the joint."""
+    shape = -1, _NODES
+    segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
+    if np.all(segment == segment[:, :1]):
+        return places
+    most: Ints = np.repeat(segment[:, _NODES // 2], _NODES).reshape(shape)
+    for part, node in np.argwhere(segment != most).tolist():
+        own = track.segments[int(most[part, node])]
+        u[part, node] = own.first if segment[part, node] < most[part, node] else own.last
+        lo[part, node] = 0.0
+    return most.reshape(-1), u.reshape(-1), lo.reshape(-1)
+
+
+def _scaled(rows: _Rows) -> tuple[Floats, Floats, Floats]:
+    """Return the series of x (S, K, R), the middle of each part less its origin, and its scale, (S, R) each."""
+    sign = np.where(np.arange(_NODES) % 2, -1.0, 1.0)[:, None]
+    fore, rear = np.sum(sign * rows.coordinates, axis=1), np.sum(rows.coordinates, axis=1)
+    middle, scale = 0.5 * (fore + rear), 2 / (rear - fore)
+    x = rows.coordinates * scale[:, None]
+    x[:, 0] -= middle * scale
+    return x, middle, scale
+
+
+def _left(rows: _Rows, x: Floats, inverse: Floats, link_m: float) -> Floats:
+    """Return about what the series of each part (S,) leave out, in units of the rows' errors: their last terms."""
+    half, twice = _half_widths_m(rows) / rows.error_m, np.repeat(rows.error_m, 2)
+    last = (rows.places[:, -2:] / twice, link_m * rows.motions[:, -2:] / twice, half * x[:, -2:],
+            half[:, :, rows.leading] * inverse[:, -2:])
+    out: Floats = np.max([np.max(np.abs(values), axis=(1, 2)) for values in last], axis=0)
+    out[~np.isfinite(out)] = inf
+    return out
+
+
+def _half_widths_m(rows: _Rows) -> Floats:
+    """Return about half the length of each part in each row in metres, (S, 1, R)."""
+    out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
+    return out
+
+
+def _by_part(inverse: Floats, parts: int) -> Floats:
+    """Return series (K, S L) as (S, K, L)."""
+    out: Floats = inverse.reshape(_NODES, parts, -1).transpose(1, 0, 2)
+    return out
+
+
+def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float) -> Table:
+    """Return the table with as many terms as any series needs."""
+    (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
+    parts, count = rows.segment.shape[1], rows.segment.shape[0]
+    twice = np.repeat(rows.error_m, 2)
+    places, motions = np.abs(rows.places) / twice, np.abs(link_m * rows.motions) / twice
+    # A velocity is a product of many ratios: its rounding may lie above where its series is cut.
+    noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
+    size = np.maximum(places, np.where(motions > noise, motions, 0.0))
+    terms = _enough(size.reshape(parts, _NODES, count, 2).max(axis=3))
+    charts = half[:, :, leading] * np.maximum(np.abs(inverse), np.abs(x[:, :, leading]))
+    nodes = max(int(np.max(terms)), int(np.max(_enough(charts))))
+    centre = plus(rows.origin[0], rows.origin[1], middle.T)
+    powers = powers_of(inverse[:, :nodes].transpose(1, 0, 2).reshape(nodes, -1)).reshape(parts, -1, nodes)
+    x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
+    slack = _NOISE / half[:, 0, leading].T
+    return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
+                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms)
+
+
+def _enough(size: Floats) -> Ints:
+    """Return how many terms of sizes (S, K, R), in units of the error, are enough from each row on, (S, R)."""
+    needed = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
+    return np.maximum.accumulate(needed[:, ::-1], axis=1)[:, ::-1]

@@ -1,0 +1,384 @@
+"""Tracks: segments joined end to end, and the places on them.
+
+A track is a sequence of segments in the order of the head's way; a single spiral is a track of one. A place is a
+segment's number and a coordinate on it, held as a double-double. The next handle is the first place behind, or ahead,
+at the chord's length. On a composite track the largest curvature times the longest link is below 2 (else the track is
+refused): then the chord grows along the track until it is reached, there is one such place within ``chord.reach_m``, it
+moves on as the handle before it moves on, and no link ever locks. A single spiral goes to its centre, where links may
+lock and followers may turn back: ``may_lock`` says so.
+"""
+import cmath
+from bisect import bisect_right
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property
+from math import degrees, hypot, inf, pi, radians, remainder
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
+from dragon_ros.core.numerics.roots import bracketed_newton
+from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
+from dragon_ros.core.tracks.chord import LARGEST_BEND, first_peak, reach_m
+from dragon_ros.core.tracks.s_turn import s_turn_segments
+from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Segment, SpiralSegment, arc_from
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, STurn, TrackSpec
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+_HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
+_SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
+
+Places = tuple[Ints, Floats, Floats]        # numbers of the segments, and the coordinates on them as (hi, lo)
+
+
+class Place(NamedTuple):
+    """A place on a track: the segment's number and its coordinate."""
+
+    segment: int
+    u: DoubleDouble
+
+    @classmethod
+    def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
+        """Return the place of numbers from arrays."""
+        return cls(int(segment), DoubleDouble(float(u), float(lo)))
+
+
+def least_radius_m(links_m: Floats) -> float:
+    """Return the radius of the tightest bend that links can follow."""
+    return float(np.max(links_m)) / LARGEST_BEND
+
+
+@dataclass(frozen=True, eq=False)
+class Track:
+    """Segments in the order of the head's way; ``origins_m`` are the distances along the track at their anchors."""
+
+    segments: tuple[Segment, ...]
+    origins_m: tuple[float, ...]
+    may_lock: bool = False
+
+    @cached_property
+    def bend(self) -> float:
+        """Largest curvature in 1/m."""
+        return max(segment.bend for segment in self.segments)
+
+    @cached_property
+    def begin_m(self) -> float:
+        """Distance along the track where it begins; -inf if it is open."""
+        return self._distance(0, self.segments[0].first)
+
+    @cached_property
+    def end_m(self) -> float:
+        """Distance along the track where it ends; inf if it is open."""
+        return self._distance(len(self.segments) - 1, self.segments[-1].last)
+
+    @cached_property
+    def from_afar(self) -> SpiralSegment | None:
+        """The first segment, where it is a spiral that winds in from afar: all that reaches it stays on it."""
+        first = self.segments[0]
+        return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
+
+    @property
+    def lap_m(self) -> float:
+        """Length of the circle that the track begins with, round which it goes for ever; infinite if it has none."""
+        first = self.segments[0]
+        return 2 * pi * first.radius_m if isinstance(first, ArcSegment) and first.first == -inf else inf
+
+    @property
+    def end_of_first_m(self) -> float:
+        """Distance along the track where the first segment ends."""
+        return self._distance(0, self.segments[0].last)
+
+    def _distance(self, k: int, u: float) -> float:
+        if abs(u) == inf:
+            return inf if k else -inf
+        return float(self.origins_m[k] + self.segments[k].metres(u))
+
+    def distance_of(self, place: Place) -> tuple[float, float]:
+        """Return the distance of a place along the track, as (hi, lo)."""
+        segment = self.segments[place.segment]
+        return plus(segment.metres(place.u.hi), segment.rate(place.u.hi) * place.u.lo, self.origins_m[place.segment])
+
+    def check_links(self, links_m: Floats) -> None:
+        """Refuse links that are too long for the tightest bend of a composite track."""
+        least = least_radius_m(links_m)
+        if not self.may_lock and self.bend * least > 1:
+            tight = max(range(len(self.segments)), key=lambda k: self.segments[k].bend)
+            raise FieldError('track', f'radius {1 / self.bend:.6g} m', f'piece {tight + 1} bends tighter than '
+                             f'{least:.6g} m, a hair over half the longest link, and the chain could lock there',
+                             'use larger radii or shorter benches')
+
+    @cached_property
+    def _least_m(self) -> float:
+        """The least distance at which there is a place, with what rounding may add."""
+        return self.begin_m - _HAIR * (1 + abs(self.begin_m))
+
+    @cached_property
+    def _most_m(self) -> float:
+        return self.end_m + _HAIR * (1 + abs(self.end_m))
+
+    def place_at(self, metres: float, lo: float = 0.0) -> Place:
+        """Return the place so far along the track. Raises TrackEndError where there is no track."""
+        if not self._least_m <= metres <= self._most_m:
+            raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
+                                f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
+        k = bisect_right(self.joints_m, metres)
+        origin = self.origins_m[k]
+        here, here_lo = plus(metres, lo, -origin) if origin else (metres, lo)
+        return Place(k, self.segments[k].after(here, here_lo))
+
+    def places_at(self, metres: Floats, lo: Floats) -> Places:
+        """Return ``place_at`` of many; all must be on the track."""
+        number = np.searchsorted(np.array(self.joints_m), metres, side='right')
+        u, u_lo = np.empty_like(metres), np.empty_like(metres)
+        here, here_lo = plus(metres, lo, -np.array(self.origins_m)[number])
+        for k in np.unique(number).tolist():
+            on = number == k
+            u[on], u_lo[on] = self.segments[k].after_many(here[on], here_lo[on])
+        return number, u, u_lo
+
+    @cached_property
+    def joints_m(self) -> list[float]:
+        """Distances along the track at the beginnings of all segments but the first."""
+        return [self._distance(k, self.segments[k].first) for k in range(1, len(self.segments))]
+
+    def between(self, low_m: float, high_m: float) -> list[tuple[Segment, float, float]]:
+        """Return the segments between two distances, with u where each begins and ends there."""
+        first, last = self.place_at(low_m), self.place_at(high_m)
+        return [(segment, first.u.hi if k == first.segment else segment.first,
+                 last.u.hi if k == last.segment else segment.last)
+                for k, segment in enumerate(self.segments) if first.segment <= k <= last.segment]
+
+    def far_m(self, low_m: float, high_m: float) -> float:
+        """Return a bound on the distance from the origin between two distances along the track."""
+        return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
+
+    def next(self, place: Place, chord_m: float, direction: int, tolerance: float) -> tuple[Place, int]:
+        """Return the place of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
+
+        At a lock itself, where rounding may leave no root, it is where the chord is longest.
+        """
+        segment, u = self.segments[place.segment], place.u
+        edge = self.edge(place.segment, chord_m, direction)
+        following, spent = segment.next(u, chord_m, direction, tolerance)
+        if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
+            return Place(place.segment, following), spent
+        if self.may_lock:
+            delta, more = first_peak(u.hi, pi)
+            return Place(0, DoubleDouble(*plus(*u, delta))), spent + more
+        found, more = self.across(place, chord_m, direction, tolerance)
+        return found, spent + more
+
+    def edge(self, k: int, chord_m: float, direction: int) -> float:
+        """Return where segment k ends behind or ahead; a little further at the track's own ends."""
+        segment = self.segments[k]
+        edge = segment.first if direction == BEHIND else segment.last
+        if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
+            return edge
+        return float(edge + direction * _SLACK * chord_m / segment.rate(edge))
+
+    def across(self, place: Place, chord_m: float, direction: int, tolerance: float) -> tuple[Place, int]:
+        """Return the next place beyond one joint or more, and evaluations. Raises TrackEndError where there is none."""
+        k, segment = place.segment, self.segments[place.segment]
+        here = complex(segment.at(*place.u))
+        gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last))
+        reach = reach_m(self.bend, chord_m)
+        while 0 <= (k := k + direction) < len(self.segments):
+            segment = self.segments[k]
+            near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
+            longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
+            if gone + longest >= reach or abs(complex(segment.at(far)) - here) >= chord_m:
+                return self._cut(k, here, chord_m, direction, (gone, reach), tolerance)
+            gone += longest
+        raise TrackEndError(f'a link of {chord_m:.6g} m finds no track: it begins or ends too close; start the head '
+                            'further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
+
+    def _cut(self, k: int, here: complex, chord_m: float, direction: int, arcs_m: tuple[float, float],
+             tolerance: float) -> tuple[Place, int]:
+        """Return where segment k is at a chord's length from a point; arcs from there to it: to its near end, at most.
+
+        Solved for ``most`` more than the way from the near end, so that a step next to the joint is not relative to 0.
+        """
+        gone, reach = arcs_m
+        segment = self.segments[k]
+        near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
+        most = min(abs(segment.after(segment.metres(near) + direction * (reach - gone)).hi - near), abs(far - near))
+        sense = 1.0 if far > near else -1.0
+
+        def excess(x: float) -> tuple[float, float]:
+            u = near + sense * (x - most)
+            link = complex(segment.at(u)) - here
+            growth = (link.conjugate() * complex(segment.heading(u))).real * segment.rate(u) * sense
+            return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
+
+        start = most + most * min(max((chord_m - gone) / (reach - gone), 0.0), 1.0)
+        x, spent = bracketed_newton(excess, most, 2 * most, start, tolerance)
+        return Place(k, DoubleDouble(*plus(near, 0.0, sense * (x - most)))), spent
+
+    def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int,
+                    tolerance: float) -> tuple[Places, int]:
+        """Return ``across`` of many places (hi, lo) on segment k."""
+        start, segment, spent = k, self.segments[k], 0
+        here = np.asarray(segment.at(*u), dtype=np.complex128)
+        gone = np.asarray(segment.metres_between(u[0], segment.first if direction == BEHIND else segment.last))
+        reach = reach_m(self.bend, chord_m)
+        out: Places = np.full(here.shape, k), np.empty(here.shape), np.empty(here.shape)
+        left = np.arange(here.size)
+        while left.size and 0 <= (k := k + direction) < len(self.segments):
+            segment = self.segments[k]
+            near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
+            longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
+            hit = np.full(left.shape, True) if longest == inf else (
+                (gone[left] + longest >= reach) | (np.abs(complex(segment.at(far)) - here[left]) >= chord_m))
+            on = left[hit]
+            if on.size:
+                out[0][on] = k
+                (out[1][on], out[2][on]), evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
+                                                              (gone[on], reach), tolerance)
+                spent += evaluations
+            gone, left = gone + longest, left[~hit]
+        for n in left[:1]:      # it says what is wrong
+            self.across(Place.of(start, u[0][n], u[1][n]), chord_m, direction, tolerance)
+        return out, spent
+
+    @cached_property
+    def bends(self) -> tuple[Floats, Floats]:
+        """Smallest and largest signed curvature in 1/m on all segments from one to another, (P, P) each."""
+        ends = np.array([segment.curvature(np.array([segment.first, segment.last])) for segment in self.segments])
+        count = range(len(self.segments))
+        rows = [[ends[min(i, j):max(i, j) + 1] for j in count] for i in count]
+        return (np.array([[np.min(part) for part in row] for row in rows]),
+                np.array([[np.max(part) for part in row] for row in rows]))
+
+    def distances(self, segment: Ints, u: Floats) -> Floats:
+        """Return the distances of many places along the track."""
+        return self._each(segment, u, lambda k, u: self.origins_m[k] + self.segments[k].metres(u))
+
+    def curvatures(self, segment: Ints, u: Floats) -> Floats:
+        """Return the signed curvatures at many places in 1/m."""
+        return self._each(segment, u, lambda k, u: self.segments[k].curvature(u))
+
+    def _each(self, segment: Ints, u: Floats, value: Callable[[int, Floats], Any]) -> Floats:
+        if len(self.segments) == 1:
+            only: Floats = np.asarray(value(0, u), dtype=np.float64)
+            return only
+        out: Floats = np.empty(u.shape)
+        for k in np.unique(segment).tolist():
+            out[segment == k] = value(k, u[segment == k])
+        return out
+
+    def points(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
+        """Return coordinates in metres, shape (..., 2)."""
+        return self._vectors(segment, u, lambda k, here: self.segments[k].at(u[here], lo[here]))
+
+    def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
+        """Return unit tangents in the head's way, shape (..., 2)."""
+        return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
+
+    def _vectors(self, segment: Ints, u: Floats, value: Callable[[int, Any], Array]) -> Floats:
+        out = np.empty((*u.shape, 2))
+        for k in [0] if len(self.segments) == 1 else np.unique(segment).tolist():
+            here = ... if len(self.segments) == 1 else segment == k
+            z = value(k, here)
+            out[here, 0], out[here, 1] = z.real, z.imag
+        return read_only(out)
+
+
+def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
+          arcs_m: tuple[Floats, float], tolerance: float) -> tuple[tuple[Floats, Floats], int]:
+    """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton kept in brackets."""
+    (near, far), (gone, reach) = ends, arcs_m
+    end = segment.after_many(segment.metres(near) + direction * (reach - gone), np.zeros_like(gone))[0]
+    most, sense = np.minimum(np.abs(end - near), abs(far - near)), 1.0 if far > near else -1.0
+    low, high = np.zeros_like(gone), most
+    x, last, spent = most * np.clip((chord_m - gone) / (reach - gone), 0.0, 1.0), most, 0
+    for _ in range(80):
+        u = near + sense * x
+        link = segment.at(u) - here
+        value = 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m)
+        slope = (link.conjugate() * segment.heading(u)).real * segment.rate(u) * sense
+        low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
+        change = value / np.where(slope > 0, slope, 1e-300)
+        small = np.abs(change) <= tolerance * most
+        newton = small | ((low <= x - change) & (x - change <= high) & (np.abs(change) <= 0.5 * last))
+        following = np.clip(np.where(newton, x - change, low + 0.5 * (high - low)), low, high)
+        last, x = np.abs(following - x), following
+        if np.all(small | (high - low <= 4e-16 * most)):
+            break
+    return plus(near, 0.0, sense * x), spent
+
+
+def track_of(spec: TrackSpec) -> Track:
+    """Return the track of a spec in the plane. Raises FieldError for pieces that do not join, naming the joint.
+
+    A single spiral goes to its centre; distances count from where the head starts, of an S-turn from its entry, of a
+    composite track from the first piece's beginning.
+    """
+    if isinstance(spec, Spiral):
+        return spiral_track(spec, 0.0, may_lock=True)
+    if isinstance(spec, STurn):
+        return Track(*s_turn_segments(spec))
+    track = _composite(spec)
+    number('track.start_m', spec.start_m, high=track.end_m, low=max(track.begin_m, -1e9))
+    return track
+
+
+def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Track:
+    """Return a single spiral as a track that winds in from afar to a polar angle; distances count from its start."""
+    return Track((SpiralSegment(SpiralCurve.of(spiral), 0j, 1 + 0j, 1, BEHIND, inf, last_rad),), (0.0,), may_lock)
+
+
+def _composite(spec: Composite) -> Track:
+    segments: list[Segment] = []
+    origins = [0.0]
+    first = spec.pieces[0]
+    point, heading = complex(*(first.at_m or (0.0, 0.0))), cmath.rect(1.0, radians(first.heading_deg or 0.0))
+    for k, piece in enumerate(spec.pieces):
+        _check_joint(k, piece, point, heading)
+        one = _segment(piece, point, heading, open_ended=k == 0)
+        segments.append(one)
+        origins.append(origins[-1] + one.metres(one.last))
+        point, heading = complex(one.at(one.last)), complex(one.heading(one.last))
+    return Track(tuple(segments), tuple(origins[:-1]))
+
+
+def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
+    """Return the segment of a piece from a point.
+
+    Open-ended, it goes back without end: a line, a circle round and round, a spiral that winds in (one that winds out
+    cannot).
+    """
+    if isinstance(piece, Line):
+        return LineSegment(start, heading, -inf if open_ended else 0.0, piece.length_m)
+    if isinstance(piece, Arc):
+        side = 1 if piece.angle_deg > 0 else -1
+        arc = arc_from(start, heading, piece.radius_m, side, abs(radians(piece.angle_deg)))
+        return ArcSegment(arc.centre, arc.spoke, arc.radius_m, side, -inf, arc.last) if open_ended else arc
+    curve = SpiralCurve(piece.pitch_m, from_turns(piece.from_turns))
+    way = BEHIND if piece.to_turns < piece.from_turns else 1
+    side = 1 if (piece.side == 'left') == (way == 1) else -1
+    theta, last = curve.start.hi, 2 * pi * piece.to_turns
+    bare = SpiralSegment(curve, 0j, 1 + 0j, side, way, theta, last)
+    rotation = heading / complex(bare.heading(theta))
+    rotation /= abs(rotation)
+    centre = start - rotation * complex(bare.at(*curve.start))
+    return SpiralSegment(curve, centre, rotation, side, way, inf if open_ended and way == BEHIND else theta, last)
+
+
+def _check_joint(k: int, piece: Piece, point: complex, heading: complex) -> None:
+    """Refuse a piece that says that it begins elsewhere than the one before ends, or heads elsewhere."""
+    if piece.at_m is not None:
+        x, y = piece.at_m
+        gap = hypot(x - point.real, y - point.imag)
+        if gap > _NEAR_M:
+            raise FieldError(f'track.pieces.{k + 1}.at_m', [x, y], f'joint {k}: piece {k} ends {gap:.6g} m from there, '
+                             f'at [{point.real:.9g}, {point.imag:.9g}]', 'leave it out, or change the pieces before')
+    if piece.heading_deg is not None:
+        off = remainder(radians(piece.heading_deg) - cmath.phase(heading), 2 * pi)
+        if abs(off) > _NEAR_RAD:
+            raise FieldError(f'track.pieces.{k + 1}.heading_deg', piece.heading_deg, f'joint {k}: piece {k} ends '
+                             f'{degrees(-off):.6g} degrees from there, at {degrees(cmath.phase(heading)):.9g}',
+                             'leave it out, or change the pieces before')

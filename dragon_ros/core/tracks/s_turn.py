@@ -1,0 +1,49 @@
+"""The S-turn (``spec.STurn``): from a spiral in to the same spiral out, half a turn round, along two tangent arcs."""
+from dataclasses import dataclass
+from math import asin, inf, pi, sin, sqrt
+
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, SpiralSegment, arc_from
+from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+
+def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:
+    """Return the segments, open at both ends, and the distances of their anchors from the entry."""
+    curve = SpiralCurve.of(Spiral(turn.pitch_m, turn.entry_turns))
+    theta = curve.start.hi
+    way_in = SpiralSegment(curve, 0j, 1 + 0j, 1, BEHIND, inf, theta)
+    way_out = SpiralSegment(curve, 0j, -1 + 0j, 1, AHEAD, theta, inf)
+    first = arc_from(complex(way_in.at(*curve.start)), complex(way_in.heading(theta)), turn.radii_m[0], -1,
+                     turn.angle_rad)
+    turned = first.last
+    second = arc_from(complex(first.at(turned)), complex(first.heading(turned)), turn.radii_m[1], 1, turned)
+    return (way_in, first, second, way_out), (0.0, 0.0, turn.radii_m[0] * turned, turn.length_m)
+
+
+@dataclass(frozen=True)
+class Bent:
+    """A way from entry to exit of an S-turn: two arcs of one radius with a straight line between them."""
+
+    radius_m: float
+    angle_rad: float
+    line_m: float
+
+    @property
+    def length_m(self) -> float:
+        """Length of the whole way."""
+        return 2 * self.radius_m * self.angle_rad + self.line_m
+
+
+def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
+    """Return the shortest way between the turn's entry and exit that turns right, then left, no tighter than a radius.
+
+    Of all curves of bounded curvature the shortest is made of arcs of that radius and lines (Dubins 1957); this is the
+    one that turns once each way. None where the radius is larger than that of two equal arcs. The first arc's centre is
+    at distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line touches both arcs and goes through it.
+    """
+    big, r, gamma = turn.radius_m, least_radius_m, turn.gamma_rad
+    if 2 * r > sum(turn.radii_m):
+        return None
+    m = sqrt(big * big + r * r - 2 * big * r * sin(gamma))
+    turned = asin(min(1.0, (big - r * sin(gamma)) / m)) + asin(min(1.0, r / m)) - (0.5 * pi - gamma)
+    return Bent(r, turned, 2 * sqrt(max(m * m - r * r, 0.0)))

@@ -1,0 +1,209 @@
+"""Track specs: what a scene says about its track, as plain checked values. ``composite`` lays the segments out.
+
+A spiral is a track of one segment. The S-turn and a composite track are sequences of lines, arcs and spirals.
+"""
+from dataclasses import dataclass
+from math import atan, pi, sin, sqrt
+
+from dragon_ros.core.checks import number, settle
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns
+
+_MOST_PIECES = 1000
+SIDES = ('left', 'right')
+
+
+@dataclass(frozen=True)
+class Spiral:
+    """r = pitch_m / (2 pi) * theta about the origin; the head starts at polar angle 2 pi start_turns (paper, eq. 1)."""
+
+    pitch_m: float = 0.55
+    start_turns: float = 16.0
+
+    def __post_init__(self) -> None:
+        """Refuse a spiral that is not one."""
+        number('track.pitch_m', self.pitch_m, above=0.0, high=1e12)
+        settle(self, pitch_m=number('track.pitch_m', self.pitch_m, low=1e-12),
+               start_turns=number('track.start_turns', self.start_turns, low=0.0, high=1e9))
+
+    @property
+    def b_m(self) -> float:
+        """Radius gained for each radian."""
+        return self.pitch_m / (2 * pi)
+
+    @property
+    def start(self) -> DoubleDouble:
+        """Polar angle of the head's front handle at t = 0, in radians."""
+        return from_turns(self.start_turns)
+
+
+@dataclass(frozen=True)
+class STurn:
+    """Spiral in, arc of ``ratio`` times the second's radius, second arc, spiral out, within a circle of ``diameter_m``.
+
+    The spirals are r = pitch_m / (2 pi) theta about the origin and its opposite. At t = 0 the head is ``before_m`` in
+    front of the turn's entry: with 100 and a head of 1 m/s the contest's -100 s is 0 s here, since stamps of ROS and
+    of bags cannot be negative.
+
+    The spiral enters the turning circle of radius R at polar angle theta = R / b, its tangent at the angle gamma from
+    the radius, tan gamma = theta. Entry and exit lie opposite, with one heading. Two arcs that touch and turn by the
+    same angle, one right and one left, join them; both chords lie on the line between, so each arc turns by 2 gamma,
+    and
+
+        r1 + r2 = R / sin gamma,     length = 2 gamma R / sin gamma:
+
+    the length does not depend on the ratio of the radii, only on the circle.
+    """
+
+    pitch_m: float = 1.7
+    diameter_m: float = 9.0
+    ratio: float = 2.0
+    before_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a turn that is not one."""
+        settle(self, pitch_m=number('track.pitch_m', self.pitch_m, low=1e-9, high=1e9),
+               diameter_m=number('track.diameter_m', self.diameter_m, low=1e-9, high=1e9),
+               ratio=number('track.ratio', self.ratio, low=1e-6, high=1e6),
+               before_m=number('track.before_m', self.before_m, low=-1e9, high=1e9))
+
+    @property
+    def radius_m(self) -> float:
+        """Radius of the turning circle."""
+        return 0.5 * self.diameter_m
+
+    @property
+    def entry_turns(self) -> float:
+        """Turns of the spiral from its centre to the entry."""
+        return self.radius_m / self.pitch_m
+
+    @property
+    def gamma_rad(self) -> float:
+        """DoubleDouble between the track and the radius at the entry."""
+        return atan(2 * pi * self.entry_turns)
+
+    @property
+    def radii_m(self) -> tuple[float, float]:
+        """Radii of the two arcs, in the order of the head's way."""
+        second = self.radius_m / sin(self.gamma_rad) / (1 + self.ratio)
+        return self.ratio * second, second
+
+    @property
+    def angle_rad(self) -> float:
+        """DoubleDouble by which each arc turns."""
+        return 2 * self.gamma_rad
+
+    @property
+    def length_m(self) -> float:
+        """Length of both arcs."""
+        return self.angle_rad * sum(self.radii_m)
+
+    @property
+    def start_m(self) -> float:
+        """Distance along the track, from the entry, at which the head is at t = 0."""
+        return -self.before_m
+
+    def largest_ratio(self, least_radius_m: float) -> float:
+        """Return the largest ratio at which both radii are at least ``least_radius_m``; below 1 there is none."""
+        return sum(self.radii_m) / least_radius_m - 1
+
+    def smallest_diameter_m(self, least_radius_m: float) -> float:
+        """Return the diameter of the smallest circle with arcs of at least that radius (both have it, ratio 1).
+
+        In units of b, R is theta and r1 + r2 is sqrt(1 + theta^2).
+        """
+        b_m = self.pitch_m / (2 * pi)
+        return 2 * sqrt(max(4 * least_radius_m * least_radius_m - b_m * b_m, 0.0))
+
+
+@dataclass(frozen=True)
+class Line:
+    """A straight line."""
+
+    length_m: float
+    at_m: tuple[float, float] | None = None
+    heading_deg: float | None = None
+
+    def checked(self, name: str) -> 'Line':
+        """Return the line with its values normalised. Raises FieldError for one that is none."""
+        return Line(number(f'{name}.length_m', self.length_m, above=0.0, high=1e9), *_checked_place(name, self))
+
+
+@dataclass(frozen=True)
+class Arc:
+    """A part of a circle; ``angle_deg`` is positive to the left."""
+
+    radius_m: float
+    angle_deg: float
+    at_m: tuple[float, float] | None = None
+    heading_deg: float | None = None
+
+    def checked(self, name: str) -> 'Arc':
+        """Return the arc with its values normalised. Raises FieldError for one that is none."""
+        radius_m = number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
+        angle_deg = number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6)
+        if angle_deg == 0:
+            raise FieldError(f'{name}.angle_deg', self.angle_deg, 'an arc turns', 'give degrees, positive to the left')
+        return Arc(radius_m, angle_deg, *_checked_place(name, self))
+
+
+@dataclass(frozen=True)
+class SpiralArc:
+    """A part of a spiral r = pitch_m * turns, inwards where ``to_turns`` is the smaller; ``side`` is where it turns."""
+
+    pitch_m: float
+    from_turns: float
+    to_turns: float
+    side: str = 'right'
+    at_m: tuple[float, float] | None = None
+    heading_deg: float | None = None
+
+    def checked(self, name: str) -> 'SpiralArc':
+        """Return the spiral with its values normalised. Raises FieldError for one that is none."""
+        pitch_m = number(f'{name}.pitch_m', self.pitch_m, low=1e-9, high=1e9)
+        from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
+        to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
+        if from_turns == to_turns:
+            raise FieldError(f'{name}.to_turns', self.to_turns, 'it begins there', 'give another')
+        if self.side not in SIDES:
+            raise FieldError(f'{name}.side', self.side, 'a spiral turns left or right', 'give left or right')
+        return SpiralArc(pitch_m, from_turns, to_turns, self.side, *_checked_place(name, self))
+
+
+Piece = Line | Arc | SpiralArc
+PIECES: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': SpiralArc}
+
+
+def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None, float | None]:
+    """Return where a piece says that it begins, normalised; whether pieces meet there is for ``composite`` to say."""
+    at_m, heading_deg = piece.at_m, piece.heading_deg
+    if at_m is not None:
+        x, y = (number(f'{name}.at_m', value, low=-1e9, high=1e9) for value in at_m)
+        at_m = x, y
+    if heading_deg is not None:
+        heading_deg = number(f'{name}.heading_deg', heading_deg, low=-1e6, high=1e6)
+    return at_m, heading_deg
+
+
+@dataclass(frozen=True)
+class Composite:
+    """Pieces in the order of the head's way; at t = 0 the head is ``start_m`` along them.
+
+    The first piece is continued backwards as far as the dragon is long: a line, a circle, a spiral that winds in.
+    ``at_m`` and ``heading_deg`` place the first piece (the origin, along x, unless given). In a later piece they are
+    checked against where the one before ends, so a track that does not close is refused by its joint.
+    """
+
+    pieces: tuple[Piece, ...]
+    start_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a track without pieces, and bad pieces."""
+        if not 1 <= len(self.pieces) <= _MOST_PIECES:
+            raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {_MOST_PIECES} pieces',
+                             'list its pieces')
+        settle(self, pieces=tuple(piece.checked(f'track.pieces.{k}') for k, piece in enumerate(self.pieces, 1)),
+               start_m=number('track.start_m', self.start_m))
+
+
+TrackSpec = Spiral | STurn | Composite

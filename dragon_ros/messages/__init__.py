@@ -1,0 +1,1 @@
+"""Frames to CDR bytes and back: topics, templates and decoders, without rclpy."""

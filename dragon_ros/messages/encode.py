@@ -1,0 +1,51 @@
+"""Encodes frames as the bytes of each topic that a scene's effects switch on."""
+from collections.abc import Callable
+
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.scene import Scene
+from dragon_ros.messages.cdr import PoseArrayTemplate, VelocitiesTemplate
+from dragon_ros.messages.channels import live
+from dragon_ros.messages.markers import CubesTemplate, TrianglesTemplate
+
+Encode = Callable[[Frame], bytes]
+
+
+def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
+    """Return, by topic, the functions that encode frames of this scene; templates are built once, here."""
+    return {channel.name: _builder(channel.name)(scene, frame_id) for channel in live(scene.effects)}
+
+
+def _handles(scene: Scene, frame_id: str) -> Encode:
+    template = PoseArrayTemplate(scene.dragon.benches + 1, frame_id)
+    return lambda frame: template.encode(frame.t_ns, frame.chain.p, frame.axis)
+
+
+def _benches(scene: Scene, frame_id: str) -> Encode:
+    template = _STYLES[scene.markers](scene.dragon.bench_lengths_m, scene.dragon.width_m, frame_id)
+
+    def encode(frame: Frame) -> bytes:
+        assert frame.benches is not None
+        return template.encode(frame.t_ns, frame.benches.centre, frame.axis)
+    return encode
+
+
+def _velocities(scene: Scene, frame_id: str) -> Encode:
+    template = VelocitiesTemplate(scene.dragon.benches + 1)
+
+    def encode(frame: Frame) -> bytes:
+        assert frame.velocity_m_s is not None
+        return template.encode(frame.velocity_m_s)
+    return encode
+
+
+_STYLES: dict[str, type[CubesTemplate] | type[TrianglesTemplate]] = {
+    'cubes': CubesTemplate, 'triangles': TrianglesTemplate}
+_BUILDERS = {'handles': _handles, 'benches': _benches, 'velocities': _velocities}
+
+
+def _builder(topic: str) -> Callable[[Scene, str], Encode]:
+    """Return the builder of a topic; the module of the rarer effects is imported only for them."""
+    if topic in _BUILDERS:
+        return _BUILDERS[topic]
+    from dragon_ros.messages.encode_effects import BUILDERS
+    return BUILDERS[topic]

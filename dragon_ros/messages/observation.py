@@ -1,0 +1,188 @@
+"""From the bytes of a PoseArray and a MarkerArray to an observation for the contact tracker, with all checks."""
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.chain.rectangles import Benches
+from dragon_ros.core.contact.tracker import Sight
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.messages.cdr import NS
+from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
+from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST
+
+_ADD = 0
+_SKEW = 1e-6        # relative deviation from a rectangle that two triangles of a bench may have
+
+
+@dataclass(frozen=True)
+class BenchMarkers:
+    """The benches of one message: stamp, frame, the markers, and the indices of those that show benches."""
+
+    t_ns: int
+    frame_id: str
+    markers: Markers
+    order: Ints
+
+    @property
+    def size(self) -> int:
+        """Approximate number of values in the message."""
+        return len(self.markers.data) // 8
+
+    def rectangles(self, handles_m: Floats) -> Benches:
+        """Return the benches; ``handles_m`` (N+1, 2) give those of triangles their direction."""
+        if self.markers.type[self.order[0]] == CUBE:
+            return _cubes(self.markers, self.order)
+        return _triangles(self.markers, int(self.order[0]), handles_m)
+
+
+def observation_of(poses: Poses, shown: BenchMarkers) -> Sight:
+    """Return the observation from two messages of one tick. Raises MessageError, naming message and field."""
+    handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
+    rectangles = shown.rectangles(handles_m)
+    _counted(len(rectangles.centre), len(handles_m))
+    if poses.frame_id != shown.frame_id:
+        raise MessageError(f'benches: frame {shown.frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
+    return Sight(poses.t_ns, handles_m, rectangles, poses.frame_id)
+
+
+def read_benches(data: bytes) -> BenchMarkers:
+    """Return the benches of a MarkerArray, ignoring other markers in it. Raises MessageError."""
+    markers = read_marker_array(data)
+    order = _bench_markers(markers)
+    t_ns = int(markers.t_ns[order[0]])
+    if not 0 <= t_ns < 2**31 * NS:
+        raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time')
+    return BenchMarkers(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
+
+
+def read_handles(data: bytes) -> Poses:
+    """Return the poses of a PoseArray. Raises MessageError where they cannot be the handles of a dragon."""
+    poses = read_pose_array(data)
+    if len(poses.poses) < 2:
+        raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
+    _finite('handles: position', poses.poses[:, :2])
+    return poses
+
+
+def _bench_markers(markers: Markers) -> Ints:
+    """Return the indices of the markers in namespace ``bench``: one TRIANGLE_LIST, or CUBEs by id, 0 to N-1."""
+    named = np.array([run.ns == BENCH for run in markers.runs], dtype=bool)
+    mine = np.flatnonzero(named[markers.run_of] & (markers.action == _ADD))
+    kind = markers.type[mine]
+    cubes, lists = mine[kind == CUBE], mine[kind == TRIANGLE_LIST]
+    if lists.size > 1 or (lists.size and cubes.size):
+        raise MessageError('benches: namespace bench must hold CUBEs or one TRIANGLE_LIST, not several or both')
+    if not lists.size and not cubes.size:
+        raise MessageError('benches: namespace bench has neither CUBEs nor a TRIANGLE_LIST')
+    order: Ints = lists if lists.size else cubes[np.argsort(markers.id[cubes], kind='stable')]
+    if cubes.size and not np.array_equal(markers.id[order], np.arange(order.size)):
+        raise MessageError('benches: the ids of the cubes in namespace bench must be 0, 1, 2, ..., each once')
+    return order
+
+
+def _counted(benches: int, handles: int) -> None:
+    if benches != handles - 1:
+        raise MessageError(f'benches: {benches} for {handles} handles; expected one less')
+
+
+def _cubes(markers: Markers, order: Ints) -> Benches:
+    poses = _finite('benches: pose', markers.poses[order])
+    scale = _finite('benches: scale', markers.scale[order])
+    if np.any(scale[:, :2] <= 0):
+        raise MessageError('benches: scale: lengths and widths must be positive')
+    return Benches(poses[:, :2], _axes(poses[:, 3:]), 0.5 * scale[:, 0], 0.5 * scale[:, 1])
+
+
+def _axes(quaternion: Floats) -> Floats:
+    """Return the x axis turned by quaternions (N, 4), in the plane."""
+    x, y, z, w = np.moveaxis(quaternion, -1, 0)
+    axis = np.stack((w * w + x * x - y * y - z * z, 2 * (w * z + x * y)), axis=1)
+    length = np.hypot(axis[:, 0], axis[:, 1])
+    if np.any(length < 1e-6):
+        raise MessageError('benches: pose: a bench stands upright or has no orientation')
+    out: Floats = axis / length[:, None]
+    return out
+
+
+def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
+    """Return the rectangles of pairs of triangles, for either diagonal and either winding."""
+    points = _placed(_finite('benches: point', markers.points_of(marker)), markers, marker)
+    if len(points) % 6:
+        raise MessageError(f'benches: {len(points)} points; expected six for each bench, those of two triangles')
+    _counted(len(points) // 6, len(handles_m))
+    first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
+    if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
+        # The diagonal and winding of our own messages.
+        start, corner, end, far = first[:, 0], first[:, 1], first[:, 2], second[:, 2]
+    else:
+        start, corner, end, far = _around(first, second)
+    sides = np.stack((start - corner, end - corner), axis=1)
+    length = _norm(sides)
+    size = length[:, 0] + length[:, 1]
+    skew = np.abs(sides[:, 0, 0] * sides[:, 1, 0] + sides[:, 0, 1] * sides[:, 1, 1])
+    bent = _norm(start + end - corner - far) > _SKEW * size
+    bad = bent | (skew > _SKEW * size * size) | (length[:, 0] <= 0) | (length[:, 1] <= 0)
+    if bad.any():
+        raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are not a rectangle')
+    return _facing(0.5 * (start + end), sides / length[..., None], 0.5 * length, handles_m)
+
+
+def _norm(vectors: Floats) -> Floats:
+    out: Floats = np.hypot(vectors[..., 0], vectors[..., 1])
+    return out
+
+
+def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """Return the corners (N, 2), in order, of pairs of triangles (N, 3, 2) that share their longest sides.
+
+    Where they do not, the last corner is moved by the distance between these sides.
+    """
+    (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
+    apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
+    return start, corner, end, far + apart[:, None]
+
+
+def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return, for triangles (N, 3, 2), the corner opposite the longest side, and the ends of that side."""
+    opposite = _norm(np.roll(triangles, -1, axis=1) - np.roll(triangles, 1, axis=1))
+    turn = (np.argmax(opposite, axis=1)[:, None] + np.arange(3)) % 3
+    corner, start, end = np.moveaxis(np.take_along_axis(triangles, turn[..., None], axis=1), 1, 0)
+    return corner, start, end
+
+
+def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
+    """Return benches along those sides (N, 2, 2) that align best with their handles, from rear to front.
+
+    Where the two handles of a bench coincide it is the longer side.
+    """
+    link = handles_m[:-1] - handles_m[1:]
+    along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]
+    joined = ~link.any(axis=1, keepdims=True)
+    second = np.greater(*np.where(joined, half, np.abs(along)).T[::-1])[:, None]
+    axis = np.where(second, sides[:, 1], sides[:, 0])
+    axis = np.where(np.where(second, along[:, 1:], along[:, :1]) < 0, -axis, axis)
+    half_length, half_width = np.where(second, half[:, ::-1], half).T
+    return Benches(centre, axis, half_length, half_width)
+
+
+def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
+    """Return points (K, 3), scaled and posed as their marker says, in the plane."""
+    pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
+    scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
+    x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)
+    if abs(x * x + y * y + z * z + w * w - 1) > 1e-6 or np.any(scale == 0):
+        raise MessageError('benches: pose or scale: the list of triangles has no orientation or no size')
+    turn = np.array([[1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+                     [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)]])
+    plain = w == 1 and bool(np.all(scale == 1))
+    out: Floats = pose[:2] + (points[:, :2] if plain else (points * scale) @ turn.T)
+    return out
+
+
+def _finite(what: str, values: Floats) -> Floats:
+    """Return values as native floats. Raises MessageError unless all are finite and can be squared."""
+    bad = ~(np.abs(values) < 1e150)
+    if np.any(bad):
+        row = int(np.argwhere(bad)[0][0])
+        raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers')
+    return np.ascontiguousarray(values, dtype=np.float64)

@@ -1,0 +1,148 @@
+"""The command lines of the nodes. Nothing here imports ROS before the arguments are read: ``--help`` is quick."""
+import argparse
+import threading
+from datetime import datetime
+from functools import partial
+from pathlib import Path
+from typing import Any, NoReturn
+
+from dragon_ros.cli import command_line
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import InputError
+from dragon_ros.nodes.params import MONITOR, REPLAY, SIM, described
+
+
+def sim(argv: list[str]) -> int:
+    """Run the simulator; return the exit code."""
+    options = _parser('sim', f'Simulate a bench dragon and publish it. ROS parameters:\n{described(SIM)}\n'
+                      'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger).',
+                      'ros2 run dragon_ros sim --scene first_contact --ros-args -p time_scale:=2.0')
+    command_line.add_scene_options(options)
+    options.set_defaults(scene=None)
+    arguments = _parse(options, argv)
+    from dragon_ros.nodes import shell
+    from dragon_ros.nodes.sim import run
+    given = {'scene': arguments.scene, 'set': arguments.overrides, 'accuracy': arguments.accuracy}
+    return shell.run('sim', argv, partial(run, {name: value for name, value in given.items() if value}),
+                     arguments.json)
+
+
+def monitor(argv: list[str]) -> int:
+    """Run the monitor; return the exit code."""
+    options = _parser('monitor', 'Watch topics handles and benches, and publish each contact on collision. '
+                      f'ROS parameters:\n{described(MONITOR)}',
+                      'ros2 run dragon_ros monitor --ros-args -r __ns:=/other_dragon')
+    arguments = _parse(options, argv)
+    from dragon_ros.nodes import shell
+    from dragon_ros.nodes.monitor import run
+    return shell.run('monitor', argv, run, arguments.json)
+
+
+def record(argv: list[str]) -> int:
+    """Run the recorder; return the exit code."""
+    options = _parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).\n'
+                      'Exit codes: 0 the bag has everything, 3 ticks or messages are missing in it, 1 the disk failed, '
+                      '2 bad input.', 'ros2 run dragon_ros record --output run.mcap')
+    options.add_argument('--output', type=Path, metavar='FILE.mcap|FOLDER', help='bag to write: one file, or a rosbag2 '
+                         'directory (dragon_DATE_TIME.mcap)')
+    options.add_argument('--keep-going', action='store_true', help='continue after the publisher leaves, until a '
+                         'signal')
+    options.add_argument('--force', action='store_true', help='replace an existing bag')
+    _add_bag_options(options)
+    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='most wall time whose messages are '
+                         'lost when the recorder is killed (1)')
+    options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
+                         help='largest size of the write queue (256)')
+    arguments = _parse(options, argv)
+    from dragon_ros.nodes import shell
+    return shell.run('record', argv, partial(_record, arguments), arguments.json)
+
+
+def replay(argv: list[str]) -> int:
+    """Replay a bag; return the exit code."""
+    options = _parser('replay', 'Publish the messages of a bag on their topics, byte for byte and at the recorded '
+                      f'spacing.\nROS parameters:\n{described(REPLAY)}\n'
+                      'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger). Keys: space pauses '
+                      'and resumes,\ns steps, the arrows seek 5 s.',
+                      'ros2 run dragon_ros replay run.mcap --rate 2 --start 5')
+    options.add_argument('bag', type=Path, metavar='BAG', help='MCAP file, or rosbag2 directory')
+    options.add_argument('--rate', type=float, metavar='FACTOR',
+                         help='speed factor; 0 is as fast as the readers follow (1)')
+    options.add_argument('--start', type=float, default=0.0, metavar='S', help='seconds of the bag to skip (0)')
+    options.add_argument('--end', type=float, metavar='S', help='second of the bag to stop at (its end)')
+    options.add_argument('--loop', action='store_true', help='start again at the end')
+    options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
+    options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics (full names)')
+    options.add_argument('--wait-subscribers', type=_names, default=[], metavar='NAME=N,...',
+                         help='start when these topics have this many subscribers')
+    arguments = _parse(options, argv)
+    from dragon_ros.nodes import shell
+    return shell.run('replay', argv, partial(_replay, arguments), arguments.json)
+
+
+def _parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
+    """Return a parser with --json."""
+    options = command_line.parser(name, text, example)
+    options.add_argument('--json', action='store_true', help='log for machines: one JSON object per line')
+    return options
+
+
+def _parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespace:
+    """Parse the arguments that are not for ROS (``--ros-args ...``); exit with code 2 where any is wrong."""
+    if '--help' in argv or '-h' in argv:
+        _help(options)
+    from rclpy.utilities import remove_ros_args
+    try:
+        rest: list[str] = remove_ros_args([options.prog, *argv])[1:]
+    except Exception as error:  # noqa: BLE001 - rcl raises its own types for bad --ros-args
+        options.exit(command_line.BAD_INPUT, f'{options.prog}: {" ".join(str(error).split())}\n')
+    return options.parse_args(rest)
+
+
+def _help(options: argparse.ArgumentParser) -> NoReturn:
+    options.print_help()
+    options.exit(command_line.OK)
+
+
+def _add_bag_options(options: argparse.ArgumentParser) -> None:
+    """Add how a bag is written."""
+    options.add_argument('--compression', choices=('zstd', 'lz4', 'none'), default='zstd', help='of its chunks (zstd)')
+    options.add_argument('--split-size-mb', type=float, metavar='MB', help='start another file at this size')
+    options.add_argument('--split-duration-s', type=float, metavar='S', help='start another file after this much '
+                         'simulation time')
+    options.add_argument('--max-size-mb', type=float, metavar='MB', help='stop before the bag exceeds this size')
+    options.add_argument('--fsync', action='store_true', help='have each chunk on the disk before the next: protects '
+                         'against power cuts, not only against killed processes')
+
+
+def _names(text: str) -> list[str]:
+    return text.split(',')
+
+
+def _record(arguments: argparse.Namespace, stop: threading.Event) -> int:
+    from dragon_ros.bags.write.writer import BagOptions, BagWriter
+    from dragon_ros.nodes.record import run
+    flush_s = number('--flush-s', arguments.flush_s, low=0.01, high=3600)
+    queue_mb = number('--queue-mb', arguments.queue_mb, low=1, high=1e5)
+    path = arguments.output or Path(f'dragon_{datetime.now().astimezone():%Y%m%d_%H%M%S}.mcap')
+    bag = BagWriter(path, arguments.force, BagOptions(
+        arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
+        arguments.fsync))
+    return run(bag, arguments.keep_going, flush_s, queue_mb, stop)
+
+
+def _replay(arguments: argparse.Namespace, stop: threading.Event) -> int:
+    from dragon_ros.bags.read.reader import BagReader
+    from dragon_ros.nodes.replay import Choice, run
+    given: dict[str, Any] = {}
+    if arguments.rate is not None:
+        if not 0 <= arguments.rate <= 1e6:
+            raise InputError(f'--rate {arguments.rate:g}: must lie between 0 (as fast as possible) and 1e6')
+        given['time_scale'] = arguments.rate
+    if arguments.loop:
+        given['at_end'] = 'loop'
+    if arguments.clock:
+        given['publish_clock'] = True
+    with BagReader(arguments.bag) as bag:
+        choice = Choice(arguments.start, arguments.end, arguments.topics, tuple(arguments.wait_subscribers))
+        return run(bag, choice, given, stop)

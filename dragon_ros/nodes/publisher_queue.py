@@ -1,0 +1,88 @@
+"""Publishing bytes: counting subscribers, and queueing where readers are slower than the publisher."""
+import time
+from collections import deque
+from collections.abc import Iterable, Mapping
+
+from rclpy._rclpy_pybind11 import RCLError
+from rclpy.duration import Duration
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.frame import Frame
+from dragon_ros.messages.encode import Encode
+
+_GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
+_ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS
+
+
+def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
+    """Return (publisher, subscribers to wait for) from texts such as handles=2. Raises InputError."""
+    wanted = []
+    for text in filter(None, texts):
+        name, _, count = text.partition('=')
+        if name not in publishers or not count.isdecimal():
+            raise InputError(f'wait_subscribers: {text!r} is not TOPIC=NUMBER; the topics are {", ".join(publishers)}')
+        wanted.append((publishers[name], int(count)))
+    return wanted
+
+
+def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
+    """Return whether every topic has the required subscribers."""
+    return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
+
+
+class PublisherQueue:
+    """Outgoing messages in order; readers that are slower than a lossless publisher hold them back."""
+
+    def __init__(self) -> None:
+        """Start empty."""
+        self._waiting: deque[tuple[Publisher, bytes]] = deque()
+        self._alone = 0
+
+    def put(self, publisher: Publisher, data: bytes) -> None:
+        """Append a message."""
+        self._waiting.append((publisher, data))
+
+    def flush(self) -> bool:
+        """Publish what is queued; return False if a full reader still holds some back after a tenth of a second."""
+        while self._waiting:
+            publisher, data = self._waiting[0]
+            try:
+                publisher.publish(data)
+            except RCLError:
+                self._alone = 0 if publisher.get_subscription_count() else self._alone + 1
+                if self._alone > _GIVE_UP:
+                    raise
+                return False
+            self._alone = 0
+            self._waiting.popleft()
+        return True
+
+
+class EncodedTopic:
+    """One topic of ``sim``, encoded only while it has subscribers."""
+
+    def __init__(self, publisher: Publisher, encode: Encode) -> None:
+        """Publish frames on ``publisher``, encoded by ``encode``."""
+        self.publisher, self._encode = publisher, encode
+        self._latched = publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL
+        self.published = 0
+
+    def put(self, frame: Frame, queue: PublisherQueue) -> None:
+        """Queue a frame's message; without subscribers nothing is encoded.
+
+        A late subscriber receives the following frames, as with any volatile topic. A latched topic keeps its last
+        message for late subscribers, and is always published.
+        """
+        if self._latched or self.publisher.get_subscription_count():
+            queue.put(self.publisher, self._encode(frame))
+            self.published += 1
+
+
+def drain(publishers: Iterable[Publisher]) -> None:
+    """Wait a few seconds at most until readers have everything: unsent messages are lost with their publisher."""
+    end = time.monotonic() + _ACKED_S
+    for publisher in publishers:
+        if publisher.get_subscription_count():
+            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))

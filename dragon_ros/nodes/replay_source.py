@@ -1,0 +1,119 @@
+"""A replay source: the messages of a bag as frames, one for each log time, with a current position."""
+from collections import Counter
+from collections.abc import Callable, Iterator, Mapping
+
+from rclpy.publisher import Publisher
+from rclpy.qos import DurabilityPolicy
+
+from dragon_ros.bags.read.reader import BagReader, Message
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.scene import NS
+from dragon_ros.nodes import publisher_queue
+
+
+class ReplaySource:
+    """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
+
+    At the start, and after a seek, each latched topic first publishes the message that it had at that time.
+    """
+
+    def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int) -> None:
+        """Start before the first message; each function in ``also`` is called with every time first."""
+        self.also: list[Callable[[int], None]] = []
+        self.published: Counter[str] = Counter()
+        self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
+        self._latched = {topic for topic, publisher in publishers.items()
+                         if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
+        self._queue, self._last_ns = publisher_queue.PublisherQueue(), start_ns
+        self._messages: Iterator[Message]
+        self._next: Message | None
+        self._starts: bool
+        self._go_to(start_ns)
+
+    def next_ns(self) -> int | None:
+        """Return the log time of the next messages; None at the end."""
+        return self._next.t_ns if self._next and self._next.t_ns <= self._end_ns else None
+
+    def last_ns(self) -> int:
+        """Return the time of the end."""
+        return self._end_ns
+
+    def show(self) -> None:
+        """Publish the messages of the next log time and advance."""
+        assert self._next is not None
+        self._last_ns = self._next.t_ns
+        for observe in self.also:
+            observe(self._last_ns)
+        frame = self._take()
+        if self._starts:
+            frame = [*self._before(), *sorted(frame, key=lambda message: message.topic not in self._latched)]
+            self._starts = False
+        for message in frame:
+            self._queue.put(self._publishers[message.topic], message.data)
+            self.published[message.topic] += 1
+        self.flush()
+
+    def flush(self) -> bool:
+        """Publish what slow readers held back; return whether nothing is held back now."""
+        return self._queue.flush()
+
+    def rewind(self) -> None:
+        """Move to the first message."""
+        self._go_to(self._start_ns)
+
+    def seek(self, t_ns: int) -> None:
+        """Move to the last messages at or before ``t_ns``. Raises FieldError outside the played part."""
+        self.check_time(t_ns)
+        last = self._start_ns
+        for message in self._bag.messages(list(self._publishers), max(self._start_ns, t_ns - NS)):
+            if message.t_ns > t_ns:
+                break
+            last = message.t_ns
+        self._go_to(last if last > self._start_ns else self._last_before(t_ns))
+
+    def check_time(self, t_ns: int) -> None:
+        """Raise FieldError where ``t_ns`` is outside the played part."""
+        if not self._start_ns <= t_ns <= self._end_ns:
+            raise FieldError('seek_s', t_ns / NS, f'the played part goes from {self._start_ns / NS:.9g} s to '
+                             f'{self._end_ns / NS:.9g} s', 'seek within it')
+
+    def place(self) -> str:
+        """Return the position of the last messages shown, as text."""
+        return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
+
+    def ending(self) -> str:
+        """Return why there is no next message, as text."""
+        return f'the bag ends at {self._end_ns / NS:.6f} s'
+
+    def _go_to(self, t_ns: int) -> None:
+        self._from_ns, self._starts = t_ns, True
+        self._messages = iter(self._bag.messages(list(self._publishers), t_ns))
+        self._next = next(self._messages, None)
+
+    def _take(self) -> list[Message]:
+        """Return the messages of the next log time."""
+        assert self._next is not None
+        frame, t_ns = [], self._next.t_ns
+        while self._next is not None and self._next.t_ns == t_ns:
+            frame.append(self._next)
+            self._next = next(self._messages, None)
+        return frame
+
+    def _last_before(self, t_ns: int) -> int:
+        """Return the log time of the last message at or before ``t_ns``, from a pass over all messages."""
+        last = self._start_ns
+        for message in self._bag.messages(list(self._publishers), self._start_ns):
+            if message.t_ns > t_ns:
+                break
+            last = message.t_ns
+        return last
+
+    def _before(self) -> list[Message]:
+        """Return the last message of each latched topic before the starting time."""
+        found: dict[str, Message] = {}
+        if self._latched and self._from_ns > self._bag.start_ns:
+            for message in self._bag.messages(sorted(self._latched)):
+                if message.t_ns >= self._from_ns:
+                    break
+                found[message.topic] = message
+        return list(found.values())

@@ -1,0 +1,1 @@
+"""Scene files: loading, JSON Schema, YAML with line numbers, provenance."""

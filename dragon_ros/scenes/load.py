@@ -1,0 +1,183 @@
+"""Scene files: YAML to a core Scene, with errors that name file, line and key."""
+from collections.abc import Iterable
+from dataclasses import MISSING, fields
+from pathlib import Path
+from typing import Any
+
+from dragon_ros import configuration
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.errors import FieldError, InputError, MissingError
+from dragon_ros.core.flags import Noise, Trails, effects_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
+from dragon_ros.scenes.yaml import Document, parse_document, read_document
+
+SECTIONS: dict[str, dict[str, type]] = {
+    'dragon': {'equal': Dragon, 'mixed': Mixed},
+    'track': {'spiral': Spiral, 'turn': STurn, 'joined': Composite},
+    'head': {'constant': Head, 'profile': Profile},
+    'run': {'': Run},
+    'noise': {'': Noise},
+    'trails': {'': Trails},
+}       # by kind; the first is the default
+# Lists of mappings in a section, by their key.
+PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}}
+_EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}'}
+_WORDS = ('lead', 'ramps', 'side')
+CHOICES = ('solver', 'markers')
+SINGLES = ('accuracy', 'effects', *CHOICES)
+ABOUT = 'about'     # free notes about a scene, without any effect
+
+
+def scene_names() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    return sorted(path.stem for path in (configuration.folder() / 'scenes').glob('*.yaml'))
+
+
+def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
+    """Return the scene of a name or file, with ``key=value`` overrides (dotted keys) applied on top.
+
+    Omitted keys have the classic values. Raises InputError with file, line and key.
+    """
+    document = read_document(_find(name_or_file))
+    for override in overrides:
+        _override(document, override)
+    return scene_of(document)
+
+
+def scene_of(document: Document) -> Scene:
+    """Return the scene that a document describes."""
+    document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
+    try:
+        parts = {name: _build(document, name, kinds) for name, kinds in SECTIONS.items()}
+        values = document.values
+        if 'effects' in values:
+            parts['effects'] = effects_of(_names(document, 'effects', values['effects']))
+        if 'accuracy' in values:
+            parts['accuracy'] = _number(values['accuracy'])
+        parts |= {name: values[name] for name in CHOICES if name in values}
+        scene = Scene(**parts)
+        compile_scene(scene)        # it finds what only the track laid out in the plane can tell
+        return scene
+    except FieldError as error:
+        raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
+
+
+def scene_values(scene: Scene) -> dict[str, Any]:
+    """Return the complete scene as the mapping of a scene file."""
+    values = {name: _values(getattr(scene, name), kinds) for name, kinds in SECTIONS.items()}
+    return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names,
+            **{name: getattr(scene, name) for name in CHOICES}}
+
+
+def _find(name_or_file: str) -> Path:
+    """Return the file of a scene: a path if it looks like one, otherwise a scene of the package."""
+    if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
+        return Path(name_or_file)
+    known = scene_names()
+    if name_or_file not in known:
+        raise MissingError(f'scene: {name_or_file!r} is not known; the scenes are {", ".join(known)}; '
+                           'or give the path of a .yaml file')
+    return configuration.folder() / 'scenes' / f'{name_or_file}.yaml'
+
+
+def _values(part: Any, kinds: dict[str, type]) -> dict[str, Any]:
+    """Return one section, or one item of a list in it, as a mapping; items omit keys that are None."""
+    kind = next(name for name, one in kinds.items() if isinstance(part, one))
+    values = {f.name: getattr(part, f.name) for f in fields(part)}
+    for key in PARTS.keys() & values.keys():
+        values[key] = [{name: _plain(value) for name, value in _values(one, PARTS[key]).items() if value is not None}
+                       for one in values[key]]
+    return {**({'kind': kind} if kind else {}), **{key: _plain(value) for key, value in values.items()}}
+
+
+def _plain(value: Any) -> Any:
+    """Return tuples as lists, which YAML writes without tags."""
+    return [_plain(one) for one in value] if isinstance(value, tuple) else value
+
+
+def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
+    """Build one section's dataclass from its mapping; ``kind`` selects one where there are several."""
+    return _made(document, name, kinds, dict(document.section(name)))
+
+
+def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str, Any]) -> Any:
+    """Return the dataclass of a kind; keys and shapes are checked here, values by the dataclass."""
+    chosen = given.pop('kind', next(iter(kinds))) if len(kinds) > 1 else ''
+    if chosen not in kinds:
+        document.refuse(f'{name}.kind', f'{chosen!r} is not known; the kinds are {", ".join(kinds)}')
+    kind = kinds[chosen]
+    known = [f.name for f in fields(kind)]
+    for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):
+        if key in given and key not in known:
+            document.refuse(f'{name}.{key}', f'unknown key for kind {chosen}; write kind: {other} for it')
+    document.check_keys(f'{name}.', given, (*known, 'kind') if len(kinds) > 1 else known)
+    for f in fields(kind):
+        if f.default is MISSING and f.name not in given:
+            whose = f'kind {chosen}' if chosen else 'each part'
+            document.refuse(f'{name}.{f.name}', f'it is missing; {whose} requires it')
+    return kind(**{key: _value(document, f'{name}.{key}', value) for key, value in given.items()})
+
+
+def _part(document: Document, name: str, key: str, given: Any) -> Any:
+    """Return one of a list of mappings: a piece of a joined track, or a group of benches."""
+    if not isinstance(given, dict) or (len(PARTS[key]) > 1 and 'kind' not in given):
+        document.refuse(name, f'it holds {given!r}; write for example {_EXAMPLES[key]}')
+    return _made(document, name, PARTS[key], dict(given))
+
+
+def _value(document: Document, name: str, value: Any) -> Any:
+    """Return numbers as numbers, and the lists of some keys as tuples."""
+    key = name.rpartition('.')[2]
+    if key == 'knots':
+        if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
+            document.refuse(name, f'{value!r} is not a list of pairs; write for example [[0, 1], [60, -1]]')
+        return tuple((_number(t_s), _number(speed)) for t_s, speed in value)
+    if key == 'at_m' and value is not None:
+        if not _is_pair(value):
+            document.refuse(name, f'{value!r} is not a point; write for example [1.5, 2]')
+        return tuple(map(_number, value))
+    if key in PARTS:
+        if not isinstance(value, list):
+            document.refuse(name, f'{value!r} is not a list of {key}; write for example [{_EXAMPLES[key]}]')
+        return tuple(_part(document, f'{name}.{n}', key, one) for n, one in enumerate(value, 1))
+    return value if key in _WORDS else _number(value)
+
+
+def _is_pair(value: Any) -> bool:
+    return isinstance(value, list) and len(value) == 2
+
+
+def _number(value: Any) -> Any:
+    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _names(document: Document, key: str, value: Any) -> list[Any]:
+    if not isinstance(value, list):
+        document.refuse(key, f'{value!r} is not a list; write for example [velocity, benches]')
+    return value
+
+
+def _override(document: Document, text: str) -> None:
+    """Apply one ``dotted.key=value``."""
+    key, equals, value = text.partition('=')
+    if not equals or not key:
+        raise InputError(f'--set {text}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
+    place = f'--set {text}'
+    parsed = parse_document(place, f'value: {value}').values.get('value')
+    *sections, last = key.split('.')
+    target = document.values
+    for section in sections:
+        target = target.setdefault(section, {})
+        if not isinstance(target, dict):
+            raise InputError(f'{place}: {section} is not a section', field=key)
+    target[last] = parsed
+    document.places[key] = place

@@ -1,1 +1,0 @@
-"""Commands that work offline, without ROS."""

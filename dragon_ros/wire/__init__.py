@@ -1,1 +1,0 @@
-"""Bytes and files: scenes, topics, CDR messages, MCAP logs. Never imports rclpy."""

@@ -1,0 +1,98 @@
+"""Losses are reported: from the publisher's numbers, and from the ticks of the run."""
+import pytest
+
+from dragon_ros.bags.record.loss_accounting import LossAccount
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.scene import Run, Scene
+
+RUN = Run(5.0, 6.0, 30.0)      # a period that is no whole number of nanoseconds
+SCENE = Scene(run=RUN, effects=Effect.NONE)
+HANDLES = '/d/handles'
+
+
+def account_of(ticks, sequence=None, scene=SCENE):
+    account = LossAccount()
+    account.scene(scene, '/d')
+    for n, k in enumerate(ticks):
+        account.note(HANDLES, RUN.time_ns(k), n + 1 if sequence is None else sequence[n])
+        account.stamp(RUN.time_ns(k))
+    return account
+
+
+def test_a_whole_run_is_complete():
+    account = account_of(range(31))
+    assert account.complete(ended=True)
+    assert account.lines(ended=True) == []
+    report = account.report(ended=True)
+    assert report['complete'] == 'true'
+    assert report['/d/handles received'] == '31'
+    assert report['/d/handles ticks'] == '0-30'
+    assert report['/d/handles missing ticks'] == 'none'
+
+
+def test_ticks_that_were_lost_on_the_way_are_named():
+    ticks = [k for k in range(31) if k not in (7, 12, 13, 14)]
+    account = account_of(ticks, [k + 1 for k in ticks])
+    assert not account.complete(ended=True)
+    assert account.missing(ended=True) == {HANDLES: [(7, 7), (12, 14)]}
+    assert account.lines(ended=True) == ['/d/handles: 4 ticks are missing: 7, 12-14',
+                                        '/d/handles: 4 messages were lost on the way, of 31 published']
+    assert account.report(ended=True)['/d/handles missing ticks'] == '7, 12-14'
+
+
+def test_ticks_that_were_never_published_are_missing_but_not_lost():
+    account = account_of([0, 1, 5, 6])
+    assert account.missing(ended=True) == {HANDLES: [(2, 4)]}
+    assert account.report(ended=True)['/d/handles lost'] == '0'
+
+
+def test_a_recorder_that_joins_late_says_so_and_misses_nothing_after():
+    account = account_of(range(10, 20), range(11, 21))
+    assert account.complete(ended=True)
+    assert account.report(ended=True)['/d/handles before'] == '10'
+
+
+def test_what_one_topic_lacks_at_the_end_is_missing_once_the_run_has_ended():
+    account = LossAccount()
+    account.scene(Scene(run=RUN, effects=Effect.VELOCITY), '/d')
+    for k in range(10):
+        account.note(HANDLES, RUN.time_ns(k), k + 1)
+        if k < 8:
+            account.note('/d/velocities', RUN.time_ns(k), k + 1)
+    assert account.missing(ended=True) == {'/d/velocities': [(8, 9)]}
+    assert account.complete(ended=False)
+
+
+def test_without_a_scene_losses_show_in_the_numbers_and_the_spacing():
+    account = account_of([0, 1, 2, 5, 6], [1, 2, 3, 6, 7], scene=None)
+    assert account.missing(ended=True) == {}
+    assert not account.complete(ended=True)
+    assert account.report(ended=True)['/d/handles lost'] == '2'
+    assert account.spacing().endswith('ns apart, but 1 of 4 are not: 1 are longer')
+
+
+def test_a_second_publisher_in_time_is_followed_and_one_at_a_time_beside_it_is_not():
+    after = account_of([0, 1, 2, 0, 1, 2], [1, 2, 4, 1, 2, 3])
+    assert after.topics[HANDLES].lost_on_the_way == 1
+    beside = account_of([0, 1, 2], [1, 500, 2])
+    beside.share([HANDLES])
+    assert beside.complete(ended=True)
+    assert 'several publishers' in beside.report(ended=True)['/d/handles lost']
+
+
+def test_the_frame_of_exactly_the_contact_belongs_to_no_tick_and_is_counted():
+    account = account_of([0, 1])
+    account.note(HANDLES, RUN.time_ns(1) + 5, 3)
+    assert account.topics[HANDLES].off_ticks == 1
+    assert account.complete(ended=True)
+
+
+def test_another_run_starts_the_ticks_again():
+    account = account_of([0, 1, 9])
+    account.scene(Scene(run=Run(0, 1)), '/d')
+    assert account.missing(ended=True) == {}
+
+
+@pytest.mark.parametrize('stamps', [0, 1])
+def test_a_spacing_needs_two_stamps(stamps):
+    assert account_of(range(stamps)).spacing() == 'too few stamps'

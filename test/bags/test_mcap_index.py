@@ -1,0 +1,107 @@
+"""The packed parts of a file: what is stored is returned, finds its messages, and takes little memory."""
+import gc
+import io
+import threading
+import tracemalloc
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mcap.reader import make_reader
+from mcap.records import MetadataIndex
+from mcap.stream_reader import StreamReader
+
+from dragon_ros.bags.record.loss_accounting import LossAccount
+from dragon_ros.bags.record.simulation_clock import SimulationClock
+from dragon_ros.bags.record.writer_thread import WriterThread
+from dragon_ros.bags.write.mcap import Parts, Stored
+from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.messages.channels import channels
+
+NUMBERS = st.integers(0, 2**64 - 1)
+COUNTS = st.lists(st.tuples(st.integers(0, 2**16 - 1), NUMBERS), max_size=5).map(tuple)
+CHUNKS = st.lists(st.builds(Stored, NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS, COUNTS))
+
+
+@given(chunks=CHUNKS)
+def test_chunks_come_back_as_they_were_noted_the_last_one_first(chunks):
+    parts = Parts()
+    for chunk in chunks:
+        parts.add(chunk)
+    assert list(parts.chunks()) == chunks[::-1]
+    assert [parts.pop() for _ in chunks] == [chunk.start for chunk in reversed(chunks)]
+    assert not parts
+    with pytest.raises(IndexError):
+        parts.pop()
+
+
+def test_the_last_part_goes_first_whatever_it_is():
+    parts = Parts()
+    for start in (10, 30):
+        parts.add(Stored(start, 1, 1, 0, 0, ()))
+        parts.others.append((start + 10, MetadataIndex(offset=start + 10, length=1, name='')))
+    assert [parts.pop() for _ in range(4)] == [40, 30, 20, 10]
+
+
+def test_the_index_of_a_chunk_finds_the_messages_of_each_topic(bag_bytes):
+    summary = make_reader(io.BytesIO(bag_bytes)).get_summary()
+    found = {}
+    for chunk in summary.chunk_indexes:
+        assert chunk.message_index_offsets
+        for channel, offset in chunk.message_index_offsets.items():
+            row = next(StreamReader(io.BytesIO(bag_bytes[offset:]), skip_magic=True).records)
+            assert row.channel_id == channel
+            found[channel] = found.get(channel, 0) + len(row.records)
+    assert found == summary.statistics.channel_message_counts
+
+
+RUN = Run(0.0, 1e6, 100.0)
+TOPICS = ('/d/handles', '/d/benches', '/d/velocities')
+
+
+class Recording:
+    """All that a recorder keeps of messages, without ROS; a chunk a tick."""
+
+    def __init__(self, path):
+        self.bag, self.losses, self.tick = BagWriter(path), LossAccount(), 0
+        for topic in TOPICS:
+            self.bag.add_channel(topic, channels()['handles'])
+        self.losses.scene(Scene(run=RUN), '/d')
+        self.writer = WriterThread(self.bag, flush_s=3600)
+        self.clock = SimulationClock(self.log)
+
+    def log(self, topic, data, t_ns, sequence, source_ns):
+        self.losses.note(topic, t_ns, sequence)
+        self.writer.write(topic, data, t_ns, sequence, source_ns)
+
+    def go_on(self, ticks):
+        """Take so many ticks; return the bytes held when they are in the file."""
+        for _ in range(ticks):
+            self.tick += 1
+            t_ns, source_ns = RUN.time_ns(self.tick), 10**18 + self.tick * 10**7
+            self.losses.stamp(t_ns)
+            self.clock.mark(source_ns, t_ns)
+            for topic in TOPICS[:2]:
+                self.log(topic, bytes(100), t_ns, self.tick, source_ns)
+            self.clock.unstamped(TOPICS[2], bytes(100), source_ns + 1, self.tick)
+            self.writer._put(0, self.bag.flush)
+        written = threading.Event()
+        self.writer._put(0, written.set)
+        assert written.wait(60)
+        gc.collect()
+        return tracemalloc.get_traced_memory()[0]
+
+
+def test_a_long_recording_holds_less_than_100_bytes_for_each_of_its_chunks(tmp_path):
+    recording = Recording(tmp_path / 'a.mcap')
+    tracemalloc.start()
+    try:
+        before = recording.go_on(2100)      # until what is bounded is full
+        grown = recording.go_on(2000) - before
+    finally:
+        tracemalloc.stop()
+        recording.writer.stop()
+        recording.bag.close()
+    assert recording.losses.complete(ended=False)
+    assert 0 < grown < 2000 * 100

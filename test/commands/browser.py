@@ -1,0 +1,98 @@
+"""Headless Chromium, driven over the WebDriver protocol that chromedriver speaks.
+
+``python3 test/commands/browser.py URL FILE`` takes a picture of the page of ``view``.
+"""
+import base64
+import json
+import re
+import shutil
+import subprocess
+import sys
+import tempfile
+import time
+import urllib.request
+from contextlib import contextmanager
+from pathlib import Path
+
+CHROMIUM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))),
+                None)
+DRIVER = shutil.which('chromedriver')
+_FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
+          '--disable-background-networking', '--disable-component-update', '--window-size=1400,860')
+_LONGEST_S = 60.0
+
+
+class Browser:
+    """One page of one session."""
+
+    def __init__(self, address, profile):
+        options = {'binary': CHROMIUM, 'args': [*_FLAGS, f'--user-data-dir={profile}']}
+        wanted = {'browserName': 'chrome', 'goog:chromeOptions': options, 'goog:loggingPrefs': {'browser': 'ALL'}}
+        self._address = f'{address}/session'
+        self._address += '/' + self._call('', {'capabilities': {'alwaysMatch': wanted}})['sessionId']
+
+    def _call(self, path, body=None, method=None):
+        data = None if body is None else json.dumps(body).encode()
+        kind = {'Content-Type': 'application/json'}
+        request = urllib.request.Request(self._address + path, data, kind, method=method)
+        with urllib.request.urlopen(request, timeout=_LONGEST_S) as answer:
+            return json.load(answer)['value']
+
+    def open(self, url):
+        self._call('/url', {'url': url})
+
+    def run(self, script):
+        """The value of a script's return."""
+        return self._call('/execute/sync', {'script': script, 'args': []})
+
+    def wait(self, script):
+        """Wait until a script returns something true, and return it."""
+        end = time.monotonic() + _LONGEST_S
+        while not (value := self.run(script)):
+            assert time.monotonic() < end, f'{script} stayed {value!r}; the log: {self.log()}'
+            time.sleep(0.05)
+        return value
+
+    def open_view(self, url):
+        """Open the page of ``view`` and wait until it can be used."""
+        self.open(url)
+        self.wait('return document.body.dataset.ready === "yes"')
+
+    def click(self, name):
+        self.run(f'document.getElementById("{name}").click()')
+
+    def log(self):
+        """What the console got, as (level, message)."""
+        return [(entry['level'], entry['message']) for entry in self._call('/se/log', {'type': 'browser'})]
+
+    def screenshot(self, path):
+        path.write_bytes(base64.b64decode(self._call('/screenshot')))
+
+    def close(self):
+        self._call('', method='DELETE')
+
+
+@contextmanager
+def browser(folder):
+    """A browser whose profile and log are in a folder."""
+    with (folder / 'chromedriver.log').open('w+') as log:
+        driver = subprocess.Popen([DRIVER, '--port=0'], stdout=log, stderr=subprocess.STDOUT)
+        try:
+            end = time.monotonic() + _LONGEST_S
+            while not (port := re.search(r'successfully on port (\d+)', (folder / 'chromedriver.log').read_text())):
+                assert time.monotonic() < end, 'chromedriver says no port'
+                time.sleep(0.05)
+            page = Browser(f'http://127.0.0.1:{port[1]}', folder / 'profile')
+            try:
+                yield page
+            finally:
+                page.close()
+        finally:
+            driver.terminate()
+            driver.wait(timeout=20)
+
+
+if __name__ == '__main__':
+    with tempfile.TemporaryDirectory() as scratch, browser(Path(scratch)) as shown:
+        shown.open_view(sys.argv[1])
+        shown.screenshot(Path(sys.argv[2]))

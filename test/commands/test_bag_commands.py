@@ -1,0 +1,363 @@
+"""inspect, export, simulate, and table on bags: what they say, write and return."""
+import csv
+import json
+import os
+import signal
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import states, tick
+from dragon_ros.messages.cdr import PoseArrayTemplate
+from dragon_ros.messages.decode import read_multi_array, read_pose_array
+
+CORPUS = Path(__file__).parents[1] / 'data' / 'corpus'
+SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
+TICKS = 26
+
+
+def run(capsys, *arguments):
+    code = 0
+    try:
+        code = main([str(argument) for argument in arguments])
+    except SystemExit as stop:
+        code = stop.code
+    out, err = capsys.readouterr()
+    return code, out, err
+
+
+def messages(path):
+    with BagReader(path) as bag:
+        return [(m.topic, m.t_ns, m.sequence, m.data) for m in bag.messages()]
+
+
+@pytest.fixture(scope='module')
+def bag(tmp_path_factory):
+    path = tmp_path_factory.mktemp('bags') / 'run.mcap'
+    assert main(['simulate', *SCENE, '--output', str(path)]) == 0
+    return path
+
+
+@pytest.mark.parametrize(('name', 'options'), [
+    ('a.mcap', ['--compression', 'none']), ('b.mcap', ['--compression', 'lz4']), ('folder', [])])
+def test_a_simulated_bag_has_the_same_messages_in_every_form(capsys, tmp_path, bag, name, options):
+    assert run(capsys, 'simulate', *SCENE, *options, '--output', tmp_path / name)[0] == 0
+    assert messages(tmp_path / name) == messages(bag)
+    assert run(capsys, 'inspect', tmp_path / name, '--check')[0] == 0
+
+
+def test_a_simulated_bag_is_the_same_file_again(capsys, tmp_path, bag):
+    assert run(capsys, 'simulate', *SCENE, '--output', tmp_path / 'again.mcap')[0] == 0
+    assert (tmp_path / 'again.mcap').read_bytes() == bag.read_bytes()
+
+
+def test_a_bag_is_never_overwritten_by_simulate_unasked(capsys, bag):
+    before = bag.read_bytes()
+    code, _, err = run(capsys, 'simulate', *SCENE, '--output', bag)
+    assert (code, bag.read_bytes()) == (2, before)
+    assert '--force' in err
+
+
+def test_simulate_that_is_interrupted_leaves_a_whole_bag(tmp_path):
+    path = tmp_path / 'cut.mcap'
+    child = subprocess.Popen([sys.executable, '-m', 'dragon_ros', 'simulate', '--output', path], stderr=subprocess.PIPE,
+                             text=True)
+    end = time.monotonic() + 60
+    while not (path.exists() and path.stat().st_size > 10**6):
+        assert time.monotonic() < end
+        assert child.poll() is None
+    child.send_signal(signal.SIGINT)
+    _, err = child.communicate(timeout=60)
+    assert child.returncode == 1
+    assert 'ticks' in err
+    assert 'Traceback' not in err
+    with BagReader(path) as bag:
+        counts = {topic.name: topic.messages for topic in bag.topics}
+    assert counts['/dragon/handles'] == counts['/dragon/benches'] > 10
+
+
+def test_inspect_shows_topics_scene_contact_and_clearance(capsys, bag):
+    code, out, _ = run(capsys, 'inspect', bag, '--format', 'json', '--looks', '0')
+    values = json.loads(out)
+    assert code == 0
+    rows = {row['topic']: row for row in values['topics']}
+    assert {name: row['messages'] for name, row in rows.items()} == {
+        '/dragon/scene': 1, '/dragon/track': 1,
+        **{f'/dragon/{name}': TICKS for name in ('handles', 'benches', 'velocities')}}
+    assert rows['/dragon/handles']['rate_hz'] == pytest.approx(50)
+    assert (rows['/dragon/handles']['missing'], rows['/dragon/handles']['doubled']) == (0, 0)
+    assert values['scene']['run']['start_s'] == 412.2
+    assert (values['start_s'], values['end_s']) == (412.2, 412.7)
+    contact = values['first_contact']
+    assert (contact['source'], contact['benches'], contact['in_bag']) == ('scene', [0, 8], True)
+    assert contact['t_s'] == pytest.approx(412.473837682, abs=1e-8)
+    gaps = dict(zip(values['clearance']['t_s'], values['clearance']['gap_m'], strict=True))
+    assert len(gaps) == TICKS
+    assert gaps[412.46] > 0 > gaps[412.48]
+    text = run(capsys, 'inspect', bag)[1]
+    assert 'benches 0 and 8 at 412.47383768' in text
+    assert 'every length, index and CRC holds' in text
+
+
+@pytest.mark.parametrize('command', [['inspect'], ['inspect', '--check'], ['table'], ['export', '--output', 'a.csv']])
+def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_not_there_is_refused(
+        capsys, tmp_path, monkeypatch, bag, command):
+    monkeypatch.chdir(tmp_path)
+    name, *options = command
+    for namespace in ('dragon', '/dragon'):
+        assert run(capsys, name, bag, *options, '--namespace', namespace)[0] == 0
+        Path('a.csv').unlink(missing_ok=True)
+    code, out, err = run(capsys, name, bag, *options, '--namespace', 'left')
+    assert (code, out) == (2, '')
+    assert '1 dragon (/dragon); none in --namespace left' in err
+
+
+def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):
+    found = json.loads(run(capsys, 'inspect', bag, '--format', 'json', '--looks', '5')[1])['clearance']
+    assert (found['looks'], found['ticks'], len(found['gap_m'])) == (5, TICKS, 5)
+    assert (found['t_s'][0], found['t_s'][-1]) == (412.2, 412.7)
+
+
+def changed(bag, path, change):
+    """Write a bag again, each message as ``change`` returns it; metadata as it was."""
+    with BagReader(bag) as old, BagWriter(path) as new:
+        new.describe('dragon_ros', old.metadata('dragon_ros'))
+        from dragon_ros.messages.channels import channels
+        for topic in old.topics:
+            new.add_channel(topic.name, channels()[topic.name.removeprefix('/dragon/')])
+        for message in old.messages():
+            for data in change(message):
+                new.write(message.topic, data, message.t_ns, message.sequence)
+    return path
+
+
+def test_inspect_names_the_ticks_that_are_missing_and_doubled(capsys, tmp_path, bag):
+    def change(m):
+        k = round((m.t_ns / 1e9 - 412.2) * 50)
+        return [] if m.topic == '/dragon/handles' and k in (3, 4, 9) else [m.data] * (1 + (k == 12))
+    path = changed(bag, tmp_path / 'gaps.mcap', change)
+    rows = {row['topic']: row for row in json.loads(run(capsys, 'inspect', path, '--format', 'json')[1])['topics']}
+    assert rows['/dragon/handles']['missing_ranges'] == [[3, 4], [9, 9]]
+    assert (rows['/dragon/handles']['missing'], rows['/dragon/handles']['doubled']) == (3, 1)
+    assert (rows['/dragon/benches']['missing'], rows['/dragon/benches']['doubled']) == (0, 1)
+    text = run(capsys, 'inspect', path)[1]
+    assert '3 MISSING: 3 to 4, 9' in text
+    code, out, _ = run(capsys, 'inspect', path, '--check')
+    assert code == 1
+    assert 'ticks 3 to 4: handles is missing' in out
+    assert 'tick 12: benches is there 2 times' in out
+
+
+def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
+    rest, other = tmp_path / 'rest.mcap', tmp_path / 'other.mcap'
+    scene = ('--scene', 'winding', '--set', 'dragon.benches=3', '--set', 'head.speed_m_s=0', '--set', 'run.stop_s=0.1')
+    assert main(['simulate', *scene, '--output', str(rest)]) == 0
+
+    def change(m):
+        if not m.topic.endswith('/velocities'):
+            return [m.data]
+        data = bytearray(m.data)
+        read_multi_array(data)[1][...] *= -1.0
+        return [bytes(data)]
+    code, out, _ = run(capsys, 'inspect', changed(rest, other, change), '--check')
+    assert code == 0
+    assert '6 keep the promise' in out
+
+
+def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(capsys, tmp_path, bag):
+    def moved(by_m):
+        def change(m):
+            if m.topic != '/dragon/handles' or m.t_ns != 412_300_000_000:
+                return [m.data]
+            frame = tick(scene, 5)
+            return [PoseArrayTemplate(224, 'dragon').encode(m.t_ns, frame.chain.p + by_m, frame.axis)]
+        return change
+    scene = Scene(run=Run(412.2, 412.7))
+    near = changed(bag, tmp_path / 'near.mcap', moved(1e-13))
+    code, out, _ = run(capsys, 'inspect', near, '--check', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['equal'], values['close'], values['fault_count']) == (0, 3 * TICKS - 1, 1, 0)
+    assert 0 < values['worst_m'] < 1e-12
+    assert '1 keep the promise of tier exact' in run(capsys, 'inspect', near, '--check')[1]
+    far = changed(bag, tmp_path / 'far.mcap', moved(1e-9))
+    code, out, _ = run(capsys, 'inspect', far, '--check')
+    assert code == 1
+    assert 'tick 5: handles differs' in out
+
+
+def test_check_holds_a_bag_of_another_version_to_twice_the_promise_on_every_topic_and_says_so(capsys):
+    old = CORPUS / 'made_by_0_1_0.mcap'
+    code, out, _ = run(capsys, 'inspect', old, '--check', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['other_version'], values['fault_count']) == (0, '0.1.0', 0)
+    assert values['close'] > 30
+    assert 0 < values['worst_m'] < 4e-12
+    assert 'version 0.1.0 made the bag, so all topics are held to twice the promise' in run(
+        capsys, 'inspect', old, '--check')[1]
+
+
+def test_check_of_a_bag_of_another_version_still_tells_values_beyond_the_promise(capsys, tmp_path):
+    def moved(m):
+        if m.topic != '/dragon/measured' or m.t_ns != 412_400_000_000:
+            return [m.data]
+        data = bytearray(m.data)
+        read_pose_array(data).poses[7, 0] += 1e-9
+        return [bytes(data)]
+    far = changed(CORPUS / 'made_by_0_1_0.mcap', tmp_path / 'far.mcap', moved)
+    code, out, _ = run(capsys, 'inspect', far, '--check')
+    assert code == 1
+    assert 'tick 2: measured differs' in out
+
+
+def test_check_of_a_bag_without_a_scene_is_refused(capsys):
+    code, _, err = run(capsys, 'inspect', CORPUS / 'good_none.mcap', '--check')
+    assert code == 2
+    assert 'does not contain its scene' in err
+
+
+def test_a_truncated_bag_is_reported_and_repaired(capsys, tmp_path, bag):
+    cut = tmp_path / 'cut.mcap'
+    cut.write_bytes(bag.read_bytes()[:-5000])
+    code, out, _ = run(capsys, 'inspect', cut)
+    assert code == 1
+    assert 'is truncated and has no index' in out
+    assert run(capsys, 'inspect', cut, '--repair', tmp_path / 'whole.mcap')[0] == 0
+    assert run(capsys, 'inspect', tmp_path / 'whole.mcap')[0] == 0
+    assert set(messages(tmp_path / 'whole.mcap')) <= set(messages(bag))
+    code, out, _ = run(capsys, 'inspect', tmp_path / 'whole.mcap', '--check', '--format', 'json')
+    assert json.loads(out)['equal'] > TICKS
+    code, _, err = run(capsys, 'inspect', cut, '--repair', tmp_path / 'whole.mcap')
+    assert code == 2
+    assert 'exists already' in err
+
+
+@pytest.mark.parametrize('messages_are_left', [True, False])
+def test_inspect_shows_the_scene_of_a_cut_bag(capsys, tmp_path, bag, messages_are_left):
+    cut = tmp_path / 'cut.mcap'
+    whole = bag.read_bytes()
+    cut.write_bytes(whole[:-5000] if messages_are_left else whole[:whole.index(b'/dragon/handles')])
+    code, out, _ = run(capsys, 'inspect', cut)
+    assert code == 1
+    assert 'scene: 223 benches, pitch 0.55 m, 50 Hz from 412.2 s' in out
+    assert 'is truncated and has no index' in out
+    values = json.loads(run(capsys, 'inspect', cut, '--format', 'json')[1])
+    assert values['about']['tier'] == 'exact'
+    assert ('start_s' in values) == messages_are_left
+    if messages_are_left:
+        assert values['first_contact']['benches'] == [0, 8]
+        assert values['start_s'] == 412.2
+
+
+@pytest.mark.parametrize(('override', 'closest_m'), [('dragon.benches=1', None), ('markers=triangles', -0.005462)])
+def test_bags_of_one_bench_and_of_triangles_are_simulated_inspected_and_checked(capsys, tmp_path, override, closest_m):
+    path = tmp_path / 'run.mcap'
+    assert run(capsys, 'simulate', *SCENE, '--set', override, '--output', path)[0] == 0
+    code, out, _ = run(capsys, 'inspect', path, '--check', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['equal'], values['fault_count']) == (0, 3 * TICKS, 0)
+    code, out, _ = run(capsys, 'inspect', path, '--format', 'json')
+    gaps = json.loads(out)['clearance']['gap_m']
+    assert code == 0
+    assert min(gaps, default=None) == (None if closest_m is None else pytest.approx(closest_m, abs=1e-6))
+
+
+@pytest.mark.parametrize(('overrides', 'says'), [
+    (('dragon.kind=mixed', 'dragon.groups=[{length_m: 3.41}, {count: 6, length_m: 1.5}]'),
+     '7 mixed benches, pitch 0.55'),
+    (('dragon.benches=4', 'track.kind=joined', 'track.pieces=[{kind: line, length_m: 500}]'),
+     '4 benches, 1 pieces of track')])
+def test_bags_of_mixed_benches_and_of_composite_tracks_are_described_and_checked(capsys, tmp_path, overrides, says):
+    path = tmp_path / 'run.mcap'
+    changes = [part for one in overrides for part in ('--set', one)]
+    assert run(capsys, 'simulate', *SCENE, *changes, '--output', path)[0] == 0
+    code, out, _ = run(capsys, 'inspect', path)
+    assert (code, says in out) == (0, True)
+    assert f'{3 * TICKS} messages are bit for bit' in run(capsys, 'inspect', path, '--check')[1]
+
+
+@pytest.mark.parametrize(('form', 'read'), [
+    ('csv', lambda path: _csv(path)), ('parquet', lambda path: _parquet(path))])
+def test_export_writes_a_row_for_each_tick_and_handle(capsys, tmp_path, bag, form, read):
+    path = tmp_path / f'run.{form}'
+    assert run(capsys, 'export', bag, '--format', form, '--every', '5', '--handles', '0,7', '--output', path)[0] == 0
+    rows = read(path)
+    assert rows.shape == (2 * 6, 7)
+    scene = Scene(run=Run(412.2, 412.7))
+    assert rows[:, 0].tolist() == sorted([412.2, 412.3, 412.4, 412.5, 412.6, 412.7] * 2)
+    frame = tick(scene, 5)
+    assert rows[3, 1:4].tolist() == [7, *frame.chain.p[7].tolist()]
+    assert rows[3, 4:6].tolist() == frame.velocity_m_s[7].tolist()
+
+
+def _csv(path):
+    header, *rows = csv.reader(path.read_text().splitlines())
+    assert header[:2] == ['t_s', 'handle']
+    return np.array([[float(cell) for cell in row] for row in rows])
+
+
+def _parquet(path):
+    parquet = pytest.importorskip('pyarrow.parquet')
+    table = parquet.read_table(path)
+    assert table.column_names[0] == 't_ns'
+    return np.stack([column.to_numpy() for column in table.columns[1:]], axis=1).astype(float)
+
+
+def test_export_of_arrays_has_every_tick(capsys, tmp_path, bag):
+    path = tmp_path / 'run.npz'
+    assert run(capsys, 'export', bag, '--format', 'npz', '--output', path)[0] == 0
+    scene = Scene(run=Run(412.2, 412.7))
+    with np.load(path) as arrays:
+        frames = [tick(scene, k) for k in range(TICKS)]
+        assert np.array_equal(arrays['t_ns'], [frame.t_ns for frame in frames])
+        assert np.array_equal(arrays['handles_m'], [frame.chain.p for frame in frames])
+        assert np.array_equal(arrays['velocities_m_s'], [frame.velocity_m_s for frame in frames])
+        assert np.array_equal(arrays['bench_centres_m'], [frame.benches.centre for frame in frames])
+        assert np.allclose(arrays['bench_axes'], [frame.axis for frame in frames], rtol=0, atol=1e-15)
+        assert arrays['bench_sizes_m'].shape == (223, 2)
+
+
+def test_export_without_pyarrow_says_what_to_do(capsys, tmp_path, bag, monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pyarrow', None)
+    code, _, err = run(capsys, 'export', bag, '--format', 'parquet', '--output', tmp_path / 'run.parquet')
+    assert code == 2
+    assert 'pip install pyarrow' in err
+    assert not (tmp_path / 'run.parquet').exists()
+
+
+def test_a_table_of_a_bag_is_the_table_of_its_scene(capsys, bag):
+    code, out, _ = run(capsys, 'table', bag, '--times', '412.3,412.5', '--handles', '0,223', '--format', 'json')
+    assert code == 0
+    rows = json.loads(out)
+    assert [(row['t_s'], row['handle']) for row in rows] == [(412.3, 0), (412.3, 223), (412.5, 0), (412.5, 223)]
+    chain = states(Scene(), [412.3])
+    assert [rows[1]['x_m'], rows[1]['y_m']] == pytest.approx(chain.p[0, 223].tolist(), abs=1e-11)
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['inspect', 'nothing.mcap'], 'nothing.mcap'),
+    (['inspect', CORPUS / 'text.mcap'], 'not an MCAP file'),
+    (['inspect', CORPUS], None),
+    (['inspect', CORPUS / 'good_none.mcap', '--looks', '-1'], '--looks'),
+    (['table', CORPUS / 'good_none.mcap', '--times', '99'], 'ends at'),
+    (['table', CORPUS / 'foreign.mcap'], 'no dragon'),
+    (['table', CORPUS / 'foreign_broken_handles.mcap'], 'foreign_broken_handles.mcap'),
+    (['export', CORPUS / 'foreign.mcap', '--output', 'x.csv'], 'no dragon'),
+    (['export', CORPUS / 'good_none.mcap', '--every', '0', '--output', 'x.csv'], '--every'),
+    (['export', CORPUS / 'good_none.mcap', '--output', 'no/such/x.csv'], 'no/such'),
+    (['simulate', '--rate', '0', '--output', 'x.mcap'], 'rate_hz'),
+    (['simulate', '--output', 'no/such/x.mcap'], 'no/such')])
+def test_bad_input_exits_with_2_and_one_clear_line(capsys, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, *arguments)
+    assert code == (2 if says else code)
+    assert (says or '') in err
+    assert 'Traceback' not in err
+    assert not os.listdir(tmp_path)

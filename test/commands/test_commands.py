@@ -1,0 +1,191 @@
+"""The contract of the offline commands: output, exit codes, one clear line for bad input."""
+import csv
+import io
+import json
+import shlex
+import signal
+import subprocess
+import sys
+
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.cli import command_line
+from dragon_ros.commands.plot import command
+from dragon_ros.executables import EXECUTABLES
+
+
+def run(capsys, *arguments):
+    try:
+        code = main(list(arguments))
+    except SystemExit as end:
+        code = end.code
+    return code, *capsys.readouterr()
+
+
+def test_table_prints_json_alone_with_the_true_figures(capsys):
+    code, out, err = run(capsys, 'table', '--scene', 'winding', '--times', '0,60,300', '--handles', '0,1,51,223',
+                         '--format', 'json')
+    rows = json.loads(out)
+    assert (code, err, len(rows)) == (0, '', 12)
+    assert list(rows[0]) == ['t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s']
+    by_key = {(row['t_s'], row['handle']): row for row in rows}
+    assert by_key[0.0, 1]['x_m'] == pytest.approx(8.363823851, abs=1e-9)
+    assert by_key[0.0, 1]['y_m'] == pytest.approx(2.826543891, abs=1e-9)
+    assert by_key[0.0, 1]['speed_m_s'] == pytest.approx(0.999971038, abs=1e-9)
+    assert (by_key[300.0, 223]['x_m'], by_key[300.0, 223]['y_m']) == pytest.approx((1.785033, 9.301164), abs=1e-6)
+    assert (by_key[300.0, 0]['x_m'], by_key[300.0, 0]['y_m']) == pytest.approx((4.420274, 2.320429), abs=1e-6)
+
+
+def test_table_is_not_limited_by_the_run_and_has_all_handles_by_default(capsys):
+    code, out, _ = run(capsys, 'table', '--scene', 'first_contact', '--times', '0:2:0.5', '--format', 'csv')
+    rows = list(csv.DictReader(io.StringIO(out)))
+    assert code == 0
+    assert [float(row['t_s']) for row in rows[::224]] == [0, 0.5, 1, 1.5, 2]
+    assert len(rows) == 5 * 224
+
+
+def test_table_as_text_has_a_line_for_each_row(capsys):
+    code, out, _ = run(capsys, 'table', '--handles', '0,1')
+    assert code == 0
+    assert len(out.splitlines()) == 3
+
+
+def test_contact_prints_json_alone_with_the_true_figures(capsys):
+    code, out, err = run(capsys, 'contact', '--scene', 'winding', '--format', 'json')
+    found = json.loads(out)
+    assert (code, err) == (0, '')
+    assert found['t_s'] == pytest.approx(412.4738377, abs=1e-6)
+    assert found['benches'] == [0, 8]
+    assert found['point_m'] == pytest.approx([1.474395, 2.110665], abs=1e-6)
+    assert found['stats']['elapsed_s'] > 0
+
+
+@pytest.mark.parametrize(('overrides', 'end', 't_end'), [
+    (['dragon.benches=1'], 'lock', 432.917924), (['run.stop_s=100'], 'stop', 100.0),
+    (['dragon.benches=2', 'track.pitch_m=5', 'track.start_turns=1'], 'track', 16.91522),
+])
+def test_contact_of_a_scene_without_one_says_how_it_ended(capsys, overrides, end, t_end):
+    code, out, _ = run(capsys, 'contact', '--format', 'json', *[a for o in overrides for a in ('--set', o)])
+    found = json.loads(out)
+    assert (code, found['t_s'], found['end']) == (0, None, end)
+    assert found['t_end_s'] == pytest.approx(t_end, abs=1e-4)
+
+
+@pytest.mark.parametrize('overrides', [[], ['head.lead=tail']])
+def test_contact_says_that_it_is_proved(capsys, overrides):
+    changes = [a for o in ['run.start_s=429', 'run.stop_s=429.5', *overrides] for a in ('--set', o)]
+    assert json.loads(run(capsys, 'contact', *changes, '--format', 'json')[1])['certified'] is True
+    assert 'without a certificate' not in run(capsys, 'contact', *changes)[1]
+    code, out, err = run(capsys, 'contact', *changes, '--near-misses', '0.01', '--format', 'json')
+    found = json.loads(out)
+    assert (code, err) == (0, '')
+    assert len(found['near_misses']) == found['near_misses_count']
+    assert all(miss['bench'] == miss['benches'][1] and miss['gap_m'] < 0.01 for miss in found['near_misses'])
+
+
+def test_contact_refuses_a_run_that_cannot_be_proved_to_its_end(capsys):
+    groups = 'dragon.groups=[{count: 3, length_m: 1.1}, {length_m: 3.9}, {count: 6, length_m: 1.6}]'
+    changes = [a for o in ['run.start_s=429', 'run.stop_s=431', 'dragon.kind=mixed', groups, 'dragon.width_m=0.02']
+               for a in ('--set', o)]
+    code, out, err = run(capsys, 'contact', *changes)
+    assert (code, out) == (2, '')
+    assert 'run.stop_s' in err
+    assert 'stop at 430.' in err
+
+
+@pytest.mark.parametrize('form', ['text', 'csv', 'json'])
+def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
+    path = tmp_path / 'out'
+    code, out, _ = run(capsys, 'contact', '--set', 'dragon.benches=20', '--format', form, '--output', str(path))
+    assert (code, out) == (0, '')
+    assert '412.47' in path.read_text()
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['table', '--times', '500'], '432.917924'),
+    (['table', '--times', 'noon'], '--times'),
+    (['table', '--times', '0:10:0'], '--times'),
+    (['table', '--times', '-1'], 't_s'),
+    (['table', '--times', 'nan'], 't_s'),
+    (['table', '--handles', '224'], '0 to 223'),
+    (['table', '--handles', 'head'], '--handles'),
+    (['table', '--accuracy', '1e-16'], 'accuracy'),
+    (['table', '--accuracy', 'best'], 'accuracy'),
+    (['table', '--output', 'no/such/folder/file'], 'no/such/folder'),
+    (['table', '--format', 'xml'], '--format'),
+    (['table', '--set', 'track.pitch_m=-0.5'], 'track.pitch_m'),
+    (['contact', '--set', 'dragon.benches=0'], 'dragon.benches'),
+    (['contact', '--set', 'track.pitch_m=0.01'], 'locked from the start'),
+    (['contact', '--scene', 'windin'], 'the scenes are first_contact, long'),
+    (['contact', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
+    (['contcat'], 'did you mean contact'),
+    ([], 'usage'),
+])
+def test_bad_input_exits_with_2_and_a_clear_line(capsys, arguments, says):
+    code, out, err = run(capsys, *arguments)
+    assert code == 2
+    assert says in err + out
+    assert 'Traceback' not in err
+
+
+@pytest.mark.parametrize('name', [*EXECUTABLES, *(f'plot {kind}' for kind in command._KINDS)])
+def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monkeypatch, name):
+    """All but the work itself is done: what is parsed would be run."""
+    monkeypatch.setattr(command_line, 'guarded', lambda name, body: 0)
+    if EXECUTABLES[name.split()[0]].module.startswith('dragon_ros.nodes'):
+        pytest.importorskip('rclpy')
+        from dragon_ros.nodes import shell
+        monkeypatch.setattr(shell, 'run', lambda name, argv, body, json: 0)
+    code, out, _ = run(capsys, *name.split(), '--help')
+    assert code == 0
+    example = shlex.split(out.split('example: ')[1])
+    assert example[:3] in (['python', '-m', 'dragon_ros'], ['ros2', 'run', 'dragon_ros'])
+    assert ' '.join(example[3:]).startswith(name)
+    handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
+    assert run(capsys, *example[3:]) == (0, '', '')
+    for number, handler in handlers.items():
+        signal.signal(number, handler)
+
+
+@pytest.mark.parametrize('name', [name for name in EXECUTABLES if '.commands.' in EXECUTABLES[name].module])
+def test_help_loads_nothing_that_draws(name):
+    code = ('import sys\nfor name in ("matplotlib", "PIL", "rclpy", "argcomplete"): sys.modules[name] = None\n'
+            f'from dragon_ros.__main__ import main\nmain(["{name}", "--help"])')
+    subprocess.run([sys.executable, '-c', code], capture_output=True, check=True)
+
+
+def test_design_gives_the_length_of_the_turn_and_the_largest_speed(capsys):
+    code, out, _ = run(capsys, 'design', 'turn')
+    assert code == 0
+    assert out.startswith('the turn is 13.6212449068 m long')
+    code, out, _ = run(capsys, 'design', 'turn', '--contact', '--set', 'dragon.benches=12')
+    assert 'no benches touch until the whole dragon has left the turn' in out
+    code, out, _ = run(capsys, 'design', 'max-speed', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['handle']) == (0, 3)
+    assert values['speed_m_s'] == pytest.approx(1.2462663582, abs=1e-10)
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['turn', '--scene', 'winding'], 'track has no S-turn'), (['max-speed', '--scene', 'winding'], 'run.stop_s'),
+    (['max-speed', '--limit', '-1'], '--limit'), (['fast'], 'invalid choice'), ([], 'required')])
+def test_a_design_question_without_an_answer_is_reported(capsys, arguments, says):
+    code, out, err = run(capsys, 'design', *arguments)
+    assert code == 2
+    assert says in err + out
+
+
+def test_a_closed_pipe_is_no_traceback():
+    command = f'{sys.executable} -m dragon_ros table --times 0:100:1 | head -n 1'
+    done = subprocess.run(command, shell=True, capture_output=True, text=True, check=True)
+    assert done.stderr == ''
+
+
+@pytest.mark.parametrize('name', ['sim', 'monitor'])
+def test_help_comes_before_anything_slow_is_imported(name):
+    code = ('import sys\nfrom dragon_ros.__main__ import main\n'
+            f'try:\n    main([{name!r}, "--help"])\nexcept SystemExit as end:\n    print(end.code)\n'
+            'print([slow for slow in ("rclpy", "numpy", "shapely", "matplotlib") if slow in sys.modules])')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.splitlines()[-2:] == ['0', '[]']

@@ -1,0 +1,122 @@
+"""The contest's result files: its layout, its names, six decimals, and the values of the model."""
+import csv
+
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.commands.contest import result_files
+from dragon_ros.scenes.load import load_scene
+
+
+@pytest.fixture(scope='module')
+def folder(tmp_path_factory):
+    path = tmp_path_factory.mktemp('contest')
+    result_files.write(path, load_scene('winding'), load_scene('turning'))
+    return path
+
+
+def rows_of(path):
+    with path.open(encoding='utf-8', newline='') as file:
+        return list(csv.reader(file))
+
+
+@pytest.mark.parametrize(('name', 'lines', 'columns', 'first', 'last'), [
+    ('result1_positions', 448, ('0 s', '300 s'), '龙头x (m)', '龙尾（后）y (m)'),
+    ('result1_speeds', 224, ('0 s', '300 s'), '龙头 (m/s)', '龙尾（后） (m/s)'),
+    ('result2', 224, ('横坐标x (m)', '速度 (m/s)'), '龙头', '龙尾（后）'),
+    ('result4_positions', 448, ('-100 s', '100 s'), '龙头x (m)', '龙尾（后）y (m)'),
+    ('result4_speeds', 224, ('-100 s', '100 s'), '龙头 (m/s)', '龙尾（后） (m/s)')])
+def test_files_have_the_rows_and_columns_of_the_contest(folder, name, lines, columns, first, last):
+    head, *rows = rows_of(folder / f'{name}.csv')
+    assert (head[0], head[1], head[-1]) == ('', *columns)
+    assert (len(rows), rows[0][0], rows[-1][0]) == (lines, first, last)
+    assert all(len(row) == len(head) for row in rows)
+    assert all(len(cell.partition('.')[2]) == 6 and cell != '-0.000000' for row in rows for cell in row[1:])
+
+
+def test_values_are_the_known_ones(folder):
+    head, *rows = rows_of(folder / 'result1_positions.csv')
+    by_name = {row[0]: dict(zip(head[1:], row[1:], strict=True)) for row in rows}
+    assert (by_name['龙头x (m)']['0 s'], by_name['龙头y (m)']['300 s']) == ('8.800000', '2.320429')
+    assert by_name['第1节龙身x (m)']['0 s'] == '8.363824'
+    first = rows_of(folder / 'result2.csv')[1]
+    assert first == ['龙头', '1.209931', '1.942784', '1.000000']
+    head, *rows = rows_of(folder / 'result4_positions.csv')
+    by_name = {row[0]: dict(zip(head[1:], row[1:], strict=True)) for row in rows}
+    assert (by_name['龙头x (m)']['-100 s'], by_name['龙头y (m)']['-100 s']) == ('7.778034', '3.717164')
+    assert (by_name['龙头x (m)']['0 s'], by_name['龙头y (m)']['0 s']) == ('-2.711856', '-3.591078')
+
+
+def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(folder):
+    openpyxl = pytest.importorskip('openpyxl')
+    for name, sheets in {'result1': {'位置': '_positions', '速度': '_speeds'}, 'result2': {'Sheet1': ''}}.items():
+        book = openpyxl.load_workbook(folder / f'{name}.xlsx', read_only=True)
+        assert book.sheetnames == list(sheets)
+        for title, file in sheets.items():
+            written = rows_of(folder / f'{name}{file}.csv')
+            for cells, row in zip(book[title].iter_rows(), written, strict=True):
+                assert [cells[0].value or '', *(c.value if isinstance(c.value, str) else f'{c.value:.6f}'
+                                               for c in cells[1:])] == row
+                assert all(cell.number_format == '0.000000' for cell in cells[1:] if not isinstance(cell.value, str))
+        book.close()
+
+
+def the_organisers_rows(name, sheet):
+    """The names that the organisers' empty result files have, read from copies of them that teams published.
+
+    As handed out they are in the repositories julymiaw/CUMCM2024A (all three) and zty2004/CUMCM2024 (result4, the same
+    bytes); filled in in Diraw/Code-for-the-2024-CUMCM-Problems-A and in walker4869/CUMCM-2024-Problem-A.
+    """
+    names = ['龙头', *(f'第{n}节龙身' for n in range(1, 222)), '龙尾', '龙尾（后）']
+    if sheet == '位置':
+        return [f'{handle}{axis} (m)' for handle in names for axis in 'xy']
+    if sheet == '速度':
+        return ['龙头 (m/s)', *(f'{handle}  (m/s)' for handle in names[1:-1]), '龙尾（后） (m/s)']
+    return names
+
+
+@pytest.mark.parametrize(('name', 'heads'), [
+    ('result1', [f'{t} s' for t in range(301)]), ('result2', ['横坐标x (m)', '纵坐标y (m)', '速度 (m/s)']),
+    ('result4', [f'{t} s' for t in range(-100, 101)])])
+def test_books_have_every_name_of_the_organisers_files_to_the_character(folder, name, heads):
+    openpyxl = pytest.importorskip('openpyxl')
+    book = openpyxl.load_workbook(folder / f'{name}.xlsx')
+    assert book.sheetnames == (['Sheet1'] if name == 'result2' else ['位置', '速度'])
+    for page in book:
+        assert [cell.value for cell in page[1]] == [None, *heads]
+        assert [cell.value for cell in page['A']] == [None, *the_organisers_rows(name, page.title)]
+
+
+@pytest.mark.parametrize(('benches', 'names'), [
+    (1, ['龙尾', '龙尾（后）']), (2, ['龙头', '龙尾', '龙尾（后）']),
+    (4, ['龙头', '第1节龙身', '第2节龙身', '龙尾', '龙尾（后）'])])
+def test_every_handle_has_a_name(benches, names):
+    assert result_files.handle_names(benches) == names
+
+
+def test_without_the_library_text_files_are_written_and_a_line_says_what_is_missing(capsys, tmp_path, monkeypatch):
+    monkeypatch.setattr(result_files, 'find_spec', lambda _: None)
+    code = main(['table', '--contest', str(tmp_path), '--set', 'dragon.benches=20'])
+    out, err = capsys.readouterr()
+    assert code == 0
+    assert len(out.splitlines()) == len(list(tmp_path.iterdir())) == 5
+    assert 'pip install openpyxl' in err
+
+
+@pytest.mark.parametrize('options', [
+    ['--contest', 'a', '--times', '0'], ['--contest', 'a', '--output', 'b'], ['--contest', 'a', '--paper'],
+    ['--paper', '--scene', 'long'], ['--paper', '--handles', '0'], ['a.mcap', '--scene', 'long'],
+    ['a.mcap', '--contest', 'a'], ['--times', '0', '--namespace', 'b']], ids=' '.join)
+def test_options_that_a_table_would_ignore_are_rejected(capsys, tmp_path, monkeypatch, options):
+    monkeypatch.chdir(tmp_path)
+    assert main(['table', *options]) == 2
+    out, err = capsys.readouterr()
+    assert not out
+    assert 'does not take it' in err
+    assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(('change', 'says'), [('dragon.benches=2', 'has none'), ('dragon.benches=0', 'benches')])
+def test_what_has_no_result_is_refused(capsys, tmp_path, change, says):
+    assert main(['table', '--contest', str(tmp_path / 'a'), '--set', change]) == 2
+    assert says in capsys.readouterr().err

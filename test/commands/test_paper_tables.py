@@ -1,0 +1,57 @@
+"""Tables 1 to 3 of the paper, reproduced to the last printed digit."""
+import csv
+import io
+import json
+from pathlib import Path
+
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.commands.contest.paper_tables import cells
+
+CELLS = cells()
+
+
+@pytest.mark.parametrize('cell', CELLS, ids=lambda c: f'T{c.table}-{c.quantity}{c.handle}-{c.t_s:g}s')
+def test_the_recipe_reproduces_the_printed_cell(cell):
+    assert cell.reproduced == cell.printed
+
+
+def test_every_printed_number_is_there():
+    printed = json.loads((Path(__file__).parents[1] / 'data' / 'paper_tables.json').read_text())
+    assert len(CELLS) == 98 + 49
+    signs = printed['table3_sign_corrected_x']
+    raw = {(1, h, q, float(t)): v[q] for h, row in printed['table1'].items() for t, v in row.items() for q in 'xy'}
+    raw |= {(2, h, 'v', float(t)): v for h, row in printed['table2'].items() for t, v in row.items()}
+    raw |= {(3, h, q, 412.2): row[q] for h, row in printed['table3'].items() for q in 'xyv'}
+    for cell in CELLS:
+        as_printed = raw.pop((cell.table, str(cell.handle), cell.quantity, cell.t_s))
+        lost_sign = cell.table == 3 and cell.quantity == 'x' and str(cell.handle) in signs
+        assert cell.printed == ('-' if lost_sign else '') + as_printed
+    assert not raw
+
+
+def test_the_print_is_up_to_2_cm_off_at_the_head_and_12_m_at_the_tail():
+    def off(handle, table):
+        return max(abs(c.error) for c in CELLS if c.handle == handle and c.table == table and c.quantity in 'xy')
+    assert 0.019 < off(0, 1) < 0.022
+    assert 9 < off(223, 1) < 12
+    assert 0.009 < max(abs(c.error) for c in CELLS if c.quantity == 'v') < 0.01
+
+
+@pytest.mark.parametrize('form', ['text', 'csv', 'json'])
+def test_table_paper_prints_all_of_it(capsys, form):
+    assert main(['table', '--paper', '--format', form]) == 0
+    out = capsys.readouterr().out
+    if form == 'json':
+        assert len(json.loads(out)) == 147
+    elif form == 'csv':
+        assert len(list(csv.DictReader(io.StringIO(out)))) == 147
+    else:
+        assert out.count('reproduced') == 14 + 7 + 7
+        assert 'Table 3' in out
+
+
+def test_the_paper_tier_refuses_times_between_its_steps(capsys):
+    assert main(['table', '--accuracy', 'paper', '--times', '0.005']) == 2
+    assert '0.01 s' in capsys.readouterr().err

@@ -1,0 +1,153 @@
+"""Pictures: every kind from a scene and from a bag, the same bytes each time, and clear words where it cannot be."""
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli.figures import style
+from dragon_ros.commands.plot.animation import animate
+from dragon_ros.commands.plot.command import options
+from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.model import compile_scene
+
+STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
+
+
+def plot(capsys, *arguments):
+    try:
+        code = main(['plot', *map(str, arguments)])
+    except SystemExit as end:
+        code = end.code
+    return code, *capsys.readouterr()
+
+
+@pytest.mark.parametrize('source', ['scene', 'bag'])
+@pytest.mark.parametrize(('kind', 'suffix', 'more'), [
+    ('dragon', '.png', ['--time', '412,412.5']), ('contact', '.svg', []), ('clearance', '.png', []),
+    ('speeds', '.pdf', ['--time', '412.5']), ('animation', '.gif', ['--pace', '1', '--fps', '4', '--dpi', '40']),
+    ('animation', '.html', ['--pace', '1', '--fps', '4', '--dpi', '40'])])
+def test_every_kind_is_drawn_from_a_scene_and_from_a_bag(capsys, tmp_path, bag, short, source, kind, suffix, more):
+    path = tmp_path / f'picture{suffix}'
+    chosen = ['--bag', bag] if source == 'bag' else short
+    code, out, err = plot(capsys, kind, *chosen, *more, '--output', path)
+    assert (code, out.strip(), err) == (0, str(path), '')
+    assert path.read_bytes().lstrip().startswith(STARTS[suffix])
+    assert path.stat().st_size > 5000
+
+
+@pytest.mark.parametrize('suffix', ['.png', '.svg'])
+def test_the_same_picture_has_the_same_bytes(capsys, tmp_path, short, suffix):
+    paths = [tmp_path / f'{name}{suffix}' for name in 'ab']
+    for path in paths:
+        assert plot(capsys, 'contact', *short, '--output', path)[0] == 0
+    assert paths[0].read_bytes() == paths[1].read_bytes()
+
+
+def test_a_bag_shows_what_its_scene_shows(scene, bag):
+    model = SceneSource('winding', scene)
+    with BagReader(bag) as opened:
+        recorded = dragon_in(opened)
+        every = (*model.span_s, 1000)
+        assert recorded.span_s == model.span_s == (412.0, 413.0)
+        assert np.array_equal(recorded.ticks_s(*every), model.ticks_s(*every))
+        one, true = moment(recorded, 412.31), moment(model, 412.3)
+        assert one.t_s == pytest.approx(412.3)
+        assert one.p == pytest.approx(true.p, abs=1e-12)
+        assert one.benches.corners == pytest.approx(true.benches.corners, abs=1e-9)
+        assert one.speed_m_s == pytest.approx(true.speed_m_s, abs=1e-9)
+        touch, exact = recorded.first_touch(iter), first_contact(scene)
+        assert (touch.benches, touch.witness.corner) == (exact.benches, exact.witness.corner)
+        assert touch.t_s == pytest.approx(exact.t_s, abs=1e-4)
+        times, gaps = clearances(recorded, recorded.ticks_s(*every), iter)
+        assert len(times) == compile_scene(scene).last_tick + 1
+        assert gaps == pytest.approx(clearances(model, model.ticks_s(*every), iter)[1], abs=1e-9)
+
+
+def test_a_curve_is_thinned_and_keeps_both_ends(scene):
+    source = SceneSource('winding', scene)
+    times = source.ticks_s(412.2, 412.8, 5)
+    assert len(times) == 5
+    assert (times[0], times[-1]) == (412.2, 412.8)
+    assert np.all(np.isin(times, source.ticks_s(412.0, 413.0, 1000)))
+    assert source.ticks_s(412.21, 412.34, 9) == pytest.approx([412.25, 412.3])
+
+
+def test_a_bag_without_velocities_has_no_speeds_but_a_picture(capsys, tmp_path, write_bag):
+    path = write_bag(tmp_path / 'still.mcap', skip=('velocities',))
+    code, _, err = plot(capsys, 'speeds', '--bag', path, '--output', tmp_path / 'a.png')
+    assert code == 2
+    assert 'no velocities' in err
+    assert plot(capsys, 'dragon', '--bag', path, '--output', tmp_path / 'b.png')[0] == 0
+
+
+def test_a_bag_of_another_namespace_is_found_and_one_without_benches_is_refused(capsys, tmp_path, write_bag):
+    path = write_bag(tmp_path / 'other.mcap', namespace='/left')
+    assert plot(capsys, 'dragon', '--bag', path, '--output', tmp_path / 'a.png')[0] == 0
+    code, _, err = plot(capsys, 'dragon', '--bag', path, '--namespace', 'right', '--output', tmp_path / 'a.png')
+    assert (code, '1 dragon (/left); none in --namespace right' in err) == (2, True)
+    path = write_bag(tmp_path / 'bare.mcap', skip=('benches',))
+    code, _, err = plot(capsys, 'dragon', '--bag', path, '--output', tmp_path / 'a.png')
+    assert (code, '/dragon/benches' in err) == (2, True)
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['dragon', '--time', '1000'], 'from 0 to 432.9 s'),
+    (['dragon', '--time', 'noon'], '--time noon'),
+    (['dragon', '--time', '1,2,3,4,5,6,7'], 'room for 6'),
+    (['dragon', '--output', 'x.bmp'], '.png, .svg, .pdf'),
+    (['dragon', '--output', 'no/such/folder/x.png'], 'no/such/folder'),
+    (['dragon', '--namespace', '/dragon'], '--bag'),
+    (['dragon', '--bag', 'run.mcap', '--scene', 'first_contact'], 'leave out --scene'),
+    (['dragon', '--bag', 'no_such.mcap'], 'no_such.mcap'),
+    (['contact', '--set', 'run.stop_s=10'], 'no benches touch'),
+    (['animation', '--output', 'x.avi'], '.gif, .html, .mp4'),
+    (['animation', '--pace', '0'], '--pace'),
+    (['animation', '--pace', '0.001'], 'frames'),
+    (['animation', '--start', '-5'], 'from 0 to 432.9 s'),
+    (['animation', '--output', 'no/such/folder/x.gif', '--start', '1', '--stop', '2', '--pace', '1'], 'no/such/folder'),
+    (['dragon', '--dpi', '0'], '--dpi'),
+    (['drgon'], "'drgon'"),
+    ([], 'KIND'),
+])
+def test_what_cannot_be_drawn_is_said_in_one_line(capsys, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    code, out, err = plot(capsys, *arguments)
+    assert (code, out, len(err.splitlines())) == (2, '', 1)
+    assert says in err
+    assert list(tmp_path.iterdir()) == []
+
+
+def interrupted(moments):
+    for one in moments:
+        yield one
+        raise KeyboardInterrupt
+
+
+def test_a_broken_off_animation_leaves_what_was_there(tmp_path, scene):
+    path = tmp_path / 'run.gif'
+    path.write_text('older')
+    source = SceneSource('short', scene)
+    with pytest.raises(KeyboardInterrupt), style():
+        animate(source, source.ticks_s(*source.span_s, 5), 10, path, 40, interrupted)
+    assert (list(tmp_path.iterdir()), path.read_text()) == ([path], 'older')
+
+
+@pytest.mark.parametrize('benches', [1, 2, 3])
+@pytest.mark.parametrize('kind', ['dragon', 'clearance', 'speeds'])
+def test_the_shortest_dragons_are_drawn(capsys, tmp_path, kind, benches):
+    path = tmp_path / 'a.png'
+    code, _, err = plot(capsys, kind, '--set', f'dragon.benches={benches}', '--set', 'run.stop_s=2', '--output', path)
+    assert (code, err) == (0, '')
+
+
+def test_the_pictures_of_the_docs_are_those_that_their_commands_make():
+    folder = Path(__file__).parents[2] / 'docs' / 'pictures'
+    text = (folder / 'README.md').read_text()
+    commands = [line.split()[2:] for line in text.splitlines() if line.startswith('    ./dragon plot')]
+    made = {path for words in commands for path in options().parse_args(words).output}
+    assert {path.name for path in made} | {'README.md', 'view.png'} == {path.name for path in folder.iterdir()}
+    assert {path.parent.as_posix() for path in made} == {'docs/pictures'}
+    assert all(path.stat().st_size < 1_200_000 for path in folder.iterdir())

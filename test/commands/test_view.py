@@ -1,0 +1,193 @@
+"""The web view: what the server answers, and a page that plays in a real browser without leaving this host."""
+import contextlib
+import http.client
+import json
+import re
+import signal
+import subprocess
+import sys
+import threading
+import urllib.error
+import urllib.request
+from hashlib import sha256
+
+import browser
+import numpy as np
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.commands.sources import SceneSource, dragon_in, moment
+from dragon_ros.commands.view.data import ViewData
+from dragon_ros.commands.view.page import WEB, write_page
+from dragon_ros.commands.view.server import ViewServer
+from dragon_ros.scenes.load import load_scene
+
+needs_browser = pytest.mark.skipif(
+    not (browser.CHROMIUM and browser.DRIVER),
+    reason='no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver')
+
+
+@contextlib.contextmanager
+def serving(source):
+    with ViewServer(ViewData(source, iter)) as server:
+        thread = threading.Thread(target=server.serve_forever)
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture(scope='module')
+def server(scene):
+    with serving(SceneSource('short', scene)) as running:
+        yield running
+
+
+def get(server, path):
+    with urllib.request.urlopen(server.url + path, timeout=20) as answer:
+        return answer.read()
+
+
+def rows(server, run, name):
+    values = 8 * run['drawn'] + 2 * len(run['rest']) + len(run['handles'])
+    return np.frombuffer(get(server, f'frames/{name}'), '<f4').reshape(-1, values)
+
+
+def test_the_run_is_described(server, scene):
+    run = json.loads(get(server, 'run.json'))
+    assert (run['name'], run['benches'], run['drawn'], run['rest'], run['note']) == ('short', 30, 30, [], '')
+    assert run['times_s'] == pytest.approx([412 + k / 20 for k in range(21)])
+    assert run['contact']['t_s'] == pytest.approx(412.4738376821)
+    assert run['contact']['benches'] == [0, 8]
+    assert len(run['track'][0]) == len(run['track'][1]) > 1000
+
+
+def test_frames_are_what_the_model_says(server, scene):
+    run = json.loads(get(server, 'run.json'))
+    frames = rows(server, run, 0)
+    assert len(frames) == 21
+    true = moment(SceneSource('short', scene), 412.5)
+    assert frames[10, :240] == pytest.approx(true.benches.corners.ravel(), abs=1e-6)
+    assert frames[10, 240:] == pytest.approx(true.speed_m_s, abs=1e-6)
+    touching = rows(server, run, 'contact')
+    assert touching[0, :2] == pytest.approx(run['contact']['point_m'], abs=1e-6)    # the head's front left corner
+
+
+def test_clearance_vanishes_at_the_contact(server):
+    curve = json.loads(get(server, 'clearance.json'))
+    assert np.interp(412.4738377, curve['t_s'], curve['gap_mm']) == pytest.approx(0, abs=0.05)
+
+
+def test_a_bag_is_served_like_its_scene(server, bag, tmp_path, write_bag):
+    run = json.loads(get(server, 'run.json'))
+    with BagReader(bag) as opened, serving(dragon_in(opened)) as other:
+        seen = json.loads(get(other, 'run.json'))
+        assert seen['times_s'] == pytest.approx(run['times_s'])
+        assert (seen['track'], seen['speeds']) == (None, True)
+        assert rows(other, seen, 0) == pytest.approx(rows(server, run, 0), abs=1e-6)
+    still = write_bag(tmp_path / 'still.mcap', skip=('velocities',))
+    with BagReader(still) as opened, serving(dragon_in(opened)) as other:
+        assert json.loads(get(other, 'run.json'))['speeds'] is False
+
+
+def test_a_big_dragon_is_thinned_and_says_so():
+    scene = load_scene('winding', ['dragon.benches=5000', 'track.start_turns=100', 'run.stop_s=0.1'])
+    with serving(SceneSource('big', scene)) as server:
+        run = json.loads(get(server, 'run.json'))
+        assert (run['benches'], run['drawn']) == (5000, 2000)
+        assert '2000' in run['note']
+        assert len(run['rest']) == len(run['handles']) == 1500
+        assert (run['rest'][0], run['rest'][-1], run['handles'][-1]) == (2000, 5000, 5000)
+        assert np.all(np.isfinite(rows(server, run, 0)))
+
+
+def test_a_single_bench_is_served():
+    with serving(SceneSource('one', load_scene('winding', ['dragon.benches=1', 'run.stop_s=1']))) as server:
+        run = json.loads(get(server, 'run.json'))
+        assert (run['benches'], run['contact']) == (1, None)
+        assert set(json.loads(get(server, 'clearance.json'))['gap_mm']) == {None}
+        assert get(server, 'frames/contact') == b''
+        assert rows(server, run, 0).shape == (51, 10)
+
+
+@pytest.mark.parametrize('path', ['frames/1', 'frames/-1', 'frames/x', 'nothing', '../setup.py', 'frames/', '%2e%2e/'])
+def test_what_is_not_there_is_not_found(server, path):
+    with pytest.raises(urllib.error.HTTPError, match='404') as error:
+        get(server, path)
+    error.value.close()
+
+
+def test_a_foreign_page_cannot_reach_it_by_another_name(server):
+    connection = http.client.HTTPConnection(*server.server_address)
+    with contextlib.closing(connection):
+        connection.request('GET', '/run.json', headers={'Host': 'example.org'})
+        assert connection.getresponse().status == 403
+
+
+def test_a_taken_port_is_said_in_one_line(capsys, server):
+    port = server.server_address[1]
+    assert main(['view', '--no-browser', '--port', str(port)]) == 2
+    assert f'--port {port}' in capsys.readouterr().err
+    assert main(['view', '--no-browser', '--port', '70000']) == 2
+
+
+def test_the_viewer_library_is_the_one_that_its_note_names():
+    note = (WEB / 'README.md').read_text()
+    assert sha256((WEB / 'plotly-basic.min.js').read_bytes()).hexdigest() in note
+
+
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+def test_a_signal_ends_it_cleanly(short, number):
+    command = [sys.executable, '-m', 'dragon_ros', 'view', '--no-browser', *short]
+    with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
+        line = view.stdout.readline()
+        assert re.search(r'http://127\.0\.0\.1:\d+/', line)
+        view.send_signal(number)
+        _, errors = view.communicate(timeout=30)
+        assert (view.returncode, errors) == (0, '')
+
+
+@needs_browser
+def test_the_page_plays_in_a_browser(tmp_path, server, scene):
+    with browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        shown = 'return parseFloat(document.getElementById("time").textContent)'
+        drawn = 'return document.querySelectorAll("#scene .scatterlayer .trace").length'
+        assert (page.run(shown), page.run(drawn)) == (412.0, 5)
+        before = page.run('return document.querySelector("#scene .scatterlayer .fills path").getAttribute("d")')
+        page.click('play')
+        page.wait(shown.replace('return', 'return 413 ==='))
+        page.wait('return document.getElementById("play").textContent === "Play"')
+        after = page.run('return document.querySelector("#scene .scatterlayer .fills path").getAttribute("d")')
+        assert before != after
+        page.click('back')
+        page.wait(shown.replace('return', 'return 412.95 ==='))
+        page.click('contact')
+        page.wait('return document.getElementById("time").textContent === "412.473838 s"')
+        low, high = page.run('return document.getElementById("scene").layout.xaxis.range')
+        assert low < 1.4744 < high < low + 4
+        page.run('location.hash = "#t=412.3"')
+        page.wait(shown.replace('return', 'return 412.3 ==='))
+        page.screenshot(tmp_path / 'contact.png')
+        assert (tmp_path / 'contact.png').stat().st_size > 20_000
+        assert page.run('return performance.getEntriesByType("resource").map((r) => new URL(r.name).host)'
+                        '.filter((host) => host !== location.host)') == []
+        assert page.log() == []
+
+
+@needs_browser
+def test_an_animation_as_a_page_plays_without_a_server(tmp_path, scene):
+    source, path = SceneSource('short', scene), tmp_path / 'run.html'
+    write_page(source, source.ticks_s(412.0, 412.6, 7), 2.0, path, iter)
+    with browser.browser(tmp_path) as page:
+        page.open_view(path.as_uri())
+        assert page.run('return document.getElementById("pace").value') == '2'
+        page.click('play')
+        page.wait('return document.getElementById("time").textContent === "412.60 s"')
+        page.click('contact')
+        page.wait('return document.getElementById("time").textContent === "412.473838 s"')
+        assert page.run('return performance.getEntriesByType("resource").length') == 0
+        assert page.log() == []

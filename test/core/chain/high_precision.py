@@ -1,0 +1,94 @@
+"""Velocities and accelerations of short chains with 40 digits, by differences: what kinematics is held against."""
+import mpmath
+import numpy as np
+from mpmath import mp, mpc, mpf
+
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment
+
+DIGITS, STEP = 40, mpf(10) ** -10     # differences of second order: off by STEP^2, that is 20 digits
+
+
+def point(segment, u):
+    """Return the point at a coordinate of a segment, beyond its ends as well."""
+    if isinstance(segment, LineSegment):
+        return mpc(segment.start) + mpc(segment.direction) * u
+    if isinstance(segment, ArcSegment):
+        return mpc(segment.centre) + mpc(segment.spoke) * mpmath.expj(segment.side * u)
+    b = mpf(segment.curve.pitch_m) / (2 * mp.pi)
+    return mpc(segment.centre) + mpc(segment.rotation) * b * u * mpmath.expj(segment.side * u)
+
+
+def metres(segment, u):
+    """Return an arc length up to a coordinate, positive in the head's way."""
+    if isinstance(segment, LineSegment):
+        return u
+    if isinstance(segment, ArcSegment):
+        return u * abs(mpc(segment.spoke))
+    b = mpf(segment.curve.pitch_m) / (2 * mp.pi)
+    return segment.way * b / 2 * (u * mpmath.sqrt(1 + u * u) + mpmath.asinh(u))
+
+
+def root(function, start):
+    """Return a simple root by the secant method; its order of 1.6 makes 12 digits 40 in three steps."""
+    a, b = start, start + mpf(10) ** -8
+    at_a, at_b = function(a), function(b)
+    for _ in range(60):
+        if at_b == at_a or abs(b - a) <= mpf(10) ** (3 - DIGITS) * (1 + abs(b)):
+            return b
+        a, b, at_a = b, b - at_b * (b - a) / (at_b - at_a), at_b
+        at_b = function(b)
+    raise ArithmeticError(f'no root near {start}')
+
+
+def handles(chain, segments, links, forward_m):
+    """Return the handles as complex numbers when the leader is further in the head's way, on fixed segments.
+
+    Segments go on beyond their ends: at a joint the result is the side of the segment that is asked for.
+    """
+    track, order = chain.track, range(len(segments)) if chain.leader == 0 else range(len(segments) - 1, -1, -1)
+    out = [None] * len(segments)
+    before = None
+    for i in order:
+        segment, u = track.segments[segments[i]], chain.starts[i]
+        if before is None:
+            goal = metres(segment, u) + forward_m
+            u = root(lambda x, segment=segment, goal=goal: metres(segment, x) - goal, u)
+        else:
+            length = links[min(i, before)]
+            u = root(lambda x, segment=segment, length=length, here=out[before]:
+                     abs(point(segment, x) - here) - length, u) if length else u
+        out[i] = out[before] if before is not None and not links[min(i, before)] else point(segment, u)
+        before = i
+    return out
+
+
+class Guess:
+    """A chain of the package as a start for the roots: on the segments that are asked for."""
+
+    def __init__(self, chain, segments):
+        self.track, self.leader = chain.track, chain.leader
+        self.starts = [mpf(float(u)) + mpf(float(lo)) for u, lo in zip(chain.u, chain.u_lo, strict=True)]
+        for i, k in enumerate(segments):
+            if k != chain.segment[i]:     # the handle is on the joint between them
+                self.starts[i] = mpf(float(chain.track.segments[k].first if k > chain.segment[i] else
+                                           chain.track.segments[k].last))
+
+
+def rates(scene, t_s, segments=None):
+    """Return velocities and accelerations (N+1, 2) of a scene's handles, handles on some segments or on their own."""
+    with mp.workdps(DIGITS):
+        model = compile_scene(scene).model
+        chain = model.march(scene.head.travelled_m(t_s), model.effort)
+        segments = chain.segment.tolist() if segments is None else segments
+        links = [mpf(float(length)) for length in scene.dragon.link_lengths_m]
+        guess = Guess(chain, segments)
+        back, here, on = (handles(guess, segments, links, sign * STEP) for sign in (-1, 0, 1))
+        way = 1 if model.direction == BEHIND else -1
+        speed, rate = way * mpf(scene.head.speed_at_m_s(t_s)), way * mpf(scene.head.acceleration_at_m_s2(t_s))
+        v, a = [], []
+        for p, q, r in zip(back, here, on, strict=True):
+            slope, bend = (r - p) / (2 * STEP), (r - 2 * q + p) / STEP ** 2
+            v.append(slope * speed)
+            a.append(bend * speed ** 2 + slope * rate)
+        return tuple(np.array([[float(z.real), float(z.imag)] for z in row]) for row in (v, a))

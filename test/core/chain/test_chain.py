@@ -1,0 +1,32 @@
+"""Velocities of all handles: rigid links, and the rate of the positions."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state
+
+CLASSIC = Scene()
+
+
+def test_speed_of_handle_1_at_the_start_is_what_the_recipe_says():
+    assert np.hypot(*state(CLASSIC, 0.0).velocities(1.0)[1]) == pytest.approx(0.999971038, abs=1e-9)
+
+
+@pytest.mark.parametrize('t_s', [0.0, 300.0, 412.0, 432.9])
+def test_velocities_keep_every_link_rigid(t_s):
+    chain = state(CLASSIC, t_s)
+    v, axis = chain.velocities(1.0), np.diff(chain.p, axis=0)
+    stretching = np.sum(np.diff(v, axis=0) * axis, axis=1)
+    assert np.max(np.abs(stretching)) < 1e-12 * float(np.max(np.abs(v)))
+
+
+@pytest.mark.parametrize('t_s', [10.0, 300.0, 412.0])
+def test_velocities_are_the_rate_of_the_positions(t_s):
+    h = 1e-4
+    slope = (state(CLASSIC, t_s + h).p - state(CLASSIC, t_s - h).p) / (2 * h)
+    np.testing.assert_allclose(state(CLASSIC, t_s).velocities(1.0), slope, atol=1e-7)
+
+
+def test_a_head_that_moves_out_moves_every_handle_back():
+    chain = state(CLASSIC, 100.0)
+    np.testing.assert_array_equal(chain.velocities(-1.0), -chain.velocities(1.0))

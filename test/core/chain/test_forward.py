@@ -1,0 +1,62 @@
+"""Forward placement: handle after handle, at one instant or at many."""
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.chain import marched, marched_many
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state, states
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.spec import Spiral
+
+EFFORT = Effort(1e-8)
+CLASSIC = Scene()
+CLASSIC_TIMES = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 400.0, 412.473837682, 430.0, 432.9179]
+
+
+def test_handle_1_at_the_start_is_where_the_recipe_says():
+    assert state(CLASSIC, 0.0).p[1] == pytest.approx((8.363823851, 2.826543891), abs=1e-9)
+
+
+def test_the_tail_at_300_s_is_where_the_recipe_says():
+    assert state(CLASSIC, 300.0).p[223] == pytest.approx((1.785033, 9.301164), abs=1e-6)
+
+
+@pytest.mark.parametrize('t_s', CLASSIC_TIMES)
+def test_links_keep_their_lengths_to_1e_12_m(t_s):
+    assert state(CLASSIC, t_s).worst[0] < 1e-14 * 20
+
+
+def test_a_link_of_zero_length_puts_its_handles_in_one_place():
+    scene = Scene(dragon=Dragon(benches=5, head_length_m=2.0, body_length_m=0.55))
+    chain = state(scene, 10.0)
+    assert np.all(chain.p[1:] == chain.p[1])
+    v = chain.velocities(1.0)
+    assert np.all(v[1:] == v[1])
+
+
+def test_many_states_at_once_agree_with_single_ones():
+    many = states(CLASSIC, CLASSIC_TIMES)
+    for row, t_s in zip(many.p, CLASSIC_TIMES, strict=True):
+        np.testing.assert_allclose(row, state(CLASSIC, t_s).p, rtol=0, atol=1e-12)
+
+
+@given(st.floats(0.1, 3), st.floats(2, 40), st.floats(1, 6), st.floats(0.6, 6))
+def test_one_chain_and_many_agree_wherever_there_is_one(pitch, start, head, body):
+    links = Dragon(30, head, body).link_lengths_m
+    track = track_of(Spiral(pitch, start))
+    leader = track.place_at(0.0)
+    leaders = track.places_at(np.zeros(1), np.zeros(1))
+    try:
+        alone = marched(track, links, leader, BEHIND, EFFORT)
+    except ChainLockError as error:
+        with pytest.raises(ChainLockError, match=f'link {error.fields["link"]}'):
+            marched_many(track, links, leaders, BEHIND, EFFORT)
+        return
+    together = marched_many(track, links, leaders, BEHIND, EFFORT)
+    np.testing.assert_allclose(together.p[0], alone.p, rtol=0, atol=1e-12 * float(np.max(np.abs(alone.p))))
+    assert np.all(np.diff(alone.u) > 0)

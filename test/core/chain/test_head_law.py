@@ -1,0 +1,101 @@
+"""Head laws: exact distances, speeds and first passages."""
+from fractions import Fraction
+from itertools import pairwise
+
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.errors import FieldError
+
+speeds = st.floats(-3, 3)
+knots = st.lists(st.tuples(st.floats(0.1, 50), speeds), min_size=1, max_size=6)
+ramps = st.sampled_from(['linear', 'smooth'])
+
+
+def law_of(rows, first, ramp):
+    at, out = 0.0, [(0.0, first)]
+    for gap, speed in rows:
+        at += gap
+        out.append((at, speed))
+    return Profile(tuple(out), ramp)
+
+
+def simpson(law, a, b):
+    """Integrate a speed that is at most a cubic, exactly but for rounding."""
+    return (b - a) / 6 * (law.speed_at_m_s(a) + 4 * law.speed_at_m_s(0.5 * (a + b)) + law.speed_at_m_s(b))
+
+
+@given(knots, speeds, ramps, st.floats(0, 200))
+def test_the_distance_is_the_integral_of_the_speed(rows, first, ramp, t_s):
+    law = law_of(rows, first, ramp)
+    times = sorted({*(t for t, _ in law.knots if t < t_s), t_s})
+    far = sum(simpson(law, a, b) for a, b in pairwise(times))
+    assert law.travelled_m(t_s)[0] == pytest.approx(far, abs=1e-11)
+
+
+@given(knots, speeds, ramps, st.floats(0, 200))
+def test_the_distance_is_right_to_32_digits(rows, first, ramp, t_s):
+    law = law_of(rows, first, ramp)
+    hi, lo = law.travelled_m(t_s)
+    n = max(n for n, (t, _) in enumerate(law.knots) if t <= t_s)
+    exact = sum(((Fraction(b) - Fraction(a)) * (Fraction(v) + Fraction(w)) / 2
+                 for (a, v), (b, w) in pairwise(law.knots[:n + 1])), Fraction(0))
+    since, (t0, v0) = Fraction(t_s) - Fraction(law.knots[n][0]), law.knots[n]
+    exact += since * Fraction(v0)
+    if n + 1 < len(law.knots):
+        t1, v1 = law.knots[n + 1]
+        length, rise = Fraction(t1) - Fraction(t0), Fraction(v1) - Fraction(v0)
+        x = since / length
+        exact += rise * length * (x * x / 2 if ramp == 'linear' else x**3 - x**4 / 2)
+    assert abs(exact - Fraction(hi) - Fraction(lo)) <= Fraction(2) ** -100 * max(abs(exact), Fraction(1, 10**9))
+
+
+@given(knots, speeds, ramps, st.floats(-100, 100), st.sampled_from([-1, 1]))
+def test_a_first_passage_is_a_passage_and_the_first(rows, first, ramp, far, sense):
+    law = law_of(rows, first, ramp)
+    assume(sense * far > 1e-3)
+    t_s = law.passage_s(far, sense)
+    looks = [t for n in range(2000) for t in [n * 0.2]]
+    if t_s is None:
+        assert all(sense * (law.travelled_m(t)[0] - far) <= 0 for t in looks)
+        return
+    assert law.travelled_m(t_s)[0] == pytest.approx(far, abs=1e-9)
+    assert all(sense * (law.travelled_m(t)[0] - far) <= 1e-12 for t in looks if t < t_s)
+
+
+@given(knots, speeds, ramps, st.floats(0, 200))
+def test_the_extent_holds_every_distance_on_the_way(rows, first, ramp, t_s):
+    law = law_of(rows, first, ramp)
+    low, high = law.extent_m(t_s)
+    for n in range(200):
+        assert low - 1e-12 <= law.travelled_m(t_s * n / 199)[0] <= high + 1e-12
+
+
+def test_a_jump_happens_at_its_time_and_not_at_a_tick():
+    law = Profile(((0.0, 1.0), (1.0000001, 1.0), (1.0000001, -1.0)))
+    assert law.travelled_m(1.0000002)[0] == pytest.approx(1.0, abs=1e-15)
+    assert (law.speed_at_m_s(1.0), law.speed_at_m_s(1.0000001)) == (1.0, -1.0)
+
+
+def test_a_constant_profile_is_the_constant_law():
+    for t_s in (0.0, 1.25, 412.47):
+        assert Profile(((0.0, 1.1),)).travelled_m(t_s) == Head(1.1).travelled_m(t_s)
+
+
+def test_a_hold_leaves_at_its_end():
+    law = Profile(((0.0, 0.0), (5.0, 0.0), (5.0, -1.0)))
+    assert law.passage_s(0.0, -1) == pytest.approx(5.0, abs=1e-12)
+    assert law.passage_s(0.0, 1) is None
+
+
+@pytest.mark.parametrize(('law', 'says'), [
+    ({'knots': ()}, 'head.knots'), ({'knots': ((1.0, 1.0),)}, 'first knot is at 0 s'),
+    ({'knots': ((0.0, 1.0), (2.0, 1.0), (1.0, 1.0))}, 'head.knots.3'),
+    ({'knots': ((0.0, float('inf')),)}, 'head.knots.1'),
+    ({'knots': ((0.0, 1.0),), 'ramps': 'steep'}, 'linear or smooth'),
+    ({'knots': ((0.0, 1.0),), 'lead': 'both'}, 'head or tail')])
+def test_an_impossible_law_is_refused_by_field(law, says):
+    with pytest.raises(FieldError, match=says):
+        Profile(**law)

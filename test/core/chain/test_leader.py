@@ -1,0 +1,60 @@
+"""Behind a head and behind a tail: where the dragon lies at the start, and where its track ends."""
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state, tick, velocity_of
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc
+
+
+@pytest.mark.parametrize('length_m', np.arange(0.1, 3.0, 0.1).tolist())
+def test_led_by_the_tail_the_head_begins_at_the_very_end_of_its_track(length_m):
+    track = Composite((Line(1.0), Line(length_m), Line(1.0)), start_m=2.0 + length_m)
+    scene = Scene(dragon=Dragon(12, 2.2, 1.6), track=track, head=Head(1.0, 'tail'), run=Run(0, 9), solver='march')
+    assert state(scene, 0.0).p[0] == pytest.approx((2.0 + length_m, 0.0), abs=1e-12)
+
+
+def test_a_dance_ends_with_its_track_and_says_so():
+    scene = Scene(dragon=Dragon(10), track=Composite((Line(10.0), Arc(3.0, 90.0)), start_m=4.0), head=Head(2.0))
+    end = compile_scene(scene).end
+    assert (end.reason, end.t_s) == ('track', pytest.approx((6 + 1.5 * pi) / 2, rel=1e-15))
+    assert tick(scene, compile_scene(scene).last_tick).chain.worst[0] < 1e-12
+    np.testing.assert_allclose(state(scene, compile_scene(scene).end.t_s).p[0], (13.0, 3.0), atol=1e-14)
+    with pytest.raises(TrackEndError, match='the track ends for a handle'):
+        state(scene, compile_scene(scene).end.t_s + 1e-9)
+
+
+def test_a_dance_that_begins_on_a_spiral_out_ends_where_its_tail_has_no_track():
+    track = Composite((SpiralArc(1.0, 2.0, 8.0), Line(5.0)), start_m=40.0)
+    scene = Scene(dragon=Dragon(10), track=track, head=Head(-1.0))
+    assert compile_scene(scene).end.reason == 'track'
+    last = state(scene, compile_scene(scene).end.t_s)
+    assert last.p[-1] == pytest.approx((0.0, 0.0), abs=1e-12)       # the first piece begins at the origin
+    with pytest.raises(FieldError, match='too short for the dragon, which fits from'):
+        compile_scene(replace(scene, track=replace(track, start_m=3.0)))
+
+
+def test_led_by_the_tail_the_dragon_starts_as_it_lay_and_the_links_keep_their_order():
+    lying = Scene(track=Spiral(0.55, 6.0))
+    led = replace(lying, head=Head(1.0, 'tail'), run=Run(0, 60))
+    np.testing.assert_allclose(state(led, 0.0).p, state(lying, 0.0).p, rtol=0, atol=1e-12)
+    later = state(led, 60.0)
+    assert np.hypot(*(later.p[0] - later.p[1])) == pytest.approx(2.86, abs=1e-13)
+    v = velocity_of(led, later, 60.0)
+    assert np.hypot(*v[-1]) == pytest.approx(1.0, abs=1e-14)
+    assert np.sum(v[-1] * later.p[-1]) > 0          # outwards
+
+
+def test_led_by_the_tail_out_and_back_the_dragon_lies_as_before_and_goes_no_further():
+    law = Profile(((0.0, 0.0), (10.0, 1.0), (20.0, -1.0), (40.0, -1.0)), lead='tail')
+    scene = Scene(track=Spiral(0.55, 6.0), head=law)
+    assert compile_scene(scene).end.reason == 'track'
+    assert compile_scene(scene).end.t_s == pytest.approx(25.0, abs=1e-12)
+    np.testing.assert_allclose(state(scene, compile_scene(scene).end.t_s).p, state(scene, 0.0).p, rtol=0, atol=1e-12)

@@ -1,0 +1,80 @@
+"""Where a chain locks, which link does, and what is said."""
+from math import inf, pi
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.lock import follower, head_lock_angle, lock_angle
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state, states
+from dragon_ros.core.tracks.chord import chord_of, first_peak
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
+
+CLASSIC = Scene()
+
+
+def test_the_classic_chain_locks_at_432_9_s_with_the_head_at_1_29_m():
+    end = compile_scene(CLASSIC).end
+    assert (end.reason, end.link) == ('lock', 0)
+    assert end.t_s == pytest.approx(432.917924, abs=5e-7)
+    angle, _ = head_lock_angle([2.86 / CLASSIC.spiral.b_m, 1.65 / CLASSIC.spiral.b_m])
+    assert angle * CLASSIC.spiral.b_m == pytest.approx(1.289798, abs=5e-7)
+
+
+@given(st.floats(6, 1e5))
+def test_a_lock_is_where_the_first_peak_meets_the_link(chord):
+    angle = lock_angle(chord)
+    assert chord_of(angle, first_peak(angle, pi)[0]) == pytest.approx(chord, rel=1e-13)
+    assert follower(angle * (1 + 1e-9), chord) < inf
+    assert follower(angle * (1 - 1e-9), chord) == inf
+
+
+@given(st.floats(0.01, 5))
+def test_a_short_link_never_locks(chord):
+    assert lock_angle(chord) == 0.0
+    assert follower(0.0, chord) == pytest.approx(chord)
+
+
+def test_body_links_longer_than_the_heads_may_lock_first():
+    scene = Scene(dragon=Dragon(benches=5, head_length_m=1.0, body_length_m=5.0))
+    assert (compile_scene(scene).end.reason, compile_scene(scene).end.link) == ('lock', 1)
+    state(scene, compile_scene(scene).end.t_s - 1e-6)
+    with pytest.raises(ChainLockError, match='link 1'):
+        state(scene, compile_scene(scene).end.t_s + 1e-6)
+    model = compile_scene(scene).model
+    with pytest.raises(ChainLockError, match='link 1'):
+        model.march((compile_scene(scene).end.t_s + 1e-6, 0.0), Effort(1e-8))
+
+
+@given(st.integers(2, 12), st.floats(0.6, 4), st.floats(0.6, 3.5), st.floats(0.3, 2), st.floats(2, 20),
+       st.sampled_from([Head(1.0), Head(0.37), Profile(((0.0, 1.3), (3.0, 0.6)), 'smooth')]),
+       st.sampled_from(['exact', 'preview']), st.sampled_from(['table', 'march']))
+def test_at_the_very_time_of_a_lock_every_link_has_a_place(benches, head, body, pitch, turns, law, accuracy, solver):
+    try:
+        scene = Scene(Dragon(benches, head, body, 0.05), Spiral(pitch, turns), law, accuracy=accuracy, solver=solver)
+        assume(compile_scene(scene).limit.reason == 'lock')
+    except ChainLockError:
+        assume(False)
+    assert np.all(np.isfinite(state(scene, compile_scene(scene).limit.t_s).p))
+    assert np.all(np.isfinite(states(scene, [0.0, compile_scene(scene).limit.t_s]).p))
+    with pytest.raises(ChainLockError):
+        state(scene, np.nextafter(compile_scene(scene).limit.t_s, np.inf))
+
+
+def test_a_time_beyond_the_lock_is_an_error_with_time_link_and_radius():
+    with pytest.raises(ChainLockError, match='432.917924') as error:
+        state(CLASSIC, 433.0)
+    assert error.value.fields['link'] == 0
+    assert error.value.fields['radius_m'] == pytest.approx(1.289798, abs=1e-6)
+
+
+def test_a_chain_without_room_at_the_start_says_so():
+    with pytest.raises(ChainLockError, match='locked from the start'):
+        _ = compile_scene(Scene(track=Spiral(0.01))).end

@@ -1,0 +1,133 @@
+"""First contacts of mixed benches: the classic list has the classic one, any other is held against shapely."""
+import json
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from apart import smallest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Group, Mixed
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond, further
+from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.errors import ChainLockError, DragonError, FieldError, InputError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import load_scene, scene_values
+
+CLASSIC, SPELT = Scene(), Scene(dragon=Mixed((Group(3.41), Group(2.2, 100), Group(2.2, 122))))
+LONG_FOURTH = Mixed((Group(1.1, 3), Group(3.9), Group(1.6, 6)), 0.02)
+MIDDLE = Mixed((Group(1.2, 6), Group(3.6), Group(1.2, 25)))
+
+group = st.builds(Group, st.one_of(st.floats(0.55, 4), st.sampled_from([0.55, 1.0, 2.2])), st.integers(1, 9))
+mixed = st.builds(Mixed, st.lists(group, min_size=2, max_size=6).map(tuple), st.floats(0.05, 0.4))
+
+
+def test_a_list_that_spells_out_the_classic_dragon_has_its_first_contact_and_certificate():
+    assert first_contact(SPELT) == first_contact(CLASSIC)
+
+
+@settings(max_examples=30)
+@given(mixed, st.floats(2.5, 9), st.floats(0, 2))
+def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, way):
+    pitch = 1.6
+    try:
+        scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
+        track = compile_scene(scene).model.track
+        sampler = BenchSampler(track, dragon, 0, dragon.benches, Effort(), lambda states: None)
+        views = [sampler.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
+    except ChainLockError:
+        assume(False)
+    bound = further(*views, sampler.sizes, beyond(*views, sampler.sizes))[0]
+    if sampler.sizes.longest_m is None:
+        return
+    for view in views:
+        chain = Scene(dragon=dragon, track=Spiral(pitch, view.places[0] / (2 * np.pi)))
+        corners = benches_of(state(chain, 0.0), dragon, axes_of(state(chain, 0.0))).corners
+        ends = corners[2:], np.roll(corners[2:], 1, axis=1)
+        share = np.linspace(0, 1, 200)[:, None, None, None]
+        nearest = np.min(np.hypot(*np.moveaxis(ends[0] + share * (ends[1] - ends[0]), -1, 0)), axis=(0, 2))
+        furthest = np.max(np.hypot(*np.moveaxis(corners[0], -1, 0)))
+        assert np.all(bound <= np.minimum.accumulate(nearest[::-1])[::-1] - furthest + 1e-9)
+
+
+@settings(max_examples=12, deadline=None)
+@given(mixed, st.floats(0.4, 1.6), st.floats(3, 6), st.sampled_from([1.0, 1.0, -1.0]), st.floats(5, 60))
+def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitch, turns, speed, stop_s):
+    try:
+        scene = Scene(dragon=dragon, track=Spiral(pitch, turns), head=Head(speed), run=Run(0, stop_s))
+        found = first_contact(scene)
+    except DragonError:
+        assume(False)
+    before_s = (found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s) - 1e-6
+    assert all(smallest(scene, t_s) > 0 for t_s in np.linspace(0, before_s, 40) if before_s > 0)
+    if isinstance(found, Contact) and not found.grazing_m:
+        assert smallest(scene, found.t_s) < 1e-9
+
+
+def checked(folder, values):
+    (folder / 'proof.json').write_text(json.dumps(values))
+    return certificate.check(folder / 'proof.json')
+
+
+@pytest.mark.parametrize(('scene', 'pair'), [
+    (load_scene('mixed', ['run.start_s=394.5']), (40, 71)),
+    (Scene(dragon=MIDDLE, track=Spiral(0.5, 7.0)), (0, 6)),
+    (Scene(dragon=Mixed((Group(3.41), *(Group(length) for _ in range(12) for length in (2.2, 1.7)))), run=Run(405)),
+     (0, 9)),
+    (Scene(dragon=Mixed((Group(1.2, 4), Group(2.0), Group(1.2, 9))), track=Spiral(0.6, 2.5), head=Head(-1.0),
+           run=Run(0, 40)), None)],
+    ids=['a long tail', 'a long bench in the middle', 'two lengths by turns', 'winding out'])
+def test_mixed_dragons_have_certificates_that_the_checker_accepts(tmp_path, scene, pair):
+    found = first_contact(scene)
+    assert found.certificate.complete
+    assert getattr(found, 'benches', None) == pair
+    values = certificate.as_values(scene, found)
+    assert checked(tmp_path, values) == len(values['intervals']) > 0
+
+
+def test_what_one_bench_meets_proves_nothing_of_another_one_before_other_benches(tmp_path):
+    scene = Scene(dragon=Mixed((Group(1.2, 4), Group(2.0), Group(1.2, 9))), track=Spiral(0.7, 5.0), run=Run(0, 10))
+    values = certificate.as_values(scene, first_contact(scene))
+    assert {row['lead'] for row in values['intervals']} >= {'head', 'body', 'bench 3'}
+    for row in values['intervals']:
+        if row['lead'] == 'bench 3':
+            row['lead'] = 'bench 2'
+    with pytest.raises(InputError, match='leave out the place|no other one starts|bound'):
+        checked(tmp_path, values)
+
+
+def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_time_to_stop_at(tmp_path):
+    scene = Scene(dragon=LONG_FOURTH, run=Run(420))
+    with pytest.raises(FieldError, match=r'run\.stop_s.*stop at 430\.\d+ s or before') as refused:
+        first_contact(scene)
+    stop_s = float(str(refused.value).split('stop at ')[1].split()[0])
+    early = replace(scene, run=Run(420, stop_s))
+    found = first_contact(early)
+    assert isinstance(found, NoContact)
+    assert found.certificate.complete
+    forged = {**certificate.as_values(early, found), 'scene': scene_values(scene)}
+    with pytest.raises(InputError, match='may turn back'):
+        checked(tmp_path, forged)
+
+
+def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
+    scene = load_scene('mixed')
+    misses = near_misses(scene, first_contact(scene), 0.05)
+    assert [miss.bench for miss in misses][:2] == [13, 11]
+    assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)
+
+
+def test_the_tail_of_the_example_touches_first():
+    found = first_contact(load_scene('mixed'))
+    assert (found.benches, found.certificate.complete) == ((40, 71), True)
+    assert found.t_s == pytest.approx(395.622364981, abs=1e-9)

@@ -1,0 +1,244 @@
+"""Effects: what is off is absent, what is on is right, and none changes another."""
+import json
+import subprocess
+import sys
+from dataclasses import fields, replace
+from functools import lru_cache
+from importlib.util import find_spec
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.signed_distance import gaps, witness
+from dragon_ros.core.contact.tracker import Sight, Watch
+from dragon_ros.core.effects.noise import normal
+from dragon_ros.core.effects.proximity import closeness
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_needs, effects_of, known
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import frame_of, state, tick, velocity_of
+from dragon_ros.core.tracks.spec import Spiral, STurn
+
+ALL = ~Effect.NONE
+FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLEARANCE: 'closeness',
+          Effect.CONTACT: 'contacts', Effect.ACCELERATIONS: 'acceleration_m_s2', Effect.FORCES: 'tension_n_kg',
+          Effect.NOISE: 'measured', Effect.TRAILS: 'trail_m', Effect.DIAGNOSTICS: 'health'}
+TOUCHING = Scene(dragon=Dragon(benches=24), effects=ALL)
+TICK = 413 * 50
+
+
+def subsets():
+    every = list(known().values())
+    for size in range(len(every) + 1):
+        for chosen in combinations(every, size):
+            effects = Effect.NONE
+            for effect in chosen:
+                effects |= effect
+            if all(NEEDS[effect] in effects for effect in chosen if effect in NEEDS):
+                yield effects
+
+
+SUBSETS = list(subsets())
+
+
+def values_of(value):
+    """Return a value's numbers as bytes, whatever holds them."""
+    if isinstance(value, Chain):
+        return value.p.tobytes(), value.evaluations
+    if hasattr(value, '__dataclass_fields__'):
+        return [values_of(getattr(value, field.name)) for field in fields(value)]
+    return value.tobytes() if isinstance(value, np.ndarray) else value
+
+
+@lru_cache
+def everything(solver='table'):
+    return tick(replace(TOUCHING, solver=solver), TICK)
+
+
+@pytest.mark.parametrize(('solver', 'subsets'), [('march', SUBSETS), ('table', SUBSETS[::97])],
+                         ids=['march: all', 'table: some'])
+def test_every_subset_of_effects_has_its_fields_alone_and_their_values_to_the_last_bit(solver, subsets):
+    full = {field.name: values_of(getattr(everything(solver), field.name)) for field in fields(everything(solver))}
+    assert all(full[name] is not None for name in FIELDS.values())
+    for effects in subsets:
+        frame = tick(replace(TOUCHING, solver=solver, effects=effects), TICK)
+        on = {name for effect, name in FIELDS.items() if effect in effects}
+        for name, value in full.items():
+            absent = name in FIELDS.values() and name not in on
+            assert values_of(getattr(frame, name)) == (None if absent else value), (effects, name)
+
+
+def test_what_is_off_is_not_even_imported():
+    code = ('import sys, json\nfrom dragon_ros.core.scene import Scene\nfrom dragon_ros.core.step import tick\n'
+            'from dragon_ros.messages.encode import encoders\nscene = Scene()\n'
+            '[encode(tick(scene, 0)) for encode in encoders(scene).values()]\nprint(json.dumps(list(sys.modules)))')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    loaded = set(json.loads(done.stdout))
+    for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
+                 'core.effects.health', 'core.contact', 'core.contact.broad_phase', 'core.contact.tracker',
+                 'messages.encode_effects', 'messages.monitor_markers'):
+        assert find_spec(f'dragon_ros.{name}')
+        assert f'dragon_ros.{name}' not in loaded
+
+
+def test_there_are_as_many_subsets_as_needs_allow():
+    assert len(SUBSETS) == 5 * 3 * 2**5
+
+
+@pytest.mark.parametrize(('names', 'line'), [
+    (['clearance'], 'write effects: [benches, clearance]'),
+    (['velocity', 'markers'], 'write effects: [velocity, benches, clearance, contact, markers]'),
+    (['forces'], 'write effects: [accelerations, forces]')])
+def test_an_effect_without_what_it_needs_is_refused_with_the_line_that_cures_it(names, line):
+    with pytest.raises(FieldError) as error:
+        Scene(effects=effects_of(names))
+    assert line in str(error.value)
+    check_needs(effects_of(line.partition('[')[2].rstrip(']').split(', ')))
+
+
+def test_every_effect_has_a_meaning():
+    assert list(MEANINGS) == list(known().values())
+
+
+def test_clearance_and_contacts_are_what_the_monitor_sees():
+    frame, watch = everything(), Watch()
+    (report,) = watch.look(Sight(frame.t_ns, frame.chain.p, frame.benches))
+    assert frame.closeness.clearance_m == report.clearance_m < 0
+    assert tuple(map(tuple, frame.contacts.benches.tolist())) == report.touching == ((0, 8),)
+    assert frame.contacts.gap_m[0] == report.clearance_m
+    assert tuple(frame.contacts.point_m[0]) == witness(frame.benches, 0, 8).point_m
+
+
+def test_clearance_is_infinite_where_nothing_is_near():
+    alone = Scene(dragon=Dragon(benches=1), effects=ALL)
+    frame = tick(alone, 0)
+    assert frame.closeness.clearance_m == np.inf
+    assert frame.contacts.benches.shape == (0, 2)
+    assert closeness(compile_scene(alone), frame).i.size == 0
+
+
+def test_the_clearance_vanishes_in_the_frame_of_the_first_contact():
+    found = first_contact(TOUCHING)
+    frame = frame_of(TOUCHING, None, round(found.t_s * 1e9), state(TOUCHING, found.t_s))
+    assert frame.closeness.clearance_m == pytest.approx(0, abs=1e-11)
+    assert gaps(frame.benches, np.array([0]), np.array([8]))[0] == frame.closeness.clearance_m
+
+
+@pytest.mark.parametrize('speed', [1.0, 2.5, -0.5])
+def test_accelerations_are_the_rate_of_the_velocities(speed):
+    scene = Scene(head=Head(speed), run=Run(stop_s=150.0), effects=ALL)
+    step, t_s = 1e-4, 100.0
+    before, after = (velocity_of(scene, state(scene, t_s + k * step), t_s + k * step) for k in (-1, 1))
+    found = frame_of(scene, None, round(t_s * 1e9), state(scene, t_s)).acceleration_m_s2
+    assert found == pytest.approx((after - before) / (2 * step), abs=2e-8 * speed**2)
+
+
+def test_the_first_link_does_the_work_that_moves_the_masses_behind_it():
+    frame = everything()
+    v, a = frame.velocity_m_s[1:], frame.acceleration_m_s2[1:]
+    work = frame.tension_n_kg[0] * frame.axis[0] @ v[0]
+    assert work == pytest.approx(np.sum(v * a), rel=1e-9)
+
+
+def test_tensions_and_the_track_alone_accelerate_every_handle():
+    frame = everything()
+    pull = frame.tension_n_kg[:, None] * frame.axis
+    force = pull.copy()
+    force[:-1] -= pull[1:]
+    along = np.sum(force * frame.chain.tangents[1:], axis=1)
+    assert along == pytest.approx(np.sum(frame.acceleration_m_s2[1:] * frame.chain.tangents[1:], axis=1), abs=1e-12)
+
+
+def test_noise_repeats_for_a_seed_and_a_tick_and_differs_for_others():
+    scene = replace(TOUCHING, effects=Effect.NOISE, noise=Noise(0.01, 0.02, seed=7))
+    again, first = tick(scene, 5).measured.p, tick(scene, 4).measured.p
+    assert np.array_equal(again, tick(scene, 5).measured.p)
+    assert not np.array_equal(again, tick(replace(scene, noise=Noise(0.01, 0.02, seed=8)), 5).measured.p)
+    assert np.max(np.abs((again - tick(scene, 5).chain.p) - (first - tick(scene, 4).chain.p))) > 1e-3
+
+
+def test_noise_is_normal_with_the_sizes_that_the_scene_says():
+    scene = Scene(dragon=Dragon(benches=5000), effects=Effect.NOISE, noise=Noise(0.01, 0.02))
+    frame = tick(scene, 3)
+    off = (frame.measured.p - frame.chain.p).ravel()
+    turned = np.sum(frame.measured.axis * np.stack((-frame.axis[:, 1], frame.axis[:, 0]), axis=1), axis=1)
+    assert (np.mean(off), np.std(off)) == pytest.approx((0, 0.01), abs=3e-4)
+    assert (np.mean(turned), np.std(turned)) == pytest.approx((0, 0.02), abs=1e-3)
+    assert np.hypot(*frame.measured.axis.T) == pytest.approx(1, abs=1e-12)
+    assert np.mean(np.abs(off) < 0.01) == pytest.approx(0.6827, abs=0.02)
+
+
+def test_the_numbers_of_a_seed_are_these_for_good():
+    assert normal(1, 2, False, 3) == pytest.approx(KNOWN, abs=1e-13)
+    assert not np.array_equal(normal(1, 2, True, 3), normal(1, 2, False, 3))
+
+
+KNOWN = [0.26397651350406276, 0.5501003148099652, 0.20499684864083353]
+
+
+def test_a_trail_ends_at_the_head_and_goes_back_where_it_was():
+    scene = replace(TOUCHING, trails=Trails(seconds=4.0, points=9))
+    frame = tick(scene, 1000)
+    assert frame.trail_m.shape == (9, 2)
+    for place, t_s in zip(frame.trail_m, np.linspace(16.0, 20.0, 9), strict=True):
+        assert place == pytest.approx(state(scene, t_s).p[0], abs=1e-11)
+    assert tick(replace(scene, accuracy='paper'), 1000).trail_m == pytest.approx(frame.trail_m, abs=1e-11)
+    assert tick(scene, 0).trail_m[0] == pytest.approx(tick(scene, 0).chain.p[0], abs=1e-11)
+
+
+@pytest.mark.parametrize('accuracy', ['exact', 'standard', 'preview', 'paper'])
+def test_health_tells_how_far_the_worst_link_is_off(accuracy):
+    frame = tick(Scene(accuracy=accuracy, effects=Effect.DIAGNOSTICS), 5000)
+    assert frame.health.good
+    assert frame.health.off_m == np.max(np.abs(frame.chain.residuals_m))
+    assert frame.health.evaluations == frame.chain.evaluations
+
+
+def test_a_trail_of_a_dragon_that_its_tail_leads_is_where_its_head_was():
+    scene = replace(TOUCHING, effects=Effect.TRAILS, head=Head(1.0, lead='tail'), run=Run(stop_s=50.0),
+                    trails=Trails(seconds=4.0, points=3))
+    for place, t_s in zip(tick(scene, 1000).trail_m, (16.0, 18.0, 20.0), strict=True):
+        assert place == pytest.approx(state(scene, t_s).p[0], abs=1e-11)
+
+
+EVERYWHERE = [
+    replace(TOUCHING, track=STurn(before_m=5.0), run=Run(stop_s=40.0)),
+    replace(TOUCHING, track=Spiral(0.55, 4.0), head=Head(1.0, lead='tail'), run=Run(stop_s=40.0)),
+    replace(TOUCHING, track=STurn(before_m=-30.0), run=Run(stop_s=40.0),
+            head=Profile(((0.0, 0.0), (9.0, 1.0), (30.0, -0.2)), 'smooth', 'tail')),
+    replace(TOUCHING, head=Profile(((0.0, 0.0), (9.0, 1.0))), run=Run(stop_s=40.0)),
+    replace(TOUCHING, dragon=Mixed((Group(1.2, 3), Group(3.41), Group(0.55), Group(2.2, 4))), run=Run(stop_s=40.0))]
+
+
+@pytest.mark.parametrize('scene', EVERYWHERE, ids=['turn', 'tail', 'turn, tail and law', 'law', 'mixed'])
+@pytest.mark.parametrize('t_s', [6.0, 23.0])
+def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_link_does_their_work(scene, t_s):
+    """One handle more than links feels the end that is free; the leader is moved from outside."""
+    frame = frame_of(scene, None, round(t_s * 1e9), state(scene, t_s))
+    pull = frame.tension_n_kg[:, None] * frame.axis
+    force = np.zeros_like(frame.acceleration_m_s2)
+    force[1:] += pull
+    force[:-1] -= pull
+    tail_leads = scene.head.lead == 'tail'
+    free, leaders_link = (slice(0, -1), -1) if tail_leads else (slice(1, None), 0)
+    along, wanted = (np.sum(vectors * frame.chain.tangents, axis=1)[free]
+                     for vectors in (force, frame.acceleration_m_s2))
+    assert along == pytest.approx(wanted, abs=1e-11)        # a sum of N terms of some m/s^2
+    v, a = frame.velocity_m_s[free], frame.acceleration_m_s2[free]
+    power = (-1 if tail_leads else 1) * pull[leaders_link] @ v[leaders_link]
+    assert power == pytest.approx(np.sum(v * a), rel=1e-9)
+
+
+def test_bad_sensors_and_trails_are_refused():
+    for wrong in ({'position_m': -1.0}, {'yaw_rad': np.nan}, {'seed': -1}, {'seed': 0.5}):
+        with pytest.raises(FieldError, match=f'noise.{next(iter(wrong))}'):
+            Noise(**wrong)
+    for wrong in ({'seconds': 0.0}, {'points': 1}):
+        with pytest.raises(FieldError, match=f'trails.{next(iter(wrong))}'):
+            Trails(**wrong)

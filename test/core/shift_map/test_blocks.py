@@ -1,0 +1,297 @@
+"""Blocks of equal links from shift maps on any track, behind a head or a tail: as exact as the march at every joint.
+
+The promises against the 50-digit reference are kept in test_accuracy, with and without shift maps.
+"""
+from dataclasses import replace
+from math import inf
+
+import numpy as np
+import pytest
+from hypothesis import assume, example, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.forward import blocks_of, forward
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of
+from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
+from dragon_ros.core.shift_map.build import Stretch, build
+from dragon_ros.core.shift_map.table import ShiftMap
+from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.cost.dances import dances
+
+CASES = {problem.name: problem for problem in dances()}
+MARCHED = {'turn-joined-handles'}
+EFFORT = Effort(1e-8)
+TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
+SHORT = Dragon(12, 2.2, 1.6)
+
+lines = st.builds(Line, st.floats(0.05, 6))
+arcs = st.builds(Arc, st.floats(1.6, 5), st.floats(5, 400) | st.floats(-400, -5))
+winds = st.builds(SpiralArc, st.floats(1.5, 3), st.floats(1, 3), st.floats(1, 3), st.sampled_from(['left', 'right']))
+tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
+
+
+def cut_m(size_m):
+    """Return where the series of rows are cut, whatever their size."""
+    return np.full_like(size_m, 2e-14)
+
+
+def placement(track, links, direction):
+    """Return a placement with shift maps of its own, none of whose tiles is built."""
+    maps = {link_m: ShiftMap(track, link_m, count, direction, lambda fore: cut_m)
+            for link_m, count in lengths_with_maps(links).items()}
+    return Placement(track, links, direction, EFFORT, maps)
+
+
+def march(scene):
+    return replace(scene, solver='march')
+
+
+def dance(pieces, lead):
+    """Return a dance over all of a track that begins with a line and ends with one."""
+    try:
+        track = Composite((Line(1.0), *pieces, Line(1.0)))
+        end_m = track_of(track).end_m
+        if lead == 'tail':
+            track = replace(track, start_m=end_m)
+        scene = Scene(dragon=SHORT, track=track, head=Head(1.0, lead), run=Run(0, end_m + 4))
+        compile_scene(scene)
+        return scene
+    except FieldError:
+        assume(False)
+
+
+def agree(scene, t_s):
+    """Hold the chain, its velocities and those of many against the march, in metres of the promise."""
+    one, other, many = state(scene, t_s), state(march(scene), t_s), states(scene, [t_s, t_s])
+    atol = 0.5 * compile_scene(scene).promise_m        # each may be a quarter off
+    v = velocity_of(march(scene), other, t_s)
+    fast = max(1.0, float(np.max(np.hypot(*v.T)))) ** 2
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=atol)
+    np.testing.assert_allclose(velocity_of(scene, one, t_s), v, rtol=0, atol=atol * fast)
+    np.testing.assert_allclose(one.tangents, other.tangents, rtol=0, atol=atol)
+    np.testing.assert_allclose(many.p, [other.p] * 2, rtol=0, atol=atol)
+    np.testing.assert_allclose(velocity_of(scene, many, [t_s, t_s]), [v] * 2, rtol=0, atol=atol * fast)
+    np.testing.assert_allclose(many.tangents, [other.tangents] * 2, rtol=0, atol=atol)
+    return one.solver
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_stats_say_that_the_table_serves_every_dance_but_one(name):
+    scene, t_s = CASES[name].scene, CASES[name].times_s[-1]
+    expected = 'march' if name in MARCHED else 'table'
+    assert state(scene, t_s).solver == expected
+    assert states(scene, [t_s]).solver == expected
+    assert state(march(scene), t_s).solver == states(march(scene), [t_s]).solver == 'march'
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_states_of_a_dance_are_its_single_ones_to_half_the_promise(name):
+    scene = CASES[name].scene
+    times = sorted({*np.linspace(0.0, compile_scene(scene).end.t_s, 40).tolist(), *CASES[name].times_s})
+    promise_m = compile_scene(scene).promise_m
+    many = states(scene, times)
+    speed = velocity_of(scene, many, times)
+    for n, t_s in enumerate(times):
+        one = state(scene, t_s)
+        np.testing.assert_allclose(many.p[n], one.p, rtol=0, atol=0.5 * promise_m)
+        np.testing.assert_allclose(speed[n], velocity_of(scene, one, t_s), rtol=0, atol=0.5 * promise_m)
+
+
+@pytest.mark.parametrize('scene', [TURNING, UNWINDING])
+def test_a_state_has_the_same_bits_whatever_was_asked_before(scene):
+    times = (0.0, 17.3, 60.0, 111.1, 150.0)
+    there, back = replace(scene), replace(scene)
+    ahead = {t_s: state(there, t_s).p.tobytes() for t_s in times}
+    states(back, times[::2])
+    for t_s in reversed(times):
+        assert state(back, t_s).p.tobytes() == ahead[t_s]
+
+
+@given(tracks, st.sampled_from(['head', 'tail']), st.floats(0, 1))
+@example([Arc(2.0, 90.0), Arc(2.0, -90.0), Arc(2.0, 90.0)], 'head', 0.5)
+@example([Line(1.05), Line(1.05), Line(1.05), Line(1.05)], 'head', 0.3)
+def test_on_any_track_the_table_is_where_the_march_is(pieces, lead, part):
+    scene = dance(pieces, lead)
+    agree(scene, part * compile_scene(scene).end.t_s)
+
+
+@given(tracks, st.integers(0, 8), st.integers(0, 12),
+       st.sampled_from([0.0, 1e-15, -1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-4]))
+def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, joint, handle, past_m):
+    scene = dance(pieces, 'head')
+    track = compile_scene(scene).model.track
+    joint = 1 + joint % (len(track.segments) - 1)
+    blocks = blocks_of(scene.dragon.link_lengths_m[:handle], AHEAD)
+    try:
+        head = forward(track, blocks, Place(joint, DoubleDouble(track.segments[joint].first, 0.0)), AHEAD,
+                       EFFORT).place(-1)
+    except TrackEndError:
+        assume(False)
+    t_s = track.distance_of(head)[0] + past_m
+    assume(0 <= t_s <= compile_scene(scene).end.t_s)
+    agree(scene, t_s)
+
+
+@given(st.lists(st.tuples(st.sampled_from([0.0, 0.9, 1.65, 2.0]), st.integers(1, 30)), min_size=1, max_size=5),
+       st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
+def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
+    links = np.repeat(*map(np.array, zip(*mix, strict=True)))
+    assume(links.sum() > 0)
+    track, low, high = track_of(STurn()), -links.sum() * 1.3 - 5, 60.0
+    metres = high * part if direction == BEHIND else low + part * (high - links.sum() - low)
+    place = placement(track, links, direction)
+    leader = track.place_at(metres)
+    one, other = place.place(leader), marched(track, links, leader, direction, EFFORT)
+    many = place.place_many(track.places_at(np.array([metres]), np.zeros(1)))
+    for p, v in ((one.p, one.velocities(1.5)), (many.p[0], many.velocities(1.5)[0])):
+        np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
+        np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
+    assert one.solver == many.solver == ('table' if place.maps else 'march')
+
+
+@given(st.floats(0, 380))
+def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
+    track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
+    place, head = placement(track, links, BEHIND), track.place_at(gone_m)
+    one, other = place.place(head), marched(track, links, head, BEHIND, EFFORT)
+    assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=3e-13)
+    np.testing.assert_allclose(one.velocities(1.0), other.velocities(1.0), rtol=0, atol=3e-13)
+
+
+@pytest.mark.parametrize('speed', [1.0, -1.0])
+def test_a_scene_of_mixed_benches_has_a_shift_map_for_each_long_block(speed):
+    mix = Mixed((Group(3.41), Group(2.55), Group(2.2, 30), Group(1.75, 28)))
+    scene = Scene(dragon=mix, head=Head(speed), run=Run(0, 400))
+    assert [(block.start, block.stop, bool(shift)) for block, shift in compile_scene(scene).model.placement.blocks] == [
+        (0, 1, False), (1, 2, False), (2, 32, True), (32, 60, True)]
+    for t_s in (0.0, 200.0, 400.0):
+        assert agree(scene, t_s) == 'table'
+
+
+def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
+    track, links = spiral_track(Spiral(), 0.0), np.array([0.5] + [1.65] * 40)
+    place, head = placement(track, links, BEHIND), Place(0, DoubleDouble(13.0, 0.0))
+    chain, other = place.place(head), marched(track, links, head, BEHIND, EFFORT)
+    assert chain.solver == 'table+march'
+    np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
+    np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)
+    assert place.place(Place(0, DoubleDouble(2000.0, 0.0))).solver == 'table'
+
+
+def test_a_mix_that_locks_names_its_link():
+    track, links = spiral_track(Spiral(), 0.0), np.array([1.0] + [5.0] * 20)
+    place = placement(track, links, BEHIND)
+    with pytest.raises(ChainLockError, match='link 1 of 5 m'):
+        place.place(Place(0, DoubleDouble(8.0, 0.0)))
+    with pytest.raises(ChainLockError, match='link 1 of 5 m'):
+        place.place_many((np.zeros(1, dtype=int), np.array([8.0]), np.zeros(1)))
+
+
+def test_beyond_its_run_a_dance_is_served_by_tiles_as_within_it():
+    short = replace(TURNING, run=Run(0, 50))
+    for t_s in (50.0, 90.0):
+        assert state(short, t_s).solver == 'table'
+        assert state(short, t_s).p.tobytes() == state(TURNING, t_s).p.tobytes()
+    assert states(short, [50.0, 90.0]).solver == 'table'
+    np.testing.assert_allclose(states(short, [50.0, 90.0]).p[1], state(short, 90.0).p, rtol=0, atol=1e-13)
+
+
+def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
+    scene = Scene(dragon=SHORT, track=Composite((SpiralArc(1.0, 2.0, 8.0), Line(5.0)), start_m=60.0), head=Head(-1.0))
+    last = compile_scene(scene).end.t_s
+    seen = {agree(scene, t_s) for t_s in np.linspace(0.0, last, 200).tolist()}
+    assert seen == {'table', 'table+march'}
+
+
+def test_links_that_have_no_length_or_are_too_many_have_no_table():
+    track, stretch = track_of(STurn()), Stretch(-50.0, 50.0, 20, BEHIND)
+    assert build(track, 1.65, stretch, cut_m)
+    assert build(track, 0.0, stretch, cut_m) is None
+    assert build(track, 1e-4, stretch, cut_m) is None
+
+
+@pytest.mark.parametrize('run', [Run(0, 1e6), Run()], ids=['long', 'without end'])
+def test_a_run_however_long_has_the_tiles_where_its_leader_is(run):
+    scene = Scene(track=STurn(), run=run, accuracy='fine')
+    for t_s in (3.0, 9e5):
+        assert state(scene, t_s).solver == 'table'
+    shift, = compile_scene(scene).model.placement.maps.values()
+    assert len(shift.tiles) == 2
+
+
+def test_a_dragon_of_few_benches_has_no_shift_map_on_a_turn_either():
+    assert compile_scene(Scene(dragon=Dragon(7), track=STurn(), run=Run(0, 9))).model.placement.maps == {}
+
+
+def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
+    nodes = {}
+    for accuracy in ('preview', 'exact'):
+        model = compile_scene(replace(TURNING, accuracy=accuracy)).model
+        link_m, = lengths_with_maps(model.links_m)
+        shift = ShiftMap(model.track, link_m, 222, BEHIND, model._series_m)
+        shift.spot(model.track.place_at(-10.0))
+        table, = (one.table for one in shift.tiles)
+        nodes[accuracy] = table.nodes
+        assert table.memory_bytes < 2_600_000
+        assert table.parts == 4
+        assert 512 + 222 < table.rows < 512 + 222 + 20
+    assert nodes['exact'] <= 19
+    assert nodes['preview'] < 10
+
+
+def test_far_more_handles_than_one_product_takes_join_without_a_seam():
+    long = Scene(dragon=Dragon(2000), track=STurn(), run=Run(0, 60))
+    np.testing.assert_allclose(state(long, 40.0).p, state(march(long), 40.0).p, rtol=0, atol=1e-12)
+
+
+def test_what_runs_return_is_closed_for_writing():
+    for chain in (state(TURNING, 1.0), states(TURNING, [1.0])):
+        for array in (chain.p, chain.velocities(1.0), chain.tangents):
+            with pytest.raises(ValueError, match='read-only'):
+                array[0] = 0
+
+
+def test_no_states_of_a_dance_are_a_chain_of_no_states():
+    assert states(TURNING, []).p.shape == (0, 224, 2)
+    assert states(TURNING, []).velocities(1.0).shape == (0, 224, 2)
+
+
+def test_a_dance_at_rest_has_directions():
+    chain = state(replace(TURNING, head=Head(0.0)), 1.0)
+    assert np.all(chain.velocities(0.0) == 0)
+    np.testing.assert_allclose(np.hypot(*chain.tangents.T), 1.0, rtol=1e-14)
+    assert np.max(np.abs(chain.tangents)) < inf
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+def test_a_bench_whose_link_has_no_length_lies_along_the_track_beside_a_table_too(lead):
+    scene = Scene(Dragon(12, 0.02, 0.42, 0.01, 0.01), STurn(before_m=30.0 if lead == 'head' else -5.0),
+                  Head(1.0, lead), Run(0, 10))
+    for t_s in (0.0, 3.3):
+        chain, marched = state(scene, t_s), state(march(scene), t_s)
+        assert 'table' in chain.solver
+        assert axes_of(chain)[0] == pytest.approx(axes_of(marched)[0], abs=1e-12)
+        assert axes_of(states(scene, [t_s]))[0, 0] == pytest.approx(axes_of(marched)[0], abs=1e-12)
+
+
+def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_before_them_go_back():
+    benches = Mixed((Group(2.2, 2), Group(3.41, 2), Group(0.55), Group(2.2, 12), Group(0.55, 2)))
+    scene = Scene(benches, Spiral(1.184, 8.0))
+    t_s = compile_scene(scene).end.t_s - 0.05
+    chain, marched = state(scene, t_s), state(march(scene), t_s)
+    assert chain.solver == 'table'
+    assert np.min(np.sum(marched.velocities(1.0) * marched.tangents, axis=1)[1:]) > 1     # outwards, unlike the head
+    for tangents in (chain.tangents, states(scene, [t_s]).tangents[0]):
+        np.testing.assert_allclose(tangents, marched.tangents, rtol=0, atol=1e-11)
+    np.testing.assert_allclose(axes_of(chain), axes_of(marched), rtol=0, atol=1e-11)

@@ -1,0 +1,175 @@
+"""The shift map of a spiral: all handles at once, as exact as handle after handle.
+
+Its promises against the 50-digit reference are kept in test_accuracy.
+"""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.errors import ChainLockError, FieldError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
+from dragon_ros.core.shift_map.table import ShiftMap
+from dragon_ros.core.step import state, states, tick
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.cost.problems import problems
+
+CLASSIC, MARCHED = Scene(), Scene(solver='march')
+# Their blocks of equal links are shorter than 8, or their links so short that a tile would be shorter than the dragon.
+MARCHED_CASES = {'centre', 'joined-handles', 'almost-joined', 'mixed-lock'}
+
+
+def tiles(scene):
+    """Return the tiles that are built of a scene with one shift map."""
+    shift, = compile_scene(scene).model.placement.maps.values()
+    return shift.tiles
+
+
+def tile(scene, t_s):
+    """Return the one tile of a scene that a state needs, in a shift map of its own."""
+    (link_m, links), = lengths_with_maps(scene.dragon.link_lengths_m).items()
+    model = compile_scene(scene).model
+    shift = ShiftMap(model.track, link_m, links, model.direction, model._series_m)
+    Placement(model.track, model.links_m, model.direction, model.effort, {link_m: shift}).place(
+        model.leader.place(scene.head.travelled_m(t_s)))
+    one, = shift.tiles
+    return one
+
+
+def test_stats_say_which_solver_ran():
+    assert state(CLASSIC, 300.0).solver == states(CLASSIC, [300.0]).solver == 'table'
+    assert state(MARCHED, 300.0).solver == states(MARCHED, [300.0]).solver == 'march'
+    assert state(replace(CLASSIC, accuracy='paper'), 300.0).solver == 'paper'
+
+
+def test_the_table_serves_every_hard_case_but_these():
+    for problem in problems():
+        solvers = {state(problem.scene, t_s).solver for t_s in problem.times_s}
+        assert ('march' in solvers) == (problem.name in MARCHED_CASES), problem.name
+
+
+@pytest.mark.parametrize('t_s', [0.0, 60.3, 300.0, 412.47, 432.0, 432.6, 432.9])
+def test_table_and_march_agree_to_the_last_digits(t_s):
+    one, other = state(CLASSIC, t_s), state(MARCHED, t_s)
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(one.velocities(1.5), other.velocities(1.5), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(one.tangents, other.tangents, rtol=0, atol=1e-13)
+
+
+def test_many_states_agree_with_single_ones_in_any_order():
+    times = [300.0, 0.0, 412.0, 300.05, 432.5, 1.0, 1.0]
+    many = states(CLASSIC, times)
+    speed = many.velocities(np.arange(1.0, 8.0))
+    for k, t_s in enumerate(times):
+        np.testing.assert_allclose(many.p[k], state(CLASSIC, t_s).p, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(speed[k], state(CLASSIC, t_s).velocities(k + 1.0), rtol=0, atol=1e-12)
+        np.testing.assert_allclose(many.tangents[k], state(MARCHED, t_s).tangents, rtol=0, atol=1e-13)
+
+
+def test_no_states_are_a_chain_of_no_states():
+    assert states(CLASSIC, []).p.shape == (0, 224, 2)
+
+
+@given(st.floats(0.3, 2), st.floats(4, 40), st.integers(8, 80), st.floats(0.8, 4), st.floats(0.8, 3), st.floats(-1, 1),
+       st.floats(0, 0.999))
+def test_any_dragon_on_the_table_is_where_the_march_puts_it(pitch, turns, benches, head, body, speed, part):
+    try:
+        scene = Scene(dragon=Dragon(benches, head, body), track=Spiral(pitch, turns), head=Head(speed), run=Run(0, 100))
+        t_s = part * compile_scene(scene).end.t_s
+    except (ChainLockError, FieldError):
+        assume(False)
+    one, other = state(scene, t_s), state(replace(scene, solver='march'), t_s)
+    faster = max(1.0, float(np.max(np.hypot(*other.velocities(1.0).T))))
+    np.testing.assert_allclose(one.p, other.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m * faster)
+
+
+def test_more_digits_take_more_nodes():
+    away = Scene(track=Spiral(0.55, 60.0))      # at the centre every tier is as exact as floats can be
+    nodes = [tile(replace(away, accuracy=tier), 0.0).table.nodes for tier in ('preview', 'standard', 'fine', 'exact')]
+    assert nodes == sorted(nodes)
+    assert nodes[0] < nodes[-1] <= 16
+
+
+@pytest.mark.parametrize('accuracy', ['preview', 'exact'])
+def test_near_the_centre_every_tier_takes_the_nodes_of_the_exact_one(accuracy):
+    assert tile(replace(CLASSIC, accuracy=accuracy), 400.0).table.nodes == tile(CLASSIC, 400.0).table.nodes <= 16
+
+
+def test_runs_on_one_track_share_their_bits():
+    late = replace(CLASSIC, run=Run(400, 413, 10))
+    assert tick(late, 7).chain.p.tobytes() == state(CLASSIC, 400.7).p.tobytes()
+
+
+def test_a_track_however_long_is_served_in_tiles_wherever_the_run_is():
+    far = Scene(dragon=Dragon(20), track=Spiral(0.55, 1e5), run=Run(1000, 1010))
+    for t_s in (1005.0, 2.0, 1e6):
+        assert state(far, t_s).solver == 'table'
+        assert tile(far, t_s).table.rows < 600
+
+
+def test_a_tile_is_bounded_in_size():
+    assert tile(CLASSIC, 300.0).table.memory_bytes < 350_000
+    assert tile(Scene(track=Spiral(0.55, 1e5), run=Run(0, 1e6)), 0.0).table.memory_bytes < 350_000
+
+
+def test_a_shift_map_keeps_the_tiles_that_were_used_last_within_its_bytes(monkeypatch):
+    scene = Scene(dragon=Dragon(20), track=Spiral(0.55, 1e5), accuracy='standard', run=Run(0, 1e6))
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 3.5 * tile(scene, 0.0).table.memory_bytes)
+    first = state(scene, 100.0).p
+    for t_s in np.linspace(0, 2e4, 30).tolist():
+        state(scene, t_s)
+    assert len(tiles(scene)) == 3
+    assert state(scene, 100.0).p.tobytes() == first.tobytes()
+    assert len(tiles(scene)) == 3
+
+
+def test_a_dragon_without_eight_equal_links_has_no_shift_map():
+    assert compile_scene(Scene(dragon=Dragon(8))).model.placement.maps == {}
+    assert len(compile_scene(Scene(dragon=Dragon(9))).model.placement.maps) == 1
+
+
+@pytest.mark.parametrize(('body_m', 'served'), [(0.55, False), (0.55 + 1e-9, False), (0.553, False), (0.56, True)])
+def test_links_have_a_shift_map_where_a_tile_is_no_shorter_than_the_dragon(body_m, served):
+    dragon = Dragon(40, 3.41, body_m)
+    assert bool(lengths_with_maps(dragon.link_lengths_m)) is served
+    scene = Scene(dragon=dragon, run=Run(0, 100))
+    assert state(scene, 1.0).solver == ('table' if served else 'march')
+
+
+def test_products_in_parts_join_without_a_seam():
+    long = Scene(dragon=Dragon(3000), run=Run(0, 400))
+    np.testing.assert_allclose(state(long, 200.0).p, state(replace(long, solver='march'), 200.0).p, rtol=0, atol=1e-12)
+
+
+def test_what_the_table_returns_is_closed_for_writing():
+    for chain in (state(CLASSIC, 1.0), states(CLASSIC, [1.0])):
+        for array in (chain.p, chain.velocities(1.0), chain.tangents):
+            with pytest.raises(ValueError, match='read-only'):
+                array[0] = 0
+
+
+def test_a_head_without_a_place_for_its_link_is_a_lock():
+    with pytest.raises(ChainLockError, match='link 0'):
+        compile_scene(CLASSIC).model.place((432.93, 0.0))
+    with pytest.raises(ChainLockError, match='link 0'):
+        compile_scene(CLASSIC).model.place_many((np.array([100.0, 432.93]), np.zeros(2)))
+
+
+def test_an_unknown_solver_is_refused():
+    with pytest.raises(FieldError, match='table, march'):
+        Scene(solver='magic')
+
+
+def test_far_out_fewer_terms_are_summed_and_no_digit_is_lost():
+    long = Scene(dragon=Dragon(3000), run=Run(0, 400))
+    terms = tile(long, 1.0).table.terms
+    assert np.all(terms[:, -1] < terms[:, 0])
+    assert np.all(np.diff(terms) <= 0)
+    np.testing.assert_allclose(state(long, 1.0).p[-9:], state(replace(long, solver='march'), 1.0).p[-9:], rtol=0,
+                               atol=1e-12)

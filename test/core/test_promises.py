@@ -1,0 +1,83 @@
+"""Promises on random short chains, through state, states and tick, at every tier: where a chain has no table as well.
+
+Each scene is held against forward placement at the exact tier, which test_accuracy holds against 50 digits.
+"""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from hypothesis import assume, given, settings
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state, states, tick, velocity_of
+from dragon_ros.core.tiers import EXACT, position_promise_m, speed_promise_m_s
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+
+TIERS = ('preview', 'standard', 'fine', 'exact')
+
+
+def shares(scene, accuracy, t_s):
+    """Return the errors of state, states and tick over what is promised: positions, then speeds."""
+    known = replace(scene, accuracy='exact', solver='march')
+    reference = state(known, t_s)
+    scene = replace(scene, accuracy=accuracy)
+    simulation, condition, speed = compile_scene(scene), conditioning(reference), scene.head.speed_at_m_s(t_s)
+    promise_m = position_promise_m(simulation.tier, simulation.size_m, condition)
+    promise_m_s = speed_promise_m_s(simulation.tier, simulation.size_m,
+                                    simulation.model.length_m / scene.dragon.benches, condition, speed)
+    promise_m += position_promise_m(EXACT, simulation.size_m, condition)        # of the reference itself
+    promise_m_s += speed_promise_m_s(EXACT, simulation.size_m, simulation.model.length_m / scene.dragon.benches,
+                                     condition, speed)
+    v = velocity_of(known, reference, t_s)
+    one, many, frame = state(scene, t_s), states(scene, [0.0, t_s]), tick(replace(scene, run=Run(t_s, t_s)), 0)
+    ways = ((one.p, velocity_of(scene, one, t_s)), (many.p[1], velocity_of(scene, many, [0.0, t_s])[1]),
+            (frame.chain.p, frame.velocity_m_s))
+    return [(np.max(np.hypot(*(p - reference.p).T)) / promise_m, np.max(np.hypot(*(w - v).T)) / promise_m_s)
+            for p, w in ways]
+
+
+@pytest.mark.parametrize(('accuracy', 'pitch_m', 'turns', 'length_m'), [
+    ('fine', 1.62, 2.0, 0.09), ('standard', 1.35, 10.1, 4.56), ('preview', 0.24, 14.0, 4.44)])
+def test_chains_whose_last_links_once_followed_unchecked_keep_their_promise(accuracy, pitch_m, turns, length_m):
+    scene = Scene(Dragon(7, length_m, length_m, 0.05, 0.0), Spiral(pitch_m, turns))
+    assert np.max(shares(scene, accuracy, 0.0)) <= 1
+    scene = replace(scene, accuracy=accuracy)
+    off = state(scene, 0.0).p - state(replace(scene, accuracy='exact'), 0.0).p
+    assert np.max(np.hypot(*off.T)) <= compile_scene(scene).promise_m
+
+
+lengths = st.floats(0.05, 6)
+even = st.builds(lambda benches, head, body: Dragon(benches, head, body, 0.05, 0.0), st.integers(2, 60), lengths,
+                 lengths)
+groups = st.lists(st.builds(Group, lengths, st.integers(1, 20)), min_size=1, max_size=3)
+mixed = st.builds(lambda groups: Mixed(tuple(groups), 0.05, 0.0), groups)
+shapes = st.lists(st.builds(Line, st.floats(0.1, 9)) | st.builds(
+    lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(3.1, 9), st.floats(5, 200),
+    st.booleans()) | st.builds(SpiralArc, st.floats(2.5, 4), st.floats(3, 4), st.floats(1.5, 2.9),
+                               st.sampled_from(['left', 'right'])), min_size=1, max_size=5)
+tracks = st.one_of(
+    st.builds(Spiral, st.floats(0.1, 10), st.floats(1, 40)),
+    st.builds(STurn, st.floats(1, 3), st.floats(20, 30), st.floats(0.5, 2), st.floats(-30, 30)),
+    shapes.map(lambda pieces: Composite(tuple(pieces))))
+
+
+@settings(max_examples=150)
+@given(even | mixed, tracks, st.sampled_from(['head', 'tail']), st.sampled_from(TIERS),
+       st.one_of(st.just(0.0), st.floats(0, 1), st.floats(0, 8).map(lambda digits: 1 - 10**-digits)),
+       st.sampled_from(['table', 'march']))
+def test_random_chains_keep_their_promise_through_state_states_and_tick(dragon, track, lead, accuracy, part, solver):
+    try:
+        scene = Scene(dragon, track, Head(1.0, lead), Run(0, 1e3), solver=solver)
+        t_s = round(part * min(100.0, compile_scene(scene).end.t_s), 9)     # a tick is at whole nanoseconds
+        compile_scene(replace(scene, accuracy=accuracy))
+    except DragonError:
+        assume(False)
+    if t_s > compile_scene(scene).end.t_s:
+        t_s = 0.0
+    assert np.max(shares(scene, accuracy, t_s)) <= 1

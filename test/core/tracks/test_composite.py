@@ -1,0 +1,107 @@
+"""Composite tracks: links across joints, the first place at a link's length, and what is refused."""
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.tracks.composite import Place, track_of
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, STurn
+from dragon_ros.cost.dances import dances
+
+CASES = {problem.name: problem for problem in dances()}
+TURNING = CASES['turning'].scene
+
+
+@pytest.mark.parametrize('name', CASES)
+def test_every_link_of_a_dance_has_its_length_and_the_next_handle_is_the_first_so_far_behind(name):
+    scene = CASES[name].scene
+    for t_s in CASES[name].times_s:
+        chain, marched = state(scene, t_s), state(replace(scene, solver='march'), t_s)
+        np.testing.assert_allclose(chain.p, marched.p, rtol=0, atol=1e-13 * max(1, compile_scene(scene).size_m))
+        assert max(chain.worst[0], marched.worst[0]) < 1e-13 * max(1, compile_scene(scene).size_m)
+        for link in (0, 5):
+            if scene.dragon.link_lengths_m[link]:
+                _no_nearer_root(marched, link, scene.dragon.link_lengths_m[link])
+
+
+def _no_nearer_root(chain, front, link_m):
+    """Look at 500 places between two handles: all nearer than the link."""
+    track = chain.track
+    far = [track.distance_of(_place(chain, n))[0] for n in (front, front + 1)]
+    for metres in np.linspace(far[1], far[0], 502)[1:-1]:
+        place = track.place_at(metres)
+        x, y = chain.p[front]
+        assert abs(complex(track.segments[place.segment].at(*place.u)) - complex(x, y)) < link_m
+
+
+def _place(chain, n):
+    return Place(int(chain.segment[n]), DoubleDouble(float(chain.u[n]), float(chain.u_lo[n])))
+
+
+@pytest.mark.parametrize('name', ['turning', 'wiggle', 'loop', 'law', 'unwinding', 'turn-by-the-tail'])
+def test_velocities_of_a_dance_are_the_rate_of_its_positions(name):
+    scene, h = CASES[name].scene, 1e-5
+    for t_s in (5.123, 7.7, 9.876):
+        rate = (state(scene, t_s + h).p - state(scene, t_s - h).p) / (2 * h)
+        np.testing.assert_allclose(velocity_of(scene, state(scene, t_s), t_s), rate, atol=2e-6)
+
+
+def test_many_states_of_a_dance_are_its_single_ones():
+    times = (99.0, 103.0, 110.0)
+    many = states(TURNING, times)
+    assert velocity_of(TURNING, many, times).shape == (3, 224, 2)
+    for row, t_s in zip(many.p, times, strict=True):
+        np.testing.assert_allclose(row, state(TURNING, t_s).p, rtol=0, atol=1e-13)
+
+
+def test_a_joint_that_does_not_meet_names_itself_and_the_mismatch():
+    with pytest.raises(FieldError, match=r'track.pieces.2.at_m.*joint 1: piece 1 ends 0.001 m from there'):
+        track_of(Composite((Line(10.0), Arc(3.0, 90.0, at_m=(10.0, 0.001)))))
+    with pytest.raises(FieldError, match=r'track.pieces.3.heading_deg.*joint 2: piece 2 ends 1 degrees'):
+        track_of(Composite((Line(10.0), Arc(3.0, 90.0), Line(1.0, heading_deg=89.0))))
+    track_of(Composite((Line(10.0, at_m=(3.0, 4.0), heading_deg=180.0),
+                        Line(1.0, at_m=(-7.0, 4.0), heading_deg=-180.0))))
+
+
+def test_a_scene_whose_pieces_do_not_meet_is_refused_when_it_is_compiled():
+    scene = Scene(track=Composite((Line(10.0), Arc(3.0, 90.0, at_m=(10.0, 0.001)))))
+    with pytest.raises(FieldError, match='track.pieces.2.at_m'):
+        compile_scene(scene)
+
+
+@pytest.mark.parametrize('track', [STurn(ratio=2.3), Composite((Line(9.0), Arc(1.44, 90.0)))])
+def test_a_bend_in_which_a_link_could_lock_is_refused(track):
+    with pytest.raises(FieldError, match='bends tighter than 1.44444 m, a hair over half the longest link'):
+        compile_scene(Scene(track=track))
+
+
+@pytest.mark.parametrize('radius_m', [1.4445, 2.0])
+def test_a_bend_that_is_wide_enough_never_locks(radius_m):
+    scene = Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(radius_m, 400.0), Line(3.0), Arc(radius_m, -400.0),
+                                                   Line(50.0))))
+    for t_s in np.linspace(0.0, compile_scene(scene).end.t_s, 300):
+        assert state(scene, float(t_s)).worst[0] < 1e-12
+
+
+@pytest.mark.parametrize('past_m', [0.0, 1e-9, 1e-6, 1e-4, 3e-4, 1e-3, 1e-2])
+@pytest.mark.parametrize('tier', ['fine', 'exact'])
+def test_just_past_an_arc_the_next_handle_is_at_the_very_end_of_its_reach_and_as_exact(tier, past_m):
+    track = Composite((Line(10.0), Arc(2.0, 180.0), Line(10.0)))
+    scene = Scene(dragon=Dragon(12), track=track, run=Run(0, 20), solver='march', accuracy=tier)
+    assert state(scene, 10 + 2 * pi + past_m).worst[0] < 0.1 * compile_scene(scene).promise_m
+
+
+def test_a_link_across_a_joint_just_passed_keeps_its_length():
+    """Newton's steps leave the bracket there, whose end is next to the root, and bisection alone is not exact."""
+    turn = STurn(1.3739674042962116, 8.25888768959588, 1.5403046253142452)
+    dragon = Dragon(7, 2.2060197130833377, 1.0938917775107062, hole_inset_m=0.2)
+    scene = Scene(dragon=dragon, track=turn, run=Run(0, 25))
+    for past_m in (0.0, *np.geomspace(1e-12, 0.1, 300).tolist()):
+        assert state(scene, turn.length_m + past_m).worst[0] < 2e-14

@@ -1,0 +1,41 @@
+"""Segments in the plane: what a coordinate's low part is worth far out."""
+from math import inf
+
+import mpmath
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from mpmath import mpc, mpf
+
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, ArcSegment, LineSegment, SpiralSegment
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+CURVE = SpiralCurve(0.55, DoubleDouble(30.0, 0.0))
+
+
+@given(st.floats(10, 1e8), st.floats(-0.5, 0.5), st.sampled_from([-1, 1]), st.sampled_from([BEHIND, AHEAD]))
+def test_a_spiral_heads_where_the_whole_coordinate_says_one_place_or_many(u, part, side, way):
+    segment = SpiralSegment(CURVE, 3 + 4j, 0.6 + 0.8j, side, way, inf, 0.0)
+    lo = part * float(np.spacing(u))
+    with mpmath.workdps(50):
+        whole = mpf(u) + mpf(lo)
+        true = complex(way * mpc(0.6, 0.8) * mpmath.expj(side * whole) * mpc(1, side * whole)
+                       / mpmath.sqrt(1 + whole**2))
+    assert abs(complex(segment.heading(u, lo)) - true) < 5e-16
+    assert abs(complex(segment.heading(np.array([u]), np.array([lo]))[0]) - true) < 5e-16
+
+
+@given(st.floats(10, 1e8), st.floats(-0.5, 0.5), st.sampled_from([-1, 1]))
+def test_an_arc_heads_where_the_whole_coordinate_says(u, part, side):
+    segment = ArcSegment(1j, 3.0 + 0j, 3.0, side, -inf, inf)
+    lo = part * float(np.spacing(u))
+    with mpmath.workdps(50):
+        true = complex(1j * side * mpmath.expj(side * (mpf(u) + mpf(lo))))
+    assert abs(complex(segment.heading(u, lo)) - true) < 5e-16
+    assert abs(complex(segment.heading(np.array([u]), np.array([lo]))[0]) - true) < 5e-16
+
+
+def test_a_line_heads_one_way():
+    assert LineSegment(0j, 0.6 + 0.8j, 0.0, 9.0).heading(5.0, 1e-16) == pytest.approx(0.6 + 0.8j, abs=0)

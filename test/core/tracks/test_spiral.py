@@ -1,0 +1,76 @@
+from math import asinh, pi, sqrt
+
+import mpmath
+import numpy as np
+import pytest
+from convergence import errors_of, newton_iterates, order_of
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.errors import FieldError, TrackEndError
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between, points, tangents
+
+turns = st.floats(0.01, 1000)
+
+
+def closed_form(theta):
+    return 0.5 * (theta * sqrt(1 + theta * theta) + asinh(theta))
+
+
+@given(turns, st.floats(0, 1))
+@example(16.0, 1.0)
+@example(16.0, 0.0)
+def test_arc_length_agrees_with_the_closed_form(start_turns, share):
+    theta = 2 * pi * start_turns
+    expected = closed_form(theta) - closed_form(theta * (1 - share))
+    assert arc_between(theta, theta * share) == pytest.approx(expected, rel=1e-13, abs=1e-13 * closed_form(theta))
+
+
+@given(turns, st.floats(-0.5, 1))
+def test_inward_undoes_distance_to(start_turns, share):
+    spiral = SpiralCurve.of(Spiral(0.55, start_turns))
+    distance = share * spiral.length_m
+    place = spiral.inward(distance)
+    assert spiral.distance_to(place.hi) == pytest.approx(distance, rel=1e-12, abs=1e-12 * spiral.length_m)
+
+
+def test_the_head_starts_at_8_8_m():
+    start = SpiralCurve.of(Spiral()).inward(0.0)
+    np.testing.assert_allclose(points(Spiral().b_m, *map(np.array, start)), (8.8, 0.0), atol=1e-14)
+
+
+def test_beyond_the_centre_is_an_error_with_the_limit():
+    spiral = SpiralCurve.of(Spiral(0.55, 1.0))
+    with pytest.raises(TrackEndError, match='beyond its end') as error:
+        spiral.inward(spiral.length_m * 1.01)
+    assert error.value.fields['limit_m'] == spiral.length_m
+
+
+@given(st.floats(1e-3, 1e4))
+def test_tangents_are_unit_vectors_along_the_growing_angle(theta):
+    step = 1e-6 * (1 + theta)
+    places = points(1.0, np.array([theta - step, theta + step]), np.zeros(2))
+    direction = (places[1] - places[0]) / np.hypot(*(places[1] - places[0]))
+    np.testing.assert_allclose(tangents(np.array(theta)), direction, atol=1e-5)
+
+
+@pytest.mark.parametrize(('field', 'value'), [('pitch_m', -0.55), ('pitch_m', 0.0), ('pitch_m', float('nan')),
+                                              ('pitch_m', 'wide'), ('start_turns', -1.0), ('start_turns', True)])
+def test_an_impossible_spiral_is_refused_by_field(field, value):
+    with pytest.raises(FieldError, match=f'track.{field}'):
+        Spiral(**{field: value})
+
+
+def test_newton_on_the_arc_length_converges_quadratically():
+    with mpmath.workdps(400):
+        theta = mpmath.mpf(100)
+
+        def arc(th):
+            return (th * mpmath.sqrt(1 + th**2) + mpmath.asinh(th)) / 2
+
+        def excess(turned):
+            return arc(theta) - arc(theta - turned) - 3000, mpmath.sqrt(1 + (theta - turned) ** 2)
+        assert arc_between(100.0, 30.0) == pytest.approx(float(excess(mpmath.mpf(30))[0]) + 3000, rel=1e-14)
+        iterates = newton_iterates(excess, mpmath.mpf(36), 7)
+        assert order_of(errors_of(iterates[:-1], iterates[-1])) == pytest.approx(2.0, abs=0.05)

@@ -1,0 +1,140 @@
+"""Benches from the wire: both marker styles, from any publisher, give the rectangles of the model."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.contact.tracker import Watch
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.decode import MessageError
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.observation import observation_of, read_benches, read_handles
+from dragon_ros.scenes.load import load_scene
+
+rng = np.random.default_rng(5)
+
+
+def scene_in(style, benches=223):
+    return Scene(dragon=Dragon(benches), run=Run(412, 415.2), markers=style)
+
+
+def messages(scene, k=24):
+    frame = tick(scene, k)
+    return frame, {name: encode(frame) for name, encode in encoders(scene).items()}
+
+
+def seen(data):
+    return observation_of(read_handles(data['handles']), read_benches(data['benches']))
+
+
+def edited(change, benches=5):
+    """Return a frame and its triangles as changed and serialised by another publisher."""
+    serialization = pytest.importorskip('rclpy.serialization')
+    from visualization_msgs.msg import MarkerArray
+    frame, data = messages(scene_in('triangles', benches))
+    message = serialization.deserialize_message(data['benches'], MarkerArray)
+    change(message)
+    return frame, {**data, 'benches': serialization.serialize_message(message)}
+
+
+def assert_shows(frame, data):
+    got = seen(data).benches
+    for name in ('centre', 'axis', 'half_length', 'half_width'):
+        np.testing.assert_allclose(getattr(got, name), getattr(frame.benches, name), rtol=0, atol=2e-14)
+
+
+@pytest.mark.parametrize('style', ['cubes', 'triangles'])
+@pytest.mark.parametrize('benches', [1, 2, 7, 223])
+def test_both_styles_show_the_rectangles_of_the_model(style, benches):
+    assert_shows(*messages(scene_in(style, benches)))
+
+
+@pytest.mark.parametrize('style', ['cubes', 'triangles'])
+def test_a_watcher_sees_the_contact_of_mixed_benches_in_both_styles(style):
+    scene, watch = load_scene('mixed', ['run.start_s=395.5', 'run.stop_s=395.7', f'markers={style}']), Watch()
+    assert_shows(*messages(scene, 0))
+    begins = [one for k in range(11) for report in watch.look(seen(messages(scene, k)[1])) for one in report.begins]
+    assert [(one.benches, round(one.t_contact_s, 4)) for one in begins] == [((40, 71), 395.6224)]
+
+
+def test_both_styles_give_the_same_verdicts():
+    reports = {}
+    for style in ('cubes', 'triangles'):
+        scene, watch = scene_in(style), Watch()
+        reports[style] = [report for k in range(22, 156, 2) for report in watch.look(seen(messages(scene, k)[1]))]
+    assert sum(len(report.begins) for report in reports['cubes']) == 1
+    for mine, other in zip(*reports.values(), strict=True):
+        assert mine.clearance_m == pytest.approx(other.clearance_m, abs=1e-13)
+        assert (mine.closest, mine.touching, mine.count) == (other.closest, other.touching, other.count)
+        assert [one.benches for one in mine.begins] == [one.benches for one in other.begins]
+        assert [one.t_contact_s for one in mine.begins] == pytest.approx([one.t_contact_s for one in other.begins],
+                                                                         abs=1e-10)
+        assert [one.t_end_s for one in mine.ends] == pytest.approx([one.t_end_s for one in other.ends], abs=1e-10)
+
+
+def test_joined_handles_leave_the_longer_side_as_the_length():
+    scene = Scene(dragon=Dragon(10, 3.41, 0.55), run=Run(0, 1), markers='triangles')
+    frame, data = messages(scene, 0)
+    got = seen(data).benches
+    np.testing.assert_allclose(got.half_length, frame.benches.half_length, rtol=1e-12)
+    np.testing.assert_allclose(np.abs(np.sum(got.axis * frame.axis, axis=1)), 1, atol=1e-12)
+
+
+def other_cut(message):
+    """Cut each bench along its other diagonal, wind each triangle anyhow, start it anywhere."""
+    points = message.markers[0].points
+    for n in range(0, len(points), 6):
+        a, b, c, _, _, d = points[n:n + 6]
+        pairs = [(b, c, d), (a, b, d)]
+        rng.shuffle(pairs)
+        points[n:n + 6] = [pair[k] for pair in pairs for k in rng.permutation(3)]
+
+
+def test_triangles_may_be_cut_and_wound_in_any_way():
+    for _ in range(10):
+        assert_shows(*edited(other_cut, 40))
+
+
+def test_the_pose_and_the_scale_of_the_list_are_obeyed():
+    def change(message):
+        faces = message.markers[0]
+        faces.pose.orientation.z, faces.pose.orientation.w = 1.0, 0.0       # half a turn
+        faces.pose.position.x = 3.0
+        faces.scale.x, faces.scale.y = 2.0, 0.5
+        for point in faces.points:
+            point.x, point.y = (3.0 - point.x) / 2, -point.y / 0.5
+    assert_shows(*edited(change))
+
+
+def test_what_others_put_beside_the_triangles_does_not_disturb():
+    def change(message):
+        from visualization_msgs.msg import Marker
+        message.markers.reverse()
+        message.markers.insert(0, Marker(action=Marker.DELETEALL))
+        message.markers.append(Marker(ns='label', text='a text', type=Marker.TEXT_VIEW_FACING))
+    assert_shows(*edited(change))
+
+
+def second_list(message):
+    message.markers[1].ns, message.markers[1].type = 'bench', 11
+
+
+@pytest.mark.parametrize(('change', 'says'), [
+    (lambda m: setattr(m.markers[0].points[9], 'x', float('nan')), 'point 9'),
+    (lambda m: setattr(m.markers[0].points[9], 'x', 100.0), 'bench 1 are not a rectangle'),
+    (lambda m: setattr(m.markers[0].points[9], 'y', m.markers[0].points[9].y + 1e-3), 'bench 1 are not a rectangle'),
+    (lambda m: m.markers[0].points.__setitem__(9, m.markers[0].points[10]), 'bench 1 are not a rectangle'),
+    (lambda m: [setattr(p, 'x', 0.0) or setattr(p, 'y', 0.0) for p in m.markers[0].points], 'are not a rectangle'),
+    (lambda m: m.markers[0].points.pop(), '29 points; expected six'),
+    (lambda m: [m.markers[0].points.pop() for _ in range(6)], '4 for 6 handles'),
+    (lambda m: m.markers[0].points.clear(), '0 for 6 handles'),
+    (lambda m: m.markers.pop(0), 'neither CUBEs nor a TRIANGLE_LIST'),
+    (second_list, 'CUBEs or one TRIANGLE_LIST'),
+    (lambda m: setattr(m.markers[0].pose.orientation, 'w', 0.0), 'no orientation'),
+    (lambda m: setattr(m.markers[0].scale, 'x', 0.0), 'no size'),
+    (lambda m: setattr(m.markers[0].header, 'frame_id', 'map'), "'map'"),
+    (lambda m: setattr(m.markers[0].header.stamp, 'sec', -1), 'stamp'),
+])
+def test_unusable_triangles_are_rejected_by_field(change, says):
+    with np.errstate(all='raise'), pytest.raises(MessageError, match=says):
+        seen(edited(change)[1])

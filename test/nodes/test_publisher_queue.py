@@ -1,0 +1,60 @@
+"""Unsubscribed topics are never encoded: real publishers and real subscribers over DDS."""
+import pytest
+
+pytest.importorskip('rclpy')
+
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.decode import read_pose_array
+from dragon_ros.messages.encode import encoders
+from dragon_ros.nodes import publisher_queue, qos
+
+READER = ('geometry_msgs/msg/PoseArray', 'handles')
+
+
+class Source:
+    """A feed of handles that notes the ticks whose bytes it makes."""
+
+    def __init__(self, node, durability):
+        from dragon_ros.nodes.shell import message_type
+        self.scene, self.encoded = Scene(run=Run(400, 413)), []
+        encode = encoders(self.scene)['handles']
+        publisher = node.create_publisher(message_type(READER[0]), READER[1], qos.profile('reliable', durability, 100))
+        self.feed = publisher_queue.EncodedTopic(publisher, lambda frame: self.encoded.append(frame.k) or encode(frame))
+
+    def show(self, *ticks):
+        queue = publisher_queue.PublisherQueue()
+        for k in ticks:
+            self.feed.put(tick(self.scene, k), queue)
+        assert queue.flush()
+
+
+def listen(node, durability='volatile'):
+    from dragon_ros.nodes.shell import message_type
+    got = []
+    subscription = node.create_subscription(message_type(READER[0]), READER[1], got.append,
+                                            qos.profile('reliable', durability, 100), raw=True)
+    return subscription, got
+
+
+def test_a_frame_is_encoded_only_while_somebody_listens_and_a_late_joiner_hears_from_the_next_one_on(node):
+    source = Source(node, 'volatile')
+    source.show(0, 1)
+    assert (source.encoded, source.feed.published) == ([], 0)
+    subscription, got = listen(node)
+    node.until(source.feed.publisher.get_subscription_count)
+    source.show(2, 3)
+    node.until(lambda: len(got) == 2)
+    assert [read_pose_array(data).t_ns for data in got] == [source.scene.run.time_ns(k) for k in (2, 3)]
+    node.destroy_subscription(subscription)
+    node.until(lambda: not source.feed.publisher.get_subscription_count())
+    source.show(4)
+    assert (source.encoded, source.feed.published) == ([2, 3], 2)
+
+
+def test_a_latched_topic_is_published_for_those_who_come_later(node):
+    source = Source(node, 'transient_local')
+    source.show(0, 1)
+    _, got = listen(node, 'transient_local')
+    node.until(lambda: len(got) == 2)
+    assert source.encoded == [0, 1]

@@ -1,0 +1,30 @@
+"""A busy reader then takes all messages that arrived, in order, each once: real publishers over DDS."""
+import pytest
+
+pytest.importorskip('rclpy')
+
+
+@pytest.mark.parametrize('count', [1, 5, 64, 200])
+def test_what_came_while_the_node_was_busy_is_taken_in_order_and_other_topics_have_their_turn(node, count):
+    from std_msgs.msg import Float64
+
+    from dragon_ros.messages.cdr import float64_of
+    from dragon_ros.messages.decode import decode
+    from dragon_ros.nodes import qos
+    from dragon_ros.nodes.raw_subscription import subscribe_raw
+    profile, got, sources = qos.profile('reliable', 'volatile', 1000), [], set()
+
+    def take(data, info):
+        got.append(decode('std_msgs/msg/Float64', data)['data'])
+        sources.add(info['publication_sequence_number'] is not None)
+    subscribe_raw(node, Float64, 'a', take, profile)
+    other = []
+    subscribe_raw(node, Float64, 'b', lambda data, _: other.append(data), profile)
+    a, b = (node.create_publisher(Float64, name, profile) for name in 'ab')
+    node.until(lambda: a.get_subscription_count() and b.get_subscription_count())
+    for n in range(count):
+        a.publish(float64_of(n))
+    b.publish(float64_of(0.0))
+    node.until(lambda: len(got) == count and other)
+    assert got == list(range(count))
+    assert len(sources) == 1

@@ -1,0 +1,51 @@
+"""A bag documents its run: the scene file in it reproduces the scene, and says what wrote it."""
+import numpy as np
+import pytest
+import yaml
+
+from dragon_ros import __version__
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.decode import MessageError, read_string
+from dragon_ros.scenes.load import load_scene
+from dragon_ros.scenes.provenance import run_metadata, scene_file, scene_in
+
+SCENES = [Scene(), Scene(Dragon(benches=7), run=Run(1.5, 3, 1000), accuracy=1e-6, effects=Effect.NONE)]
+
+
+@pytest.mark.parametrize('scene', SCENES)
+def test_a_scene_file_with_its_origin_makes_the_same_scene_again(tmp_path, scene):
+    text = scene_file(scene, {'frame_id': 'dragon'})
+    assert scene_in(text) == scene
+    (tmp_path / 'again.yaml').write_text(text)
+    assert load_scene(str(tmp_path / 'again.yaml')) == scene
+    about = yaml.safe_load(text)['about']
+    assert about['dragon_ros'] == __version__
+    assert about['numpy'] == np.__version__
+    assert about['frame_id'] == 'dragon'
+
+
+def test_metadata_has_scene_tier_effects_versions_and_recorder_as_text():
+    text = scene_file(SCENES[1])
+    told = run_metadata(text, {'output': 'run.mcap'})
+    assert told['scene'] == text
+    assert (told['tier'], told['promise_m'], told['effects']) == ('standard', '1e-06', '')
+    assert told['recorder.output'] == 'run.mcap'
+    assert told['about.dragon_ros'] == __version__
+    assert all(isinstance(value, str) for value in told.values())
+
+
+@pytest.mark.parametrize('text', ['', 'benches: 3', '[1, 2]', 'about: 5', '{', 'track: {pitch_m: -1}'])
+def test_a_scene_that_cannot_be_read_is_kept_as_it_is(text):
+    assert run_metadata(text, {})['scene'] == text
+    assert 'tier' not in run_metadata(text, {}) or scene_in(text) is not None
+
+
+@pytest.mark.parametrize('text', ['', 'a', 'abc', 'über: 龙\n'])
+def test_text_is_a_message_and_back(text):
+    data = string_message(text)
+    assert read_string(data) == text
+    with pytest.raises(MessageError):
+        read_string(data[:6])
