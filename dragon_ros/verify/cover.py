@@ -38,9 +38,9 @@ class Budget:
         if self.spent > self.steps:
             raise Refused(f'it was not proved within the budget of {self.steps} steps; for more, give --effort')
 
-    def check(self, share: float) -> None:
-        """Refuse a proof early that would take many times the budget as it goes."""
-        if self.spent > _EARLY and self.spent > _HOPELESS * self.steps * share:
+    def check(self, since: int, share: float) -> None:
+        """Refuse a proof early that would take many times the budget as it has gone since some number of steps."""
+        if self.spent - since > _EARLY and self.spent - since > _HOPELESS * self.steps * share:
             raise Refused(f'only {100 * share:.2g} % were proved in {self.spent} of {self.steps} steps; for more, give '
                           '--effort')
 
@@ -131,7 +131,7 @@ class Cover:
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
         """Take the track's largest curvature, or None where handles may turn back; ``progress`` is told metres."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
-        self._share = 0.0
+        self._since, self._share = 0, 0.0
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
         """Clear all ways. Raises Refused for the first place that cannot be proved clear."""
@@ -139,7 +139,7 @@ class Cover:
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
         cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
-        done_m = 0.0
+        self._since, done_m = self.budget.spent, 0.0
         for way, (low, high) in parts:
             for cleared_m in self._clear(way, low, high, cuts[way.lead]):
                 self.budget.intervals += 1
@@ -182,7 +182,7 @@ class Cover:
             return Stuck(f'bench {bench} and those behind it: {why}', absent=True)
         finally:
             self.budget.spend(begin.placed + end.placed - placed + interval.tested)
-            self.budget.check(self._share)
+            self.budget.check(self._since, self._share)
         return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
