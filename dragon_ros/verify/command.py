@@ -6,7 +6,7 @@ from pathlib import Path
 
 from dragon_ros.verify.errors import Refused
 
-OK, REFUSED = 0, 2
+OK, INTERRUPTED, REFUSED = 0, 1, 2
 _FIRST_S, _EVERY_S = 1.0, 1.0       # of progress
 
 
@@ -22,6 +22,8 @@ def main(argv: list[str] | None = None) -> int:
     except Refused as error:
         print(f'{arguments.certificate}: refused: {error}', file=sys.stderr)
         return REFUSED
+    except KeyboardInterrupt:
+        return INTERRUPTED
     print(f'{arguments.certificate}: {said}')
     return OK
 

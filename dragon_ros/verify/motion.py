@@ -266,7 +266,7 @@ def _settled(handle: Handle, speeds: Speeds) -> Motion:
 def _joint(handle: Handle, ends: Postures, n: int) -> tuple[acb, arb]:
     """Return the tangents and the curvatures of the track where a handle passes a joint."""
     track, places = handle.track, [end.place(n) for end in ends]
-    one, two = (track.segments[place.segment].heading(place.u) for place in places)
+    one, two = map(track.heading, places)
     return between(one, two, up(0.5 * track.bend * handle.moved_m)), track.curvatures(*places)
 
 

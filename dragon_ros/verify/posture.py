@@ -128,7 +128,7 @@ class Posture:
                 axis = (front - rear) * shape.link.inverse
             else:
                 place = self.place(k)
-                axis = self._track.segments[place.segment].heading(place.u)
+                axis = self._track.heading(place)
             self._poses.append(Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis)))
         return self._poses[n]
 

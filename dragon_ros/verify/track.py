@@ -83,6 +83,11 @@ class Track:
         out = self.segments[place.segment].point(place.u)
         return out + acb(UNIT, UNIT) * place.loose if place.loose else out
 
+    def heading(self, place: Place) -> acb:
+        """Return the unit tangent of a place."""
+        out = self.segments[place.segment].heading(place.u)
+        return out + acb(UNIT, UNIT) * up(self.bend * place.loose) if place.loose else out
+
     def next(self, place: Place, link: Link, way: int) -> Place:
         """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused where there is none."""
         k, segment = place.segment, self.segments[place.segment]
