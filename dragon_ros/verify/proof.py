@@ -169,6 +169,12 @@ class _Proof:
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
+    def _last_alike(self, bench: int) -> int:
+        """Return the last bench that a row of another one speaks of: what follows both is alike."""
+        benches = self._dragon.benches
+        return max(one for one in range(bench, len(benches))
+                   if benches[one:] == benches[bench:bench + len(benches) - one])
+
     def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
         """Return where intervals say to cut, by the first bench of each set.
 
@@ -176,15 +182,16 @@ class _Proof:
         """
         count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
         known = {bench: way.lead for way in every for bench, _ in way.members}
-        out: dict[int, list[float]] = {}
+        out, reach = dict[int, list[float]](), dict[int, tuple[float, float]]()
         for number, row in enumerate(self._claims.rows):
             bench = row.lead or 0
             if not places:
                 raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
             lead = known.get(bench, bench)
             low, high = sorted((row.start_m, row.stop_m))
-            # It may speak of benches further back too, and the last one comes from furthest back.
-            least, most = below(places[-1][0]), above(places[bench][1])
+            if bench not in reach:
+                reach[bench] = below(places[self._last_alike(bench)][0]), above(places[bench][1])
+            least, most = reach[bench]
             if low < least - overhang_m or high > most + overhang_m:
                 raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it is more than the track from '
                               f'{least:.12g} to {most:.12g} m that the benches it speaks of go through')
