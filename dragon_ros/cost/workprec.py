@@ -96,6 +96,7 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
+        compiled = compile_scene(scene)
     except FieldError:
         return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep it')
     times = [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
@@ -106,7 +107,6 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
             error = max(error, float(np.max(truth(problem).distance(number, chain.p[list(problem.handles)]))))
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
-    compiled = compile_scene(scene)
     promise = None if compiled.tier is PAPER else position_promise_m(compiled.tier, compiled.size_m, worst)
     both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s), t_s), times, budget_s)
     alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)

@@ -33,9 +33,9 @@ def test_other_solvers_have_rows_for_single_spirals_alone():
 
 
 def test_integration_starts_exactly_and_drifts():
-    theta, advance = euler_steps(CASES['classic'].scene, 0.1)
-    assert theta[0] == 32 * np.pi
-    assert np.all(advance(theta) < theta)
+    chain, advance = euler_steps(CASES['classic'].scene, 0.1)
+    assert chain.u[0] == 32 * np.pi
+    assert np.all(advance(chain).u < chain.u)
     row = workprec._euler_row(CASES['classic'], 1.0)
     assert 1e-3 < row.error_m < 10
 
