@@ -151,7 +151,8 @@ def first_passage(patch):
 BUGS = [(lock, LOCKING), (start, SHORT), (end, SHORT), (end, TURN), (stop, LOCKING), (law_integral, LAW),
         (rest_of_a_ramp, THERE_AND_BACK), (tail_lead, TAIL), (order_of_groups, MIXED), (side_of_an_arc, WOUND),
         (joint, LOOP), (joint, WOUND), (arcs_of_a_turn, TURN), (width, SHORT), (width, LOOP), (width, TAIL),
-        (inset, SHORT), (inset, TURN), (constant_of_the_second_order_bound, PASSING), (constant_of_the_lipschitz_bound, LOOP),
+        (inset, SHORT), (inset, TURN), (constant_of_the_second_order_bound, PASSING),
+        (constant_of_the_lipschitz_bound, LOOP),
         (first_passage, SHORT), (first_passage, WOUND),
         (first_passage, TAIL)]
 

@@ -109,7 +109,8 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)
-    assert min(SpiralCurve.of(scene.track).inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
+    curve = SpiralCurve.of(scene.track)
+    assert min(curve.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
         min(places), abs=1e-3)
 
 

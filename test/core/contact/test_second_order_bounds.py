@@ -23,7 +23,8 @@ COUNT = 24
 
 
 def placed(dragon, theta):
-    return marched(track_of(Spiral(2 * np.pi)), dragon.link_lengths_m, Place(0, DoubleDouble(theta, 0.0)), BEHIND, EFFORT)
+    head = Place(0, DoubleDouble(theta, 0.0))
+    return marched(track_of(Spiral(2 * np.pi)), dragon.link_lengths_m, head, BEHIND, EFFORT)
 
 
 def corners(dragon, theta):
