@@ -27,8 +27,7 @@ from dragon_ros.core.step import states, velocity_of
 from dragon_ros.messages.decode import read_stamp_ns
 
 _AT_ONCE = 64               # states that are computed together
-_EACH_RAD = 12              # points of the drawn track
-_MOST_TRACK_RAD = 2000
+_SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 _HAIR_S = 1e-9
 
@@ -99,7 +98,7 @@ class SceneSource:
     @cached_property
     def track(self) -> Floats:
         """The part of the track on which handles are during the run."""
-        return compile_scene(self.scene).track_line()
+        return compile_scene(self.scene).track_line(_SAG_M)
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` of the run's ticks between two times, evenly spaced."""

@@ -102,11 +102,11 @@ def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
     return [Way(lead, tuple((bench, places[bench]) for bench in sets[lead])) for lead in sets]
 
 
-def _leads(lengths: Sequence[float]) -> list[int]:
-    """Return for each bench the first one from which the dragon goes on as it does from this one, up to its end.
+def repeated(lengths: Sequence[float]) -> list[int]:
+    """Return for each place, read from the tail, how many lengths from there on are those from the tail on.
 
-    Read from the tail, the lengths from bench i on are a prefix. ``same`` has how much of a prefix stands at each place
-    (the Z-algorithm), so the last place at which at least as much of it stands is where that bench is.
+    That is the Z-algorithm. The lengths from bench i on are those from bench k <= i on, up to the tail's, if m = N - i
+    of them stand at place N - k - m.
     """
     count, text = len(lengths), lengths[::-1]
     same, left, right = [count] + [0] * (count - 1), 0, 0
@@ -117,7 +117,13 @@ def _leads(lengths: Sequence[float]) -> list[int]:
         same[n] = length
         if n + length > right:
             left, right = n, n + length
-    last = [0] * (count + 1)
+    return same
+
+
+def _leads(lengths: Sequence[float]) -> list[int]:
+    """Return for each bench the first one from which the dragon goes on as it does from this one, up to its end."""
+    count, same = len(lengths), repeated(lengths)
+    last = [0] * (count + 1)        # place at which at least so many stand
     for place, length in enumerate(same):
         last[length] = place
     for length in range(count - 1, 0, -1):

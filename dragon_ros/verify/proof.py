@@ -6,7 +6,7 @@ from math import ulp
 from flint import arb
 
 from dragon_ros.verify.balls import above, below, exact, precise, size
-from dragon_ros.verify.cover import Budget, Cover, Progress, Way, ways
+from dragon_ros.verify.cover import Budget, Cover, Progress, Way, repeated, ways
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.posture import Dragon, Pose, Posture, gap, overlap
 from dragon_ros.verify.ranges import Range, ranges
@@ -22,6 +22,7 @@ _PROMISED_M = 20.0          # ... further out in proportion, as floats do
 _OVERHANG_M = 1e-6          # an interval may reach so far beyond what the run goes through (likewise in proportion)
 _STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and more for each of many intervals
 _MOST_STEPS = 2_000_000
+_SHARE = 100                # lengths that are compared as one step
 
 
 @dataclass(frozen=True)
@@ -55,6 +56,7 @@ class _Proof:
         self._leader = Leader(self._track, self._dragon, scene.tail_leads, budget)
         self._cover = Cover(self._track, self._dragon, bend, budget, progress)
         start = complex(self._track.point(self._track.place_at(self._track.start)))
+        self._repeated = repeated(scene.lengths_m)
         self._unit, self._coarse = min(1.0, self._dragon.longest_m), max(1.0, abs(start) / _PROMISED_M)
 
     def sentence(self) -> str:
@@ -170,6 +172,12 @@ class _Proof:
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
+    def _last_alike(self, bench: int) -> int:
+        """Return the last bench that a row of another one speaks of: what follows both is alike."""
+        count = len(self._dragon.benches)
+        self._budget.spend(1 + count // _SHARE)
+        return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
+
     def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
         """Return where intervals say to cut, by the first bench of each set.
 
@@ -177,15 +185,16 @@ class _Proof:
         """
         count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
         known = {bench: way.lead for way in every for bench, _ in way.members}
-        out: dict[int, list[float]] = {}
+        out, reach = dict[int, list[float]](), dict[int, tuple[float, float]]()
         for number, row in enumerate(self._claims.rows):
             bench = row.lead or 0
             if not places:
                 raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
             lead = known.get(bench, bench)
             low, high = sorted((row.start_m, row.stop_m))
-            # It may speak of benches further back too, and the last one comes from furthest back.
-            least, most = below(places[-1][0]), above(places[bench][1])
+            if bench not in reach:
+                reach[bench] = below(places[self._last_alike(bench)][0]), above(places[bench][1])
+            least, most = reach[bench]
             if low < least - overhang_m or high > most + overhang_m:
                 raise Refused(f'intervals[{number}]: from {low!r} to {high!r} m it is more than the track from '
                               f'{least:.12g} to {most:.12g} m that the benches it speaks of go through')

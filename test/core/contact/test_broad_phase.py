@@ -129,7 +129,7 @@ def test_a_bench_over_more_layers_than_turns_are_tried_is_left_to_boxes():
 def outside_windows(scene, t_s, reach_m):
     """The pairs beyond the next but two within reach, by all candidates, and those the paper's windows leave out."""
     p, benches = placed(scene, t_s=t_s)
-    first, last = adjacent_layer_windows(state(replace(scene, solver='march'), t_s).theta)
+    first, last = adjacent_layer_windows(state(replace(scene, solver='march'), t_s).u)
     i, j = candidates(p, benches, reach_m)
     near = (gaps(benches, i, j) <= reach_m) & (j - i > 3)
     out = near & ((j < first[i]) | (j > last[i]))

@@ -24,6 +24,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)
@@ -101,7 +102,7 @@ def test_near_misses_are_reported_on_request():
 
 
 def test_pairs_without_the_head_stay_44_mm_apart():
-    ends = (CLASSIC.track.inward(FOUND.certificate.led_by(1)[n].start_m).hi for n in (0, -1))
+    ends = (SpiralCurve.of(CLASSIC.track).inward(FOUND.certificate.led_by(1)[n].start_m).hi for n in (0, -1))
     places = np.linspace(*ends, 4000)
     assert np.min(sampler(1, 40).reaching(places[:1]).sample(places).apart) > 0.044
 
@@ -198,6 +199,6 @@ def test_gaps_and_views_agree_on_who_is_apart():
     chain = state(CLASSIC, 412.0)
     benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
     exact = gaps(benches, np.zeros(58, dtype=int), np.arange(2, 60))
-    view = sampler().sample(np.array([chain.theta[0]]))
+    view = sampler().sample(np.array([chain.u[0]]))
     assert np.array_equal(exact > 0, view.apart[0] > 0)
     assert np.all(view.apart[0] <= exact + 1e-12)

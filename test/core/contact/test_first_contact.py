@@ -19,6 +19,7 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
 
@@ -59,7 +60,7 @@ def test_a_body_that_touches_first_is_timed_exactly_both_ways(speed, pair):
 def test_a_head_that_moves_out_into_a_contact_finds_the_end_of_one_that_moved_in():
     wide = Dragon(20, width_m=0.301)
     inward = Scene(dragon=wide)
-    start = inward.track.inward(411.0).hi
+    start = SpiralCurve.of(inward.track).inward(411.0).hi
     found = first_contact(Scene(dragon=wide, track=Spiral(0.55, start / (2 * np.pi)), head=Head(-1.0), run=Run(0, 5)))
     assert found.benches == (0, 11)
     t_s = 411.0 - found.t_s
@@ -108,7 +109,8 @@ def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
     assert np.argmin(places) < 49
     found = first_contact(scene)
     assert isinstance(found, NoContact)
-    assert min(scene.track.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
+    curve = SpiralCurve.of(scene.track)
+    assert min(curve.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
         min(places), abs=1e-3)
 
 

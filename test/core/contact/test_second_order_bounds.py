@@ -6,6 +6,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond
@@ -13,20 +14,24 @@ from dragon_ros.core.contact.second_order_bounds import bend, bounds
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.paper import place
-from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.composite import Place, track_of
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 from dragon_ros.core.tracks.spec import Spiral
 
 EFFORT = Effort()
 COUNT = 24
 
 
+def placed(dragon, theta):
+    head = Place(0, DoubleDouble(theta, 0.0))
+    return marched(track_of(Spiral(2 * np.pi)), dragon.link_lengths_m, head, BEHIND, EFFORT)
+
+
 def corners(dragon, theta):
     """Corners of benches 2 and on in the frame of bench 0, and of bench 0 in theirs, in units of b (pitch 2 pi)."""
-    chain = place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT)
+    chain = placed(dragon, theta)
     z = chain.p @ [1, 1j]
-    angle = chain.theta[:-1]
+    angle = chain.u[:-1]
     along = np.where(chain.links_m > 0, z[:-1] - z[1:], -np.exp(1j * angle) * (1 + 1j * angle))
     axis = along / np.abs(along)
     half, side = 0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m
@@ -36,14 +41,14 @@ def corners(dragon, theta):
 
 
 def ends(dragon, *places):
-    return [place(Spiral(2 * np.pi), dragon.link_lengths_m, DoubleDouble(theta, 0.0), EFFORT) for theta in places]
+    return [placed(dragon, theta) for theta in places]
 
 
 def bound(dragon, start, stop):
     a, b = ends(dragon, start, stop)
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)
     chord = dragon.link_lengths_m[None]
-    return bend(between(a.theta[None], b.theta[None]), between(a.delta[None], b.delta[None]), between(chord, chord),
+    return bend(between(a.u[None], b.u[None]), between(np.diff(a.u)[None], np.diff(b.u)[None]), between(chord, chord),
                 arm[None])[0]
 
 
@@ -60,8 +65,8 @@ def largest(dragon, start, stop, count=7):
 @given(st.just(0.0) | st.floats(0.5, 35), st.floats(3, 30), st.floats(1, 60), st.floats(0, 0.5), st.floats(0.1, 4))
 def test_no_corner_bends_more_than_the_bound_anywhere_on_a_stretch(head, body, out, length, inset):
     dragon = Dragon(COUNT, head + 2 * inset, body + 2 * inset, 3.0, inset)
-    start = max(lock_angle(dragon.head_link_m), lock_angle(dragon.body_link_m)) + out
-    assume(not turning_places(dragon.head_link_m, dragon.body_link_m, start, start + length))
+    start = max(lock_angle(dragon.head_link_m), lock_angle(float(dragon.link_lengths_m[-1]))) + out
+    assume(not turning_places(dragon.head_link_m, float(dragon.link_lengths_m[-1]), start, start + length))
     true = largest(dragon, start, start + length)
     assert np.all(true <= bound(dragon, start, start + length) * (1 + 1e-4) + 1e-5)
 
@@ -124,7 +129,7 @@ def test_each_bench_is_further_beyond_the_circle_than_the_one_before_it(body, th
 
 def test_a_stretch_on_which_a_handle_turns_back_is_never_cleared():
     dragon, b_m = Dragon(COUNT), Spiral().b_m
-    (turn,) = turning_places(dragon.head_link_m / b_m, dragon.body_link_m / b_m, 14.75, 60.0)
+    (turn,) = turning_places(dragon.head_link_m / b_m, float(dragon.link_lengths_m[-1]) / b_m, 14.75, 60.0)
     watch = sampler(dragon, 0)
     view = watch.sample(np.array([turn - 1e-3, turn, turn + 1e-3]))
     rows = [view.rows(np.array([n])) for n in range(3)]

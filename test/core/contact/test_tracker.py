@@ -111,7 +111,7 @@ SCENE = Scene(run=Run(412, 416))
 
 
 def test_each_pair_has_its_own_episode_with_begin_deepest_and_end():
-    rows = reports(SCENE, range(SCENE.last_tick + 1))
+    rows = reports(SCENE, range(compile_scene(SCENE).last_tick + 1))
     assert told(rows) == [('begin', (0, 8)), ('parted', (0, 8)), ('begin', (0, 10))]
     (end,) = [end for report in rows for end in report.ends]
     assert end.deepest_gap_m == pytest.approx(-0.017409, abs=1e-5)
@@ -230,7 +230,7 @@ def test_an_open_episode_goes_on_where_the_pair_is_no_candidate_any_more(monkeyp
 
 def test_a_watch_of_the_whole_run_never_grows():
     watch = Watch()
-    reports(SCENE, range(SCENE.last_tick + 1), watch)
+    reports(SCENE, range(compile_scene(SCENE).last_tick + 1), watch)
     assert len(watch._seen) == 3
     assert watch._open.key.size <= 2
     assert len(watch._arrivals._times) <= 8
