@@ -1,4 +1,6 @@
 """Certificates of first contact, written from the solver's proof; ``dragon_ros.verify`` checks them."""
+from collections.abc import Sequence
+from math import ceil
 from typing import Any
 
 from dragon_ros.core.contact.certificate import ALL, Contact, Interval, NoContact
@@ -6,6 +8,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
 from dragon_ros.scenes.load import scene_values
 
+_MOST = 20_000      # rows of a certificate: hints where to cut
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
 
@@ -18,8 +21,7 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
-    rows = [_row(one) for one in proof.intervals]
-    return {'scene': scene_values(scene), 'contact': _contact(found), 'intervals': rows}
+    return {'scene': scene_values(scene), 'contact': _contact(found), 'intervals': _rows(proof.intervals)}
 
 
 def _contact(found: Contact | NoContact) -> dict[str, Any]:
@@ -27,6 +29,20 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
         return {'t_s': None}
     grazing = {'grazing': True} if found.grazing_m else {}
     return {'t_s': found.t_s, 'benches': list(found.benches), **grazing}
+
+
+def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:
+    """Return rows; where there are more than anyone needs, each stands for several intervals that follow each other."""
+    most, joined = ceil(len(intervals) / _MOST), 1
+    out: list[dict[str, Any]] = []
+    for row in map(_row, intervals):
+        if joined < most and out and out[-1] | {'start_m': row['start_m'], 'stop_m': row['stop_m']} == row and (
+                out[-1]['stop_m'] == row['start_m']):
+            out[-1]['stop_m'], joined = row['stop_m'], joined + 1
+        else:
+            out.append(row)
+            joined = 1
+    return out
 
 
 def _row(one: Interval) -> dict[str, Any]:

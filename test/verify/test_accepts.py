@@ -1,12 +1,14 @@
 """Honest certificates of every kind of run are accepted, and what they prove is said."""
-from itertools import islice
+from itertools import islice, pairwise
 
 import pytest
 from certificates import proved, written
 from runs import certificates
 
+from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.contact.certificate import Interval
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.scenes.load import load_scene, scene_values
@@ -99,3 +101,15 @@ def test_a_bench_between_two_lines_of_one_heading_is_cleared_in_bounded_time():
 def test_a_certain_contact_after_a_near_miss_of_nanometres_is_proved(width):
     scene = Scene(dragon=Dragon(20, width_m=width), run=Run(408))
     assert 'contact at 412.44300' in proved(written(scene))
+
+
+def test_where_there_are_more_intervals_than_anyone_needs_rows_stand_for_several_and_for_the_same_places():
+    one = [Interval(0, float(n), float(n + 1), 9, 0.1) for n in range(50_000)]
+    other = [Interval(1, float(-n), float(-n - 1), 8, 0.1) for n in range(10_000)]
+    rows = certificate._rows([*one, *other, *one[7:8]])
+    assert len(rows) == 15_001
+    assert [rows[n]['start_m'] for n in (0, 1, -1)] == [0.0, 4.0, 7.0]
+    for lead, length in (('head', 50_000.0), ('body', -10_000.0)):
+        mine = [row for row in rows[:-1] if row['lead'] == lead]
+        assert all(before['stop_m'] == after['start_m'] for before, after in pairwise(mine))
+        assert (mine[0]['start_m'], mine[-1]['stop_m']) == (0.0, length)
