@@ -20,6 +20,7 @@ from dragon_ros.messages.cdr import PoseArrayTemplate
 from dragon_ros.messages.decode import read_multi_array, read_pose_array
 
 CORPUS = Path(__file__).parents[1] / 'data' / 'corpus'
+MADE_BY_0_1_0 = CORPUS.parent / 'made_by_0_1_0.mcap'
 SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
 TICKS = 26
 
@@ -194,7 +195,7 @@ def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(cap
 
 
 def test_check_holds_a_bag_of_another_version_to_twice_the_promise_on_every_topic_and_says_so(capsys):
-    old = CORPUS / 'made_by_0_1_0.mcap'
+    old = MADE_BY_0_1_0
     code, out, _ = run(capsys, 'inspect', old, '--check', '--format', 'json')
     values = json.loads(out)
     assert (code, values['other_version'], values['fault_count']) == (0, '0.1.0', 0)
@@ -211,7 +212,7 @@ def test_check_of_a_bag_of_another_version_still_tells_values_beyond_the_promise
         data = bytearray(m.data)
         read_pose_array(data).poses[7, 0] += 1e-9
         return [bytes(data)]
-    far = changed(CORPUS / 'made_by_0_1_0.mcap', tmp_path / 'far.mcap', moved)
+    far = changed(MADE_BY_0_1_0, tmp_path / 'far.mcap', moved)
     code, out, _ = run(capsys, 'inspect', far, '--check')
     assert code == 1
     assert 'tick 2: measured differs' in out
