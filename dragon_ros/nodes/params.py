@@ -34,6 +34,8 @@ CONTROLS = (
     Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and each second while it '
               'stands'),
 )
+_DISCOVERY = Parameter('discovery_s', 4.0, 'How many seconds the first tick waits for readers to be found, where '
+                       'wait_subscribers names none', 0.0, 60.0)
 SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key'),
@@ -43,7 +45,9 @@ SIM = (
     Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
     Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
-    Parameter('wait_subscribers', [''], 'Start when topics have this many subscribers, e.g. [handles=2, velocities=1]'),
+    Parameter('wait_subscribers', [''], 'Start as soon as topics have this many subscribers, e.g. [handles=2, '
+              'velocities=1]'),
+    _DISCOVERY,
     Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame at exactly that time '
               'and stay, as with at_end hold); stop (end with that frame)', choices=('continue', 'hold', 'stop')),
     *CONTROLS,
@@ -53,6 +57,7 @@ SIM = (
 REPLAY = (
     Parameter('time_scale', 1.0, 'Seconds of the bag for each second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
+    _DISCOVERY,
     *CONTROLS,
 )
 MONITOR = (

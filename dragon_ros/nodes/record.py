@@ -129,13 +129,13 @@ class Recorder(DragonNode):
 
     def _learn(self, text: str) -> None:
         """Store the scene of the run as metadata and attachment, and account for its ticks."""
+        scene = provenance.scene_in(text)
+        self.losses.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
         if text == self._scene:
             return
         self._scene = text
-        scene = provenance.scene_in(text)
         if scene is None:
             self.get_logger().warning('scene: this version cannot read it; it is recorded unchanged')
-        self.losses.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
         settings = {key: str(value) for key, value in vars(self.bag.options).items()}
         settings |= provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
                                              'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}

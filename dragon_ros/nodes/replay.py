@@ -41,9 +41,8 @@ class Replay(DragonNode):
         self.topic_publishers = self._advertise(bag, choice.topics)
         self.source = ReplaySource(bag, self.topic_publishers, start_ns, end_ns)
         self.late_us: Counter[int] = Counter()
-        wanted = publisher_queue.wanted_readers(choice.wait_subscribers, self.topic_publishers)
-        self.player = Player(self, self.source, self.setting['time_scale'],
-                             lambda: publisher_queue.readers_are_there(wanted))
+        gate = publisher_queue.StartGate(self.topic_publishers, choice.wait_subscribers, self.setting['discovery_s'])
+        self.player = Player(self, self.source, self.setting['time_scale'], gate.is_open)
         self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
             if _CLOCK in self.topic_publishers:

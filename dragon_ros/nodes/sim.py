@@ -76,8 +76,8 @@ class Sim(DragonNode):
         self.topic_publishers['scene'] = self._publisher('scene')
         self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
-        wanted = publisher_queue.wanted_readers(value['wait_subscribers'], self.topic_publishers)
-        self.player = Player(self, self._frames, value['time_scale'], lambda: publisher_queue.readers_are_there(wanted))
+        gate = publisher_queue.StartGate(self.topic_publishers, value['wait_subscribers'], value['discovery_s'])
+        self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""

@@ -158,7 +158,7 @@ def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_val
 
 
 def test_parameters_are_described_with_type_range_text_and_whether_they_are_live(start, node):
-    start('sim')
+    start('sim', '--ros-args', '-p', 'discovery_s:=0.0')
     rows = {row.name: row for row in Remote(node).describe([parameter.name for parameter in SIM])}
     assert all(row.description for row in rows.values())
     assert {name for name, row in rows.items() if not row.read_only} == {'time_scale', 'step_ticks', 'seek_s', 'at_end'}
@@ -246,7 +246,8 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
 @pytest.mark.parametrize('arguments', [['sim', '--scene', 'first_contact', '--set', 'run.stop_s=403'],
                                        ['monitor'], ['record', '--output', 'run.mcap']], ids=lambda v: v[0])
 def test_logs_for_machines_are_one_json_object_a_line(start, arguments):
-    process = start(arguments[0], '--json', *arguments[1:], '--ros-args', '-p', 'use_sim_time:=true')
+    process = start(arguments[0], '--json', *arguments[1:], '--ros-args', '-p', 'use_sim_time:=true', '-p',
+                    'discovery_s:=0.0')
     process.wait_for('/clock' if arguments[0] == 'monitor' else '}')
     if arguments[0] != 'sim':
         process.stop()
@@ -264,7 +265,7 @@ def test_logs_for_machines_are_one_json_object_a_line(start, arguments):
 
 
 def test_without_a_terminal_no_progress_is_logged(start):
-    sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5')
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5', '--ros-args', '-p', 'discovery_s:=0.0')
     assert sim.end() == 0
     assert [line.partition(']: ')[2].split()[0] for line in sim.lines] == ['starts', 'the', 'published:']
 

@@ -166,7 +166,7 @@ def test_a_dragon_with_another_number_of_benches_ends_open_contacts_and_is_track
 
 
 def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
-    start('sim', '--scene', 'first_contact')
+    start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: node.count_publishers('handles') == 1)
     mine = [row.name for row in channels().values() if row.publisher == 'monitor']
     assert len(mine) == 7
@@ -269,7 +269,7 @@ def test_the_ends_of_the_dragon_are_frames_with_the_pose_of_their_handles():
 
 @pytest.mark.skipif(find_spec('tf2_msgs') is not None, reason='tf2_msgs is installed here')
 def test_without_tf2_msgs_the_sim_says_what_to_install(start):
-    sim = start('sim', '--ros-args', '-p', 'publish_tf:=true')
+    sim = start('sim', '--ros-args', '-p', 'publish_tf:=true', '-p', 'discovery_s:=0.0')
     assert sim.end() == 2
     assert "install the package 'tf2_msgs'" in sim.text
 
@@ -278,6 +278,6 @@ def test_both_ends_are_on_tf_when_asked_for(start, node):
     tf2 = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs has no wheel; it comes with ROS 2')
     messages = []
     node.create_subscription(tf2.TFMessage, '/tf', messages.append, 10)
-    start('sim', '--ros-args', '-p', 'publish_tf:=true')
+    start('sim', '--ros-args', '-p', 'publish_tf:=true', '-p', 'discovery_s:=0.0')
     node.until(lambda: messages)
     assert [one.child_frame_id for one in messages[0].transforms] == ['dragon/head', 'dragon/tail']
