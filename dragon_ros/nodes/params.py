@@ -5,6 +5,7 @@ from typing import Any
 # A test keeps these equal to those of core.scene and core.contact.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
+DISCOVERY_S = 4.0       # nodes/publisher_queue.py says why
 _AS_SCENE = -1.0
 
 
@@ -34,8 +35,8 @@ CONTROLS = (
     Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and each second while it '
               'stands'),
 )
-_DISCOVERY = Parameter('discovery_s', 4.0, 'How many seconds the first tick waits for readers to be found, where '
-                       'wait_subscribers names none', 0.0, 60.0)
+_DISCOVERY = Parameter('discovery_s', -1.0, 'How many seconds the first tick waits for readers to be found; negative: '
+                       f'{DISCOVERY_S:g}, or 0 where wait_subscribers names some', -1.0, 60.0)
 SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key'),

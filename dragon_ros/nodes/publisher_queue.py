@@ -11,6 +11,7 @@ from rclpy.qos import DurabilityPolicy
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
 from dragon_ros.messages.encode import Encode
+from dragon_ros.nodes.params import DISCOVERY_S
 
 _GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
 _SETTLED_S = 0.5     # a reader's topics are found one after the other
@@ -29,7 +30,7 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 
 
 class StartGate:
-    """Whether the first message may go out: to the readers that are waited for, or to those that discovery finds.
+    """Whether the first message may go out: to the readers that are waited for, and to those that discovery finds.
 
     A reader that is there already is not known at once. With Fast DDS a participant announces itself every 3 s, and
     repeats what it subscribes to every second; a new participant that misses both at first (the older one answers
@@ -37,20 +38,21 @@ class StartGate:
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
-        """Wait for the subscribers in ``texts``, such as handles=2, or else for discovery. Raises InputError."""
+        """Wait for the subscribers in ``texts``, such as handles=2, and for discovery. Raises InputError."""
         self._wanted, self._publishers = wanted_readers(texts, publishers), tuple(publishers.values())
+        if discovery_s < 0:
+            discovery_s = 0.0 if self._wanted else DISCOVERY_S
         self._found, self._changed_s = 0, time.monotonic()
         self._end_s = self._changed_s + discovery_s
         self._settled_s = min(_SETTLED_S, discovery_s)
 
     def is_open(self) -> bool:
-        """Return whether all wanted readers are there; without any, whether discovery had its time and is at rest."""
-        if self._wanted:
-            return all(publisher.get_subscription_count() >= count for publisher, count in self._wanted)
+        """Return whether all wanted readers are there, and discovery had its time and is at rest."""
         now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
         if found != self._found:
             self._found, self._changed_s = found, now
-        return now >= max(self._end_s, min(self._changed_s, self._end_s) + self._settled_s)
+        there = all(publisher.get_subscription_count() >= count for publisher, count in self._wanted)
+        return there and now >= max(self._end_s, min(self._changed_s, self._end_s) + self._settled_s)
 
 
 class PublisherQueue:
