@@ -24,6 +24,7 @@ from dragon_ros.nodes.raw_subscription import subscribe_raw
 _PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
 _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
+_REST_S = 5.0             # longest time for what had arrived before a signal: a launched run ends with its source
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
            '/diagnostics')
 
@@ -131,7 +132,7 @@ def run(stop: threading.Event) -> int:
     """Run the monitor in an executor of its own until ``stop``; return the exit code."""
     node = Monitor()
     try:
-        code = shell.spin(node, stop)
+        code = shell.spin(node, stop, rest_s=_REST_S)
         publisher_queue.drain(node.topic_publishers.values())
         return code
     finally:

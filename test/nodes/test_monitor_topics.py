@@ -165,6 +165,16 @@ def test_a_dragon_with_another_number_of_benches_ends_open_contacts_and_is_track
     assert 'Traceback' not in monitor.text
 
 
+def test_a_monitor_that_is_stopped_looks_at_all_that_had_come(start, node):
+    from rclpy.duration import Duration
+    monitor, source = start('monitor'), Publisher(node, 300.0)
+    source.show(*(300 + 0.02 * k for k in range(100)))
+    for out in source.out.values():
+        assert out.wait_for_all_acked(Duration(seconds=30))
+    assert monitor.stop() == 0, monitor.text
+    assert 'saw 100 ticks' in monitor.text
+
+
 def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
     start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: node.count_publishers('handles') == 1)
