@@ -4,13 +4,12 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
-from dragon_ros.bags.read.frames import namespace_of
+from dragon_ros.bags.read.frames import FRAME_ID, frame_of_bag, namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.messages.channels import Channel, channels, live
 from dragon_ros.nodes.params import DISCOVERY_S
 from dragon_ros.scenes.load import load_scene
-from dragon_ros.scenes.provenance import RECORD
 
 _WATCHED = ('handles', 'benches')
 
@@ -105,11 +104,11 @@ def _replay(given: Mapping[str, str], namespace: str) -> tuple[Start, str]:
     """
     parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': given['at_end'],
                   'discovery_s': DISCOVERY_S}
-    arguments, clock, frame_id = [given['replay'], '--into', namespace], _on(given, 'use_sim_time'), 'dragon'
+    arguments, clock, frame_id = [given['replay'], '--into', namespace], _on(given, 'use_sim_time'), FRAME_ID
     try:
         with BagReader(Path(given['replay'])) as bag:
             root, names = namespace_of(bag), [topic.name for topic in bag.topics if topic.messages]
-            frame_id = bag.metadata(RECORD).get('about.frame_id', frame_id)
+            frame_id = frame_of_bag(bag, root)
     except DragonError:
         pass                # the replay says what is wrong with the bag
     else:

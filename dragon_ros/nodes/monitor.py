@@ -49,6 +49,10 @@ class Monitor(DragonNode):
             row = rows[name]
             subscribe_raw(self, shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)))
 
+    def changed(self, name: str) -> None:
+        """Apply another limit from the next tick on."""
+        self._warn_below_m = self._watch.near_m = float(self.setting['warn_below_m'])
+
     def _on_handles(self, data: bytes, _: Any) -> None:
         self._guarded(lambda: self._look(self._pairs.add_handles(read_handles(data), time.monotonic())))
 
@@ -118,11 +122,10 @@ class Monitor(DragonNode):
 
     def _publish_health(self, always: bool = False) -> None:
         """Publish on /diagnostics, at changes of the level unless ``always``."""
-        name = f'{self.get_namespace().strip("/")}: clearance'
         level = messages.level_of(self._last, self._warn_below_m)
         if always or level != self._level:
             self._level = level
-            status = messages.health_of(name, self._last, self._warn_below_m, self.dropped)
+            status = messages.health_of(self.get_namespace().strip('/'), self._last, self._warn_below_m, self.dropped)
             message = DiagnosticArray(status=[status])
             message.header.stamp = self.get_clock().now().to_msg()
             self.topic_publishers['/diagnostics'].publish(message)

@@ -28,8 +28,8 @@ class Parameter:
 # For every node that plays frames: nodes/controls.py reads them.
 CONTROLS = (
     Parameter('step_ticks', 1, 'How many ticks the service step plays', 1, 1000, live=True),
-    Parameter('seek_s', 0.0, 'Time in seconds to which the service seek moves: to the last tick at or before it',
-              0.0, LATEST_S, live=True),
+    Parameter('seek_s', -1.0, 'Time in seconds to which the service seek moves: to the last tick at or before it; '
+              'negative: to the start', -1.0, LATEST_S, live=True),
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (it stays for reset, seek and step); '
               'loop (it starts again)', choices=('stop', 'hold', 'loop'), live=True),
     Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and each second while it '
@@ -62,7 +62,8 @@ REPLAY = (
     *CONTROLS,
 )
 MONITOR = (
-    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
+    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3,
+              live=True),
 )
 
 

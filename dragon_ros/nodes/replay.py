@@ -63,7 +63,7 @@ class Replay(DragonNode):
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""
-        if name == 'seek_s':
+        if name == 'seek_s' and value >= 0:
             self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
             raise FieldError('time_scale', value, 'a lossless replay needs lossless topics from the '

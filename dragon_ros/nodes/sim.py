@@ -81,7 +81,7 @@ class Sim(DragonNode):
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""
-        if name == 'seek_s':
+        if name == 'seek_s' and value >= 0:
             self._frames.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
             raise FieldError('time_scale', value, 'a lossless run needs lossless topics from the start',

@@ -123,6 +123,12 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
     assert paused.process.stop() == 0
 
 
+def test_seek_as_it_is_goes_to_the_start(paused):
+    assert paused.call('step')[0]
+    assert paused.call('seek') == (True, 'at 400.000 s, tick 0 of 651')
+    paused.shown(1, 0)
+
+
 def test_a_run_can_loop_and_be_stopped_at_its_end(start, node):
     remote = Remote(node)
     process = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=400.1', '--ros-args', '-p',
@@ -147,6 +153,7 @@ def test_the_speed_changes_live_and_whole_numbers_are_taken(paused, node):
     ('time_scale', 0.0, 'start sim with time_scale:=0.0'), ('time_scale', -1.0, 'range'),
     ('time_scale', float('nan'), 'range'), ('time_scale', 'fast', 'type'), ('step_ticks', 0, 'range'),
     ('step_ticks', 1.5, 'type'), ('at_end', 'explode', 'not one of stop, hold, loop'),
+    ('seek_s', -2.0, 'range'),
     ('seek_s', 399.0, 'the run goes from 400 s to 413 s'), ('seek_s', 414.0, 'the run goes from 400 s to 413 s'),
 ])
 def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_value(paused, name, value, says):

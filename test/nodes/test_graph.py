@@ -1,5 +1,6 @@
 """All nodes together, and each node's part."""
 import signal
+from pathlib import Path
 
 import pytest
 
@@ -221,6 +222,15 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
     process = start(*arguments)
     assert process.end() == 2, process.text
     assert says in process.text
+    assert 'Traceback' not in process.text
+
+
+@pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
+def test_a_node_that_is_interrupted_while_it_starts_ends_as_one_that_runs(start, loaded):
+    process = start('sim')
+    while loaded not in Path(f'/proc/{process.pid}/maps').read_text():
+        assert process.running
+    assert process.stop() == 0, process.text
     assert 'Traceback' not in process.text
 
 

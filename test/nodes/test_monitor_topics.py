@@ -102,6 +102,25 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     assert float(values(last)['clearance_m']) > 0.001
 
 
+def test_the_limit_of_a_warning_is_set_live_and_the_hardware_is_the_namespace(start, node):
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+    start('monitor', '--ros-args', '-r', '__ns:=/red', '-r', 'handles:=/dragon/handles', '-r',
+          'benches:=/dragon/benches')
+    heard, source = Listener(node, '/diagnostics'), Publisher(node, 404)
+    node.until(lambda: heard.got['/diagnostics'])
+    client = node.create_client(SetParameters, '/red/monitor/set_parameters')
+    node.until(client.service_is_ready)
+    done = client.call_async(SetParameters.Request(parameters=[Parameter('warn_below_m', value=3).to_parameter_msg()]))
+    node.until(done.done)
+    assert done.result().results[0].successful
+    source.show(404)
+    node.until(lambda: heard.statuses('/diagnostics')[-1].level == b'\x01')
+    last = heard.statuses('/diagnostics')[-1]
+    assert (last.hardware_id, last.name) == ('red', 'red: clearance')
+    assert values(last)['warn_below_m'] == '3'
+
+
 def test_health_is_repeated_without_a_message(start, node):
     start('monitor')
     heard = Listener(node, '/diagnostics')

@@ -6,22 +6,33 @@ computed from them.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, field
+from heapq import merge
 from itertools import groupby
 from math import inf
 
 import numpy as np
 
 from dragon_ros import __version__
+from dragon_ros.bags.read.frames import log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Array
+from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import MessageError, decode, read_marker_array, read_multi_array, read_pose_array
+from dragon_ros.messages.decode import (
+    MessageError,
+    decode,
+    read_marker_array,
+    read_multi_array,
+    read_pose_array,
+    read_stamp_ns,
+    stamp_of_message,
+)
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.provenance import RECORD
 
@@ -99,13 +110,33 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 
 def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
-    """Yield (log time, messages by topic name) for the topics of a namespace."""
-    topics = [f'{namespace}/{name}' for name in names]
-    for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):
+    """Yield (time, messages by topic name) for the topics of a namespace; the time is a tick's."""
+    if log_times_are_ticks(bag, namespace):
+        rows: Iterable[tuple[int, str, bytes]] = (
+            (message.t_ns, message.topic.removeprefix(f'{namespace}/'), message.data)
+            for message in bag.messages([f'{namespace}/{name}' for name in names]))
+    else:
+        stamps: Ints = np.array([read_stamp_ns(one.data) for one in bag.messages([f'{namespace}/handles'])], np.int64)
+        if np.any(back := np.diff(stamps) < 0):
+            raise InputError(f'{bag.path}: was recorded at wall time, and simulation time goes back in it at '
+                             f'{stamps[1:][back][0] / NS:.9f} s; give the bag of one run')
+        rows = merge(*(_stamped(bag, namespace, name, stamps) for name in names), key=lambda row: row[0])
+    for t_ns, group in groupby(rows, lambda row: row[0]):
         recorded: dict[str, list[bytes]] = {}
-        for message in group:
-            recorded.setdefault(message.topic.removeprefix(f'{namespace}/'), []).append(message.data)
+        for _, name, data in group:
+            recorded.setdefault(name, []).append(data)
         yield t_ns, recorded
+
+
+def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
+    """Yield (stamp, name, message) of one topic of a bag of wall times.
+
+    What has no stamp belongs to the handles of the same number: topics are in order, but overtake each other.
+    """
+    kind = channels()[name].type
+    for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
+        t_ns = stamp_of_message(kind, message.data)
+        yield int(stamps[min(n, len(stamps) - 1)]) if t_ns is None else t_ns, name, message.data
 
 
 def _missing(result: Comparison, names: Iterable[str], k: int) -> None:

@@ -15,15 +15,16 @@ from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
+from dragon_ros.messages.decode import MessageError, Poses, read_multi_array, read_stamp_ns, read_string
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
-from dragon_ros.scenes.load import scene_of
+from dragon_ros.scenes.load import ABOUT, scene_of
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
-from dragon_ros.scenes.yaml import parse_document
+from dragon_ros.scenes.yaml import Document, parse_document
 
 _LONGEST_SCENE = 2**16          # characters of a scene that are parsed
 _MOST_WAITING = 128             # handles that wait for their benches at most
 _TOPICS = ('handles', 'benches', 'velocities')
+FRAME_ID = 'dragon'
 
 
 @dataclass(frozen=True)
@@ -71,18 +72,48 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
                      'geometry_msgs/msg/PoseArray')
 
 
-def scene_of_bag(bag: BagReader) -> Scene | None:
-    """Return the scene that is stored in a bag; None if there is none. Raises InputError."""
+def scene_of_bag(bag: BagReader, namespace: str | None = None) -> Scene | None:
+    """Return the scene that is stored in a bag, or was published in it; None if there is none. Raises InputError."""
+    document = _scene_document(bag, namespace)
+    return None if document is None else scene_of(document)
+
+
+def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
+    """Return the frame of the messages in a bag, as its scene says. Raises InputError."""
+    document = _scene_document(bag, namespace)
+    return str(document.section(ABOUT).get('frame_id', FRAME_ID) if document else FRAME_ID)
+
+
+def _scene_document(bag: BagReader, namespace: str | None) -> Document | None:
+    """Return the scene file in a bag: of its metadata, its attachment, or the latched topic ``scene``."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
-        if attached is None:
-            return None
-        text = attached.decode(errors='replace')
+        text = _published_scene(bag, namespace) if attached is None else attached.decode(errors='replace')
+    if text is None:
+        return None
     if len(text) > _LONGEST_SCENE:
         raise InputError(f'{bag.path}: its scene has {len(text)} characters; the largest that is read has '
                          f'{_LONGEST_SCENE}')
-    return scene_of(parse_document(f'{bag.path}: scene', text))
+    return parse_document(f'{bag.path}: scene', text)
+
+
+def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
+    """Return the first message of the topic ``scene`` of a dragon, as any recorder stores it."""
+    try:
+        topic = f'{namespace_of(bag) if namespace is None else namespace}/scene'
+    except InputError:
+        return None
+    if not any(row.name == topic and row.type == 'std_msgs/msg/String' for row in bag.topics):
+        return None
+    first = next(bag.messages([topic]), None)
+    return None if first is None else read_string(first.data)
+
+
+def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
+    """Return whether messages are logged at simulation time, as our recorder does, and not at wall time."""
+    first = next(bag.messages([f'{namespace}/handles']), None)
+    return first is None or read_stamp_ns(first.data) == first.t_ns
 
 
 def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,

@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 from dragon_ros.bags.record import interval_set
 from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.messages.channels import channels, live
+from dragon_ros.messages.channels import channel_of, live
 
 _MOST_STEPS = 1000
 _MOST_EARLY = 100_000       # stamps that are kept until the scene is known
@@ -131,8 +131,8 @@ class LossAccount:
         Topics of each tick count, and without a scene those of ``sim``: others go on from run to run.
         """
         if self._run is None:
-            wanted = {row.name for row in channels().values() if row.publisher == 'sim' and not row.latched}
-            found = {topic: row.before for topic, row in self.topics.items() if _relative(topic) in wanted}
+            found = {topic: row.before for topic, row in self.topics.items()
+                     if (channel := channel_of(topic)) and channel.each_tick}
         else:
             found = {topic: row.ticks.first or 0 for topic, row in self.topics.items()}
         return {topic: count for topic, count in found.items() if count}
@@ -188,8 +188,3 @@ class LossAccount:
         odd = sum(count for step, count in self._steps.items() if abs(step - usual) > 1)
         more = sum(count for step, count in self._steps.items() if step > 1.5 * usual)
         return f'{usual} ns apart' + (f', but {odd} of {self._steps.total()} are not: {more} are longer' if odd else '')
-
-
-def _relative(topic: str) -> str:
-    """Return the longest name in topics.yaml that a full name ends in; '' if none does."""
-    return max((name for name in channels() if topic.endswith(f'/{name}')), key=len, default='')
