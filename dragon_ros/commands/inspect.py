@@ -14,7 +14,7 @@ from dragon_ros.bags.check.compare import Comparison, compare_with_model
 from dragon_ros.bags.check.examine import Contents, examine, gaps_of
 from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.frames import frame_of_bag, log_times_are_ticks, namespace_of, scene_of_bag
+from dragon_ros.bags.read.frames import frame_of_bag, log_times_are_ticks, namespace_of, scene_of_bag, walked_scene
 from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
@@ -101,7 +101,8 @@ def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
     if namespace is None:
         return out
-    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, scene),
+    walked = scene and walked_scene(bag, scene, namespace)
+    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walked),
             'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}
 
 

@@ -167,6 +167,13 @@ def read_stamp_ns(data: bytes) -> int:
     return Reader(data).stamp_ns()
 
 
+def read_odometry(data: bytes) -> tuple[int, float]:
+    """Return stamp and speed (twist.linear.x) of a nav_msgs/Odometry."""
+    reader = Reader(data)
+    t_ns, _, _ = reader.stamp_ns(), reader.text(), reader.text()
+    return t_ns, float(reader.array('d', 7 + 36 + 1)[-1])
+
+
 def read_pose_array(data: bytes | bytearray) -> Poses:
     """Return a geometry_msgs/PoseArray."""
     reader = Reader(data)

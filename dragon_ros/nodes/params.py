@@ -50,8 +50,11 @@ SIM = (
               'velocities=1]'),
     _DISCOVERY,
     Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame at exactly that time '
-              'and stay, as with at_end hold); stop (end with that frame)', choices=('continue', 'hold', 'stop')),
+              'and stay, as with at_end hold); stop (end with that frame). A led dragon: the first tick in contact',
+              choices=('continue', 'hold', 'stop')),
     *CONTROLS,
+    Parameter('cmd_vel_stamped', True, 'Whether cmd_vel, which leads a dragon whose head law is commanded, is a '
+              'TwistStamped; false: a Twist'),
     Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )

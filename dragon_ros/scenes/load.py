@@ -5,6 +5,7 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros import configuration
+from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError
@@ -17,7 +18,7 @@ from dragon_ros.scenes.yaml import Document, parse_document, read_document
 SECTIONS: dict[str, dict[str, type]] = {
     'dragon': {'equal': Dragon, 'mixed': Mixed},
     'track': {'spiral': Spiral, 'turn': STurn, 'joined': Composite},
-    'head': {'constant': Head, 'profile': Profile},
+    'head': {'constant': Head, 'profile': Profile, 'commanded': Commanded},
     'run': {'': Run},
     'noise': {'': Noise},
     'trails': {'': Trails},

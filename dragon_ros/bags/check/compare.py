@@ -4,7 +4,7 @@ Last bits may differ between machines, and between versions of this software. Ha
 held to twice the promise of the tier: each side may be off by it. In a bag of another version so is everything that is
 computed from them.
 """
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from heapq import merge
 from itertools import groupby
@@ -13,7 +13,7 @@ from math import inf
 import numpy as np
 
 from dragon_ros import __version__
-from dragon_ros.bags.read.frames import log_times_are_ticks
+from dragon_ros.bags.read.frames import law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import InputError
@@ -21,22 +21,25 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import led_tick, tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
-from dragon_ros.messages.channels import channels
+from dragon_ros.messages.channels import channel_of, channels
 from dragon_ros.messages.decode import (
     MessageError,
     decode,
     read_marker_array,
     read_multi_array,
+    read_odometry,
     read_pose_array,
     read_stamp_ns,
     stamp_of_message,
 )
-from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.encode import Encode, encoders
 from dragon_ros.scenes.provenance import RECORD
 
 _HUGE = 1e100
+_MOST_WAITING = 1000    # ticks that may lack a topic before a whole one
+_Instant = tuple[int, dict[str, list[bytes]]]
 _SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
 MOST_FAULTS = 1000      # lines that are kept; all are counted
@@ -90,8 +93,12 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
     made_by = bag.metadata(RECORD).get('about.dragon_ros')
     encode, result = encoders(scene, frame_id), Comparison(None if made_by in (None, __version__) else made_by)
+    instants = _instants(bag, namespace, encode)
+    if scene.is_led:
+        _compare_led(result, scene, encode, _whole(instants, bag, namespace), progress)
+        return result
     k = 0
-    for t_ns, recorded in _instants(bag, namespace, encode):
+    for t_ns, recorded in instants:
         while k <= compile_scene(scene).last_tick and scene.run.time_ns(k) < t_ns:
             _missing(result, encode, k)
             k += 1
@@ -99,9 +106,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
             for name, found in recorded.items():
                 result.stray(name, t_ns, len(found))
             continue
-        frame = tick(scene, k)
-        for name in encode:
-            _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
+        _compare_tick(result, scene, encode, tick(scene, k), recorded)
         progress(k)
         k += 1
     for late in range(k, compile_scene(scene).last_tick + 1):
@@ -109,7 +114,43 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     return result
 
 
-def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
+def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
+                 progress: Callable[[int], object]) -> None:
+    """Compare the ticks of a led dragon, whose speeds are those that its topic ``leader`` recorded.
+
+    Such a run ends where it was ended. Where a speed is missing nothing after it can be recomputed.
+    """
+    law = None
+    for k, (t_ns, recorded) in enumerate(instants):
+        speeds = [speed for stamp, speed in map(read_odometry, recorded.get('leader', [])) if stamp == t_ns]
+        if t_ns != scene.run.time_ns(k) or len(speeds) != 1:
+            result.note('leader', k, 'is not there once: what was walked from there on is unknown')
+            return
+        law = law_on(scene, law, t_ns, speeds[0])
+        _compare_tick(result, scene, encode, led_tick(compile_scene(scene), law, k), recorded)
+        progress(k)
+
+
+def _whole(instants: Iterable[_Instant], bag: BagReader, namespace: str) -> Iterator[_Instant]:
+    """Yield instants without those at the end that lack a topic of the bag: a killed recorder had not got it yet."""
+    wanted = {topic.name for topic in bag.topics if topic.messages}
+    waiting = list[_Instant]()
+    for instant in instants:
+        waiting.append(instant)
+        names = {f'{namespace}/{name}' for name in instant[1]}
+        if names >= {name for name in wanted if (row := channel_of(name)) and row.each_tick
+                     and name == f'{namespace}/{row.name}'} or len(waiting) > _MOST_WAITING:
+            yield from waiting
+            waiting.clear()
+
+
+def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], frame: Frame,
+                  recorded: Mapping[str, list[bytes]]) -> None:
+    for name in encode:
+        _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
+
+
+def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[_Instant]:
     """Yield (time, messages by topic name) for the topics of a namespace; the time is a tick's."""
     if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
@@ -189,10 +230,14 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, o
     if name == 'velocities':
         compiled = compile_scene(scene)
         one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
-                                conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
+                                conditioning(frame.chain), _speed_m_s(frame, scene))
         return float(np.max(off)) / one * compiled.promise_m if one else inf
     turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
+
+
+def _speed_m_s(frame: Frame, scene: Scene) -> float:
+    return frame.leader.speed_m_s if scene.is_led and frame.leader else scene.head.speed_at_m_s(frame.t_ns / NS)
 
 
 def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -> float:
@@ -217,7 +262,7 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
         elif one != other:
             return inf
     if name in ('accelerations', 'forces'):
-        speed_m_s, link_m = scene.head.speed_at_m_s(frame.t_ns / NS), float(np.min(scene.dragon.link_lengths_m))
+        speed_m_s, link_m = _speed_m_s(frame, scene), float(np.min(scene.dragon.link_lengths_m))
         scale = (speed_m_s / link_m) ** 2 * conditioning(frame.chain) ** 3
         return off / scale if scale else inf
     return off
