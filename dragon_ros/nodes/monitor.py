@@ -7,7 +7,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
-from dragon_ros.core.contact.tracker import NS, Report, Watch
+from dragon_ros.core.contact.tracker import NS, ContactTracker, Report
 from dragon_ros.core.errors import InputError
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
@@ -36,7 +36,7 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._watch = Synchronizer(), Watch(self._warn_below_m)
+        self._pairs, self._tracker = Synchronizer(), ContactTracker(self._warn_below_m)
         self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
@@ -49,10 +49,10 @@ class Monitor(DragonNode):
             subscribe_raw(self, shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)))
 
     def _on_handles(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_handles(read_handles(data), time.monotonic())))
+        self._guarded(lambda: self._observe(self._pairs.add_handles(read_handles(data), time.monotonic())))
 
     def _on_benches(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
+        self._guarded(lambda: self._observe(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
         """Drop messages whose partner has not arrived, and publish the health."""
@@ -72,9 +72,9 @@ class Monitor(DragonNode):
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
             self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
-    def _look(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
+    def _observe(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
         self._drop_unmatched()
-        for report in self._watch.look(observation_of(*pair)) if pair else []:
+        for report in self._tracker.add(observation_of(*pair)) if pair else []:
             self._report(report)
 
     def _drop(self, why: str) -> None:
