@@ -21,9 +21,9 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
-NEAR_M = 0.02
+NEAR_M = 0.02           # gaps up to this are found for certain
 MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
-TOUCH_M = 1e-10        # positions are right to 2e-12 m: a smaller gap is a contact
+TOUCH_M = 1e-10         # positions are right to 2e-12 m: a smaller gap is a contact
 _SHOWN = 8
 _UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
 
