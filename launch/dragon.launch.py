@@ -39,6 +39,8 @@ ARGUMENTS = (
     DeclareLaunchArgument('monitor', default_value='true', choices=YES_NO, description='report contacts and clearance'),
     DeclareLaunchArgument('warn_below', default_value='0.02', description='clearance in m below which the monitor '
                           'warns'),
+    DeclareLaunchArgument('clearance_vector', default_value='false', choices=YES_NO, description='publish the shortest '
+                          'vector between the closest benches'),
     DeclareLaunchArgument('record', default_value='', description='bag to write (.mcap); empty: none'),
     DeclareLaunchArgument('replay', default_value='', description='bag to replay in place of a sim; empty: none'),
     DeclareLaunchArgument('rviz', default_value='true', choices=YES_NO, description='show it in RViz'),

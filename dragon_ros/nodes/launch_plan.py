@@ -42,7 +42,8 @@ def plan(given: Mapping[str, str]) -> Plan:
     """Return what to start for the arguments of the launch file, all as text. Raises InputError that names one."""
     namespace = '/' + given['namespace'].strip('/')
     frame_id = given['frame_id'] or namespace.strip('/').replace('/', '_')
-    readers = [Start('monitor', [], {'warn_below_m': _number(given, 'warn_below')})] if _on(given, 'monitor') else []
+    watch = {'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below')}
+    readers = [Start('monitor', [], watch)] if _on(given, 'monitor') else []
     readers += [Start('record', ['--output', given['record']])] if given['record'] else []
     if given['replay']:
         found = _replay(given, namespace)

@@ -7,12 +7,12 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
-from dragon_ros.core.contact.tracker import NS, Report, Watch
+from dragon_ros.core.contact.tracker import NS, ContactTracker, Report
 from dragon_ros.core.errors import InputError
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import Poses
-from dragon_ros.messages.monitor_markers import clearance_marker, report_markers
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
 from dragon_ros.messages.synchronizer import Synchronizer
 from dragon_ros.nodes import contact_messages as messages
@@ -27,6 +27,7 @@ _HEALTH_S = 1.0           # interval of /diagnostics in wall time
 _REST_S = 5.0             # longest time for what had arrived before a signal: a launched run ends with its source
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
            '/diagnostics')
+_VECTOR = 'clearance/vector'
 
 
 class Monitor(DragonNode):
@@ -37,12 +38,13 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._watch = Synchronizer(), Watch(self._warn_below_m)
+        self._pairs, self._tracker = Synchronizer(), ContactTracker(self._warn_below_m)
         self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
+        names = (*_TOPICS, *([_VECTOR] if self.setting['clearance_vector'] else []))
         self.topic_publishers = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
-                        for name, row in rows.items() if name in _TOPICS}
+                                 for name, row in rows.items() if name in names}
         self.topic_publishers['collision/active'].publish(Bool(data=False))
         self.create_timer(_HEALTH_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
@@ -51,13 +53,13 @@ class Monitor(DragonNode):
 
     def changed(self, name: str) -> None:
         """Apply another limit from the next tick on."""
-        self._warn_below_m = self._watch.near_m = float(self.setting['warn_below_m'])
+        self._warn_below_m = self._tracker.near_m = float(self.setting['warn_below_m'])
 
     def _on_handles(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_handles(read_handles(data), time.monotonic())))
+        self._guarded(lambda: self._observe(self._pairs.add_handles(read_handles(data), time.monotonic())))
 
     def _on_benches(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._look(self._pairs.add_benches(read_benches(data), time.monotonic())))
+        self._guarded(lambda: self._observe(self._pairs.add_benches(read_benches(data), time.monotonic())))
 
     def _on_timer(self) -> None:
         """Drop messages whose partner has not arrived, and publish the health."""
@@ -77,9 +79,9 @@ class Monitor(DragonNode):
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
             self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
-    def _look(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
+    def _observe(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
         self._drop_unmatched()
-        for report in self._watch.look(observation_of(*pair)) if pair else []:
+        for report in self._tracker.add(observation_of(*pair)) if pair else []:
             self._report(report)
 
     def _drop(self, why: str) -> None:
@@ -93,6 +95,7 @@ class Monitor(DragonNode):
         self.seen += 1
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
+        self._publish_vector(report)
         self._show_clearance(report)
         if message := messages.collision_of(report):
             self.topic_publishers['collision'].publish(message)
@@ -105,6 +108,12 @@ class Monitor(DragonNode):
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
             markers.publish(report_markers(report))
         self._publish_health()
+
+    def _publish_vector(self, report: Report) -> None:
+        """Publish the shortest vector where it is switched on, and some benches are near each other."""
+        vector = self.topic_publishers.get(_VECTOR)
+        if vector and report.closest and vector.get_subscription_count():
+            vector.publish(vector_of(report))
 
     def _show_clearance(self, report: Report) -> None:
         """Publish the clearance as a marker, no more often than one can read."""

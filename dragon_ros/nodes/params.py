@@ -67,6 +67,8 @@ REPLAY = (
 MONITOR = (
     Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3,
               live=True),
+    Parameter('clearance_vector', False, 'Publish the shortest vector between the closest benches on '
+              'clearance/vector'),
 )
 
 

@@ -16,7 +16,8 @@ from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
 SCENE = Scene(run=Run(412.2, 412.7))
 DEFAULTS = {'scene': 'winding', 'accuracy': '', 'rate': '', 'time_scale': '1.0', 'at_end': 'hold',
             'on_contact': 'continue', 'namespace': 'dragon', 'frame_id': '', 'use_sim_time': 'false',
-            'publish_tf': 'false', 'monitor': 'true', 'warn_below': '0.02', 'record': '', 'replay': '', 'json': 'false'}
+            'publish_tf': 'false', 'monitor': 'true', 'warn_below': '0.02', 'clearance_vector': 'false',
+            'record': '', 'replay': '', 'json': 'false'}
 
 
 def planned(**given):

@@ -102,6 +102,25 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     assert float(values(last)['clearance_m']) > 0.001
 
 
+def test_the_shortest_vector_is_published_with_its_stamp_where_it_is_asked_for(start, node):
+    start('monitor', '--ros-args', '-p', 'clearance_vector:=true')
+    heard, source = Listener(node, 'clearance', 'clearance/vector'), Publisher(node, 412.0)
+    earlier = (412 + 0.02 * k for k in range(23))
+
+    def both_are_heard():
+        if not all(heard.got.values()):
+            source.show(next(earlier))
+        return all(heard.got.values())
+    node.until(both_are_heard)
+    source.show(412.46, 412.48)
+    node.until(lambda: [row.header.stamp.nanosec for row in heard.got['clearance/vector']][-2:] == [
+        460_000_000, 480_000_000] and len(heard.got['clearance']) >= 3)
+    for gap, row in zip(heard.got['clearance'][-2:], heard.got['clearance/vector'][-2:], strict=True):
+        assert np.hypot(row.vector.x, row.vector.y) == pytest.approx(abs(gap.data), abs=1e-12)
+        assert row.header.frame_id == 'dragon'
+    assert heard.got['clearance'][-1].data < 0 < heard.got['clearance'][-2].data
+
+
 def test_the_limit_of_a_warning_is_set_live_and_the_hardware_is_the_namespace(start, node):
     from rcl_interfaces.srv import SetParameters
     from rclpy.parameter import Parameter
@@ -198,8 +217,8 @@ def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
     start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: node.count_publishers('handles') == 1)
     mine = [row.name for row in channels().values() if row.publisher == 'monitor']
-    assert len(mine) == 7
-    assert [node.count_publishers(name) for name in mine] == [0] * 7
+    assert len(mine) == 8
+    assert [node.count_publishers(name) for name in mine] == [0] * 8
 
 
 def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
