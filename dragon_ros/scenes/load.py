@@ -13,6 +13,7 @@ from dragon_ros.core.flags import Noise, Trails, effects_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
+from dragon_ros.scenes.head_laws import PLUGIN, plugged
 from dragon_ros.scenes.yaml import Document, parse_document, read_document
 
 SECTIONS: dict[str, dict[str, type]] = {
@@ -45,11 +46,15 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     document = read_document(_find(name_or_file))
     for override in overrides:
         _override(document, override)
+    if document.section('head').get('kind') == PLUGIN:
+        document.values['head'] = _values(plugged(document), SECTIONS['head'])
     return scene_of(document)
 
 
 def scene_of(document: Document) -> Scene:
-    """Return the scene that a document describes."""
+    """Return the scene that a document describes; a law of one's own is none of it, wherever it comes from."""
+    if document.section('head').get('kind') == PLUGIN:
+        document.refuse('head.kind', 'a head law of your own is loaded for a scene file, never for a bag or topic')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
         parts = {name: _build(document, name, kinds) for name, kinds in SECTIONS.items()}
