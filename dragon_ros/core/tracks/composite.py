@@ -324,8 +324,8 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
 def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     """Return the track of a spec in the plane. Raises FieldError for pieces that do not join, naming the joint.
 
-    A single spiral goes to its centre, and behind a tail (``direction`` AHEAD) ends where the head starts; distances
-    count from where the head starts, of an S-turn from its entry, of a composite track from the first piece's beginning.
+    A single spiral goes to its centre, and behind a tail (``direction`` AHEAD) ends where the head starts. Distances
+    count from there, of an S-turn from its entry, of a composite track from the first piece's beginning.
     """
     if isinstance(spec, Spiral):
         return spiral_track(spec, 0.0, may_lock=True) if direction == BEHIND else spiral_track(spec, spec.start.hi)
