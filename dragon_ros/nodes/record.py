@@ -162,7 +162,7 @@ class Recorder(DragonNode):
 
     def _attach(self, text: str, metadata: dict[str, str]) -> None:
         if len(self._attached) >= RECORDED_SCENES:
-            self.get_logger().warning(f'scene: after {RECORDED_SCENES} others it is a message alone', once=True)
+            self.get_logger().warning(f'scene: the bag has {RECORDED_SCENES}; no more are attached', once=True)
             return
         self._attached.add(text)
         self.writer.describe(provenance.RECORD, metadata)
