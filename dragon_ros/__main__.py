@@ -36,4 +36,6 @@ def usage() -> str:
 
 
 if __name__ == '__main__':
+    if not getattr(sys.flags, 'safe_path', False):
+        del sys.path[0]     # `python -m` puts the working directory there: nothing in it is ours to import
     sys.exit(main(sys.argv[1:]))

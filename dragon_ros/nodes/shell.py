@@ -1,9 +1,14 @@
 """The life cycle of a node: signals, spinning, one-line errors, exit codes."""
-import importlib
+import importlib.util
+import os
+import re
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import rclpy
@@ -13,10 +18,11 @@ from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
-from dragon_ros.core.errors import DiskError, DragonError, MissingError
+from dragon_ros.core.errors import DiskError, DragonError, MissingError, shown
 from dragon_ros.nodes import logs
 
 _EMPTY_WAITS = 3
+_WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # of the name of a package or of a message type
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
@@ -63,10 +69,41 @@ def _serve_rest(executor: SingleThreadedExecutor, rest_s: float) -> None:
         handler.result()
 
 
+@cache
 def message_type(name: str) -> Any:
-    """Return the class of a message type such as geometry_msgs/msg/PoseArray."""
+    """Return the class of a message type such as geometry_msgs/msg/PoseArray. Raises MissingError.
+
+    The name may come from a bag: only a type that the ament index lists is imported, and only from the prefix that
+    lists it, whatever else is on the path.
+    """
     package, _, kind = name.partition('/msg/')
+    if not (_WORD.fullmatch(package) and _WORD.fullmatch(kind)):
+        raise MissingError(f'message type {shown(name)}: is not of the form package/msg/Type')
+    if not any(f'msg/{kind}.idl' in _listed(prefix, package) and _stands_below(package, prefix)
+               for prefix in _prefixes()):
+        raise MissingError(f'message type {name}: is not installed here; install the package {package!r}')
+    return getattr(importlib.import_module(f'{package}.msg'), kind)
+
+
+def _prefixes() -> list[Path]:
+    """Return where ROS packages are installed: beside the ROS wheels nothing sets AMENT_PREFIX_PATH."""
+    named = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in (*named, sys.prefix) if prefix]
+
+
+def _listed(prefix: Path, package: str) -> list[str]:
+    """Return the interface files of a package that the ament index lists below a prefix."""
     try:
-        return getattr(importlib.import_module(f'{package}.msg'), kind)
-    except (ImportError, AttributeError, ValueError):
-        raise MissingError(f'message type {name}: is not installed here; install the package {package!r}') from None
+        return (prefix / 'share/ament_index/resource_index/rosidl_interfaces' / package).read_text().split()
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
+def _stands_below(package: str, prefix: Path) -> bool:
+    """Return whether a package would be imported from below a prefix; nothing is imported to find out."""
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        return False
+    origin = Path(spec.origin)
+    return Path(os.path.abspath(origin)).is_relative_to(os.path.abspath(prefix)) or (
+        origin.resolve().is_relative_to(prefix.resolve()))
