@@ -15,7 +15,8 @@ YAML_DEPTH = 32
 YAML_VALUES = 100_000
 SCENE_BENCHES = 20_000
 SCENE_TICKS = 10_000_000
-SEARCH_BENCHES = 20_000_000
+SEARCHED_BENCHES = 2000
+SEARCH_WORK = 50_000_000
 
 # Bags
 CHUNK_BYTES = 128 * MB
@@ -57,8 +58,9 @@ LIMITS = (
     Limit('YAML_VALUES', 'the values of a YAML document, its aliases expanded', 'values', 'refused'),
     Limit('SCENE_BENCHES', 'the benches of a scene from a stranger', 'benches', 'not computed without `--trust`'),
     Limit('SCENE_TICKS', 'the ticks of a scene from a stranger', 'ticks', 'not computed without `--trust`'),
-    Limit('SEARCH_BENCHES', 'the search for the first contact of a scene from a stranger',
-          'states times benches', 'given up without `--trust`, and reported as unknown'),
+    Limit('SEARCHED_BENCHES', 'the benches of such a scene whose first contact is searched', 'benches',
+          'reported as unknown without `--trust`'),
+    Limit('SEARCH_WORK', 'the work of that search', 'states times benches', 'given up without `--trust`'),
     Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside of chunks', 'bytes', 'refused'),
     Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'refused'),
     Limit('SUMMARY_BYTES', 'the summary of a bag, and all its schemas and channels', 'bytes', 'refused'),
