@@ -12,13 +12,15 @@ from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
-from dragon_ros.core.errors import DiskError, DragonError, MissingError, shown
+from dragon_ros.cli.signals import ending
+from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError, shown
 from dragon_ros.nodes import logs
 
 _EMPTY_WAITS = 3
@@ -26,20 +28,29 @@ _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # of the name of a package or o
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; SIGINT and SIGTERM set ``stop``. Logs as JSON if asked.
+    """Initialise ROS, run ``body(stop)`` and shut down; signals that end it set ``stop``. Logs as JSON if asked.
 
     rclpy's own signal handlers would shut down the context in the middle of a tick; here a node ends between two.
     """
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending():
         signal.signal(number, lambda *_: stop.set())
     quiet = logs.speak_json() if as_json else []
-    rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
+    secured = os.environ.get('ROS_SECURITY_ENABLE') == 'true'
     try:
+        if secured and importlib.util.find_spec('ros_wheels_bootstrapper'):
+            raise InputError('ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins, so nothing would be '
+                             'secured; use a ROS 2 install, or unset it')
+        rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
         logs.say('error', name, ' '.join(str(error).split()))
         return FAILED if isinstance(error, DiskError) else BAD_INPUT
+    except RCLError as error:
+        if not secured:
+            raise
+        logs.say('error', name, f'ROS_SECURITY_ENABLE: no secured node starts: {" ".join(str(error).split())}')
+        return BAD_INPUT
     finally:
         rclpy.try_shutdown()
 

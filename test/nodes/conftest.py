@@ -89,10 +89,11 @@ def domain(monkeypatch):
 def start(domain, tmp_path):
     """Start executables that end with the test."""
     running = []
-    environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log')}
 
-    def run(*arguments):
-        running.append(Process([sys.executable, '-m', 'dragon_ros', *map(str, arguments)], environment, tmp_path))
+    def run(*arguments, under=(), **variables):
+        environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log'), **variables}
+        command = [*under, sys.executable, '-m', 'dragon_ros', *map(str, arguments)]
+        running.append(Process(command, environment, tmp_path))
         return running[-1]
     yield run
     for process in running:

@@ -349,3 +349,11 @@ def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
         assert 'the same bytes, the same event' in demo.text
     assert {'first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg'} <= {
         path.name for path in (tmp_path / 'demo').iterdir()}
+
+
+def test_security_that_the_wheels_cannot_give_is_refused_in_one_line(start):
+    pytest.importorskip('ros_wheels_bootstrapper')
+    process = start('sim', '--scene', 'minimal', ROS_SECURITY_ENABLE='true')
+    assert process.end() == 2
+    assert process.text.startswith('sim: ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins')
+    assert len(process.text.splitlines()) == 1

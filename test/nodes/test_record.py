@@ -172,6 +172,23 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
     assert told['/dragon/handles lost'] == '0'
 
 
+def test_a_closed_terminal_ends_every_node_as_ctrl_c_does_and_bags_are_whole(start, tmp_path):
+    publisher = sim(start, 'run.start_s=400', readers=0)
+    record, kept = (start('record', '--output', tmp_path / f'{name}.mcap', '--flush-s', '0.1', under=under)
+                    for name, under in (('a', []), ('b', ['nohup'])))
+    monitor = start('monitor')
+    for bag in tmp_path / 'a.mcap', tmp_path / 'b.mcap':
+        while not bag.exists() or not [row for row in streamed(bag) if row[0] == '/dragon/benches']:
+            assert publisher.running
+    for process in record, kept:
+        process.signal(signal.SIGHUP)
+    assert record.end() == 0, record.text
+    assert main(['inspect', str(tmp_path / 'a.mcap')]) == 0
+    assert kept.running
+    for process in kept, monitor, publisher:
+        assert process.stop(signal.SIGHUP if process is not kept else signal.SIGINT) == 0, process.text
+
+
 def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     from geometry_msgs.msg import PoseArray
     from std_msgs.msg import String
