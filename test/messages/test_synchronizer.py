@@ -1,5 +1,6 @@
 import numpy as np
 
+from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.markers import CubesTemplate
 from dragon_ros.messages.observation import read_benches
@@ -46,8 +47,29 @@ def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
     assert pairs.take_unmatched() == [('benches', 2)]
 
 
-def test_waiting_for_partners_is_bounded():
+def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
     pairs = Synchronizer()
-    for t_ns in range(300):
-        pairs.add_handles(poses(t_ns, 2**20), 0.0)
-    assert len(pairs.take_unmatched()) == 300 - 128
+    room = MONITOR_BYTES // 2**23
+    for t_ns in range(2 * room):
+        pairs.add_handles(poses(t_ns, 2**20), float(t_ns))
+        pairs.add_benches(shown(10**6 + t_ns), t_ns + 0.5)
+        assert pairs.held_bytes <= MONITOR_BYTES
+    dropped = pairs.take_unmatched()
+    assert len(dropped) > room
+    assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # those that have waited longest
+    assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest are still there
+
+
+def test_one_topic_may_run_ahead_by_thousands_of_messages_of_an_ordinary_dragon():
+    pairs = Synchronizer()
+    for t_ns in range(5000):
+        pairs.add_handles(poses(t_ns, 7 * 224), 0.0)
+    assert pairs.take_unmatched() == []
+    assert pairs.add_benches(shown(0), 0.0) is not None
+
+
+def test_memory_that_names_and_layouts_take_counts_as_well():
+    named = Poses(0, 'x' * 10**6, np.zeros(14))
+    assert named.size_bytes > 10**6
+    benches = shown(0).markers
+    assert benches.size_bytes > len(benches.data)
