@@ -1,5 +1,10 @@
-"""Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time."""
+"""Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time.
+
+Where several publish on a topic, ``Streams`` tells their messages apart.
+"""
 from collections import Counter, deque
+from dataclasses import dataclass
+from math import inf
 from typing import Any, NamedTuple
 
 from dragon_ros.core.limits import MONITOR_BYTES
@@ -7,6 +12,10 @@ from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchMarkers
 
 _EACH_BYTES = 4096      # of one message beside its own bytes, at most
+_LONGEST_JUMP = 1000    # messages of a publisher that may be lost one after the other
+_MOST_OTHERS = 7        # publishers besides the known one that are told apart
+_EXACT = 0.25           # steps by which a stamp may be off and still tell its publisher
+_NEAR = 3               # steps by which the topics of one dragon may be apart
 _HANDLES, _BENCHES = 'handles', 'benches'
 
 
@@ -88,3 +97,90 @@ class Synchronizer:
         if not stamps[oldest.t_ns]:
             del stamps[oldest.t_ns]
         return oldest
+
+
+@dataclass
+class _Stream:
+    """What is known of one publisher: its last number and stamp, and how far stamps grow from number to number."""
+
+    sequence: int
+    t_ns: int
+    step_ns: float | None = None
+
+    def off_ns(self, sequence: int, t_ns: int) -> float:
+        """Return how far a message is from where it should be if it were the publisher's; inf where that is unknown."""
+        if self.step_ns is None:
+            return inf
+        return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
+
+    def jump(self, sequence: int) -> float:
+        """Return how many numbers a message is from the next one; inf where it is too far or too old."""
+        ahead = sequence - self.sequence - 1
+        return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
+
+    def advance(self, sequence: int, t_ns: int) -> None:
+        """Take a message."""
+        steps = sequence - self.sequence
+        self.step_ns = (t_ns - self.t_ns) / steps if steps > 0 and t_ns > self.t_ns else self.step_ns
+        self.sequence, self.t_ns = sequence, t_ns
+
+
+class Streams:
+    """Tells the messages of several publishers of one topic apart, which the middleware does not name to its readers.
+
+    Each numbers its messages, and stamps grow evenly with the numbers: a message belongs to the publisher that it
+    continues. Publishers that agree in number and stamp cannot be told apart, nor those that agree in number just when
+    one of them goes to another time.
+    """
+
+    def __init__(self) -> None:
+        """Start with no publisher."""
+        self._known: _Stream | None = None
+        self._others: list[_Stream] = []
+
+    @property
+    def unknown(self) -> bool:
+        """Whether no publisher is known."""
+        return self._known is None
+
+    def near(self, t_ns: int) -> bool:
+        """Return whether a stamp is about that of the known publisher."""
+        known = self._known
+        return known is not None and known.step_ns is not None and abs(t_ns - known.t_ns) <= _NEAR * known.step_ns
+
+    def continues(self, sequence: int) -> bool:
+        """Return whether a message has the number after the known publisher's last one."""
+        return self._known is not None and sequence == self._known.sequence + 1
+
+    def alone(self, sequence: int, t_ns: int) -> None:
+        """Take a message of the only publisher, whoever that is: from now on it is the known one."""
+        if self._known is None or not self.continues(sequence):
+            self._known = _Stream(sequence, t_ns)
+        self._known.advance(sequence, t_ns)
+        self._others.clear()
+
+    def forget(self) -> None:
+        """Forget the known publisher, which is gone: the next message is of the new one."""
+        self._known = None
+        self._others.clear()
+
+    def is_known(self, sequence: int, t_ns: int) -> bool:
+        """Return whether a message is of the known publisher, where there are several; the first one that is heard."""
+        if self._known is None:
+            self._known = _Stream(sequence, t_ns)
+            return True
+        stream = self._owner(sequence, t_ns)
+        stream.advance(sequence, t_ns)
+        return stream is self._known
+
+    def _owner(self, sequence: int, t_ns: int) -> _Stream:
+        assert self._known is not None
+        streams = [self._known, *self._others]
+        exact = min(streams, key=lambda stream: stream.off_ns(sequence, t_ns))
+        if exact.off_ns(sequence, t_ns) < _EXACT:
+            return exact
+        near = min(streams, key=lambda stream: stream.jump(sequence))
+        if near.jump(sequence) < inf:
+            return near
+        self._others = [*self._others[-_MOST_OTHERS:], _Stream(sequence, t_ns)]
+        return self._others[-1]

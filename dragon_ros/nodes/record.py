@@ -7,6 +7,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.publisher import Publisher
+
 from dragon_ros.bags.record.loss_accounting import LossAccount
 from dragon_ros.bags.record.scene_reader import SceneReader
 from dragon_ros.bags.record.simulation_clock import SimulationClock
@@ -17,7 +20,7 @@ from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.messages.channels import Channel, channels
 from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string
-from dragon_ros.nodes import qos, raw_subscription, shell
+from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
@@ -28,6 +31,7 @@ _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that wait for a scene to be read; then the recorder waits for it
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
+_HEALTH = '/diagnostics'
 RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 
 
@@ -44,6 +48,10 @@ class Recorder(DragonNode):
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
         self._unaccounted: list[tuple[str, int, int]] = []      # messages since a scene that is still being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
+        # Nodes of every dragon publish on absolute topics.
+        self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
+        self._several: dict[str, list[str]] = {}
+        self._health: Publisher | None = None
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
             raw_subscription.subscribe_raw(self, shell.message_type(channel.type), name,
@@ -58,7 +66,7 @@ class Recorder(DragonNode):
             self._simulation.flush(_IDLE_S)
         if now - self._counted > _COUNT_S:
             self._counted = now
-            self.losses.share(topic for topic in self._names.values() if self.count_publishers(topic) > 1)
+            self._look_around()
         if self.writer.error is not None:
             return True
         quiet = self._seen and not keep_going and now - self._last > _QUIET_S
@@ -83,6 +91,18 @@ class Recorder(DragonNode):
         finally:
             self._log_summary(gone)
         return self.losses.complete(gone)
+
+    def _look_around(self) -> None:
+        """Look for topics that several publish, of which nobody can say what is missing, and warn of them."""
+        self._several = publishers.several_of(self, self._sources, self._several)
+        self.losses.share(self._several)
+        if self._several:
+            row = channels()[_HEALTH]
+            self._health = self._health or self.create_publisher(DiagnosticArray, _HEALTH, qos.of_channel(row))
+            warnings = publishers.warnings_of(f'{self.get_namespace().strip("/")}: record', self._several)
+            message = DiagnosticArray(status=warnings)
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._health.publish(message)
 
     def _log_summary(self, gone: bool) -> None:
         counts = ', '.join(f'{topic} {count}' for topic, count in self.bag.counts.items())

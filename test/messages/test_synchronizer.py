@@ -1,10 +1,14 @@
+from collections import deque
+from random import Random
+
 import numpy as np
+import pytest
 
 from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.markers import CubesTemplate
 from dragon_ros.messages.observation import read_benches
-from dragon_ros.messages.synchronizer import Synchronizer
+from dragon_ros.messages.synchronizer import Streams, Synchronizer
 
 
 def poses(t_ns, values=7):
@@ -73,3 +77,39 @@ def test_memory_that_names_and_layouts_take_counts_as_well():
     assert named.size_bytes > 10**6
     benches = shown(0).markers
     assert benches.size_bytes > len(benches.data)
+
+
+def interleaved(rng, rows):
+    """Return (publisher, number, stamp) of several publishers, each in its order, mixed at random."""
+    left = {name: deque(messages) for name, messages in rows.items()}
+    while any(left.values()):
+        name = rng.choice([name for name, messages in left.items() if messages])
+        yield name, *left[name].popleft()
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_of_several_publishers_the_known_one_is_told_apart_by_numbers_and_stamps(seed):
+    rng, streams = Random(seed), Streams()
+    step = 20_000_000
+    for k in range(1, 6):
+        streams.alone(k, k * step)
+    rows = {'known': [(k, k * step) for k in range(6, 200) if rng.random() < 0.98],
+            'new': [(k, 400 * 10**9 + k * step) for k in range(1, 200)],
+            'seeks': [(5000 + k, (600 if k < 90 else 30) * 10**9 + k * step) for k in range(200)],
+            'level': [(k, (3 * k + 1) * step) for k in range(4, 200)]}
+    for name, number, t_ns in interleaved(rng, rows):
+        assert streams.is_known(number, t_ns) == (name == 'known'), (name, number)
+
+
+def test_a_known_publisher_that_seeks_stays_known_and_after_it_is_forgotten_the_next_one_is():
+    streams = Streams()
+    for k in range(1, 10):
+        streams.alone(k, 10**9 + k)
+    assert not streams.is_known(500_000, 5)
+    assert streams.is_known(10, 7 * 10**9)      # it went to another time
+    assert streams.is_known(11, 7 * 10**9 + 1)
+    assert not streams.is_known(500_001, 6)
+    streams.forget()
+    assert streams.unknown
+    assert streams.is_known(500_002, 7)
+    assert not streams.is_known(12, 7 * 10**9 + 2)

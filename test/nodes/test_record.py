@@ -189,6 +189,28 @@ def test_a_closed_terminal_ends_every_node_as_ctrl_c_does_and_bags_are_whole(sta
         assert process.stop(signal.SIGHUP if process is not kept else signal.SIGINT) == 0, process.text
 
 
+def test_of_a_topic_that_two_publish_nobody_says_what_is_missing_and_both_are_named(start, node, other_node, tmp_path):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from geometry_msgs.msg import PoseArray
+    heard = []
+    node.create_subscription(DiagnosticArray, '/diagnostics', heard.append, 10)
+    outs = [one.create_publisher(PoseArray, 'handles', 100) for one in (node, other_node)]
+    record = start('record', '--output', tmp_path / 'a.mcap', '--keep-going', '--flush-s', '0.1')
+    node.until(lambda: all(out.get_subscription_count() for out in outs))
+    for k in range(5):
+        for n, out in enumerate(outs):
+            out.publish(poses((k + 30 * n) * 10**9))
+    node.until(lambda: heard)
+    (status,) = heard[0].status
+    assert (status.name, status.level) == ('dragon: record: publishers', b'\x01')
+    assert [(pair.key, pair.value) for pair in status.values] == [
+        ('/dragon/handles', '/dragon/observer, /dragon/stranger')]
+    record.stop()
+    assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in record.text
+    assert 'nobody can say what is missing' in record.text
+    assert received(tmp_path / 'a.mcap')['dragon_ros.received']['/dragon/handles lost'] == 'unknown: several publishers'
+
+
 def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
     from geometry_msgs.msg import PoseArray
     from std_msgs.msg import String
