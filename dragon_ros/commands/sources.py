@@ -18,7 +18,7 @@ from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import Witness, gaps, witness
-from dragon_ros.core.contact.tracker import Sight, Watch
+from dragon_ros.core.contact.tracker import ContactTracker, Observation
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -216,19 +216,19 @@ class BagSource:
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
-        watch = Watch()
+        tracker = ContactTracker()
         for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
-            for event in joined.from_iterable(report.begins for report in watch.look(observation)):
+            for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
                 at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
                 return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches))
         return None
 
-    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple[Sight, Floats | None]]:
+    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple[Observation, Floats | None]]:
         """Yield observations and speeds of the ticks logged between two times, in order."""
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
                 speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
-                yield Sight(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id), speeds
+                yield Observation(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id), speeds
 
 
 def dragon_in(bag: BagReader, namespace: str | None = None) -> BagSource:

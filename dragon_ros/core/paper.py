@@ -14,7 +14,7 @@ from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND, SpiralSegment
-from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.core.tracks.spiral import SpiralCurve, tangents
 
 STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
 
@@ -31,7 +31,7 @@ class PaperChain(Chain):
         """Return the paper's speeds along the track's tangents, shape (..., N+1, 2); the power law telescopes."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
-        return read_only(speed[..., None] * self.headings)
+        return read_only(-speed[..., None] * tangents(self.u))
 
 
 def steps_of(t_s: float) -> int:

@@ -11,7 +11,7 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.contact.tracker import NEAR_M, Sight, Watch
+from dragon_ros.core.contact.tracker import NEAR_M, ContactTracker, Observation
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
@@ -66,10 +66,10 @@ def _agree(gap: float, least: float, reach: float) -> bool:
 
 def _watched(p: Floats, benches: Benches, least: float, budget_s: float) -> Check:
     """Check as the monitor does, tick by tick: order, candidates, gaps and contact intervals, without messages."""
-    watch, ticks = Watch(), count(1)
+    tracker, ticks = ContactTracker(), count(1)
 
     def check() -> float:
-        return watch.look(Sight(next(ticks) * 20_000_000, p, benches))[0].clearance_m
+        return tracker.add(Observation(next(ticks) * 20_000_000, p, benches))[0].clearance_m
     return Check(_WATCH, len(benches.centre), candidates(p, benches, NEAR_M)[0].size, _agree(check(), least, NEAR_M),
                  timed(check, budget_s, 3))
 

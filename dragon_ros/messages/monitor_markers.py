@@ -20,28 +20,28 @@ _POINT_M, _TEXT_M = 0.12, 0.35
 
 def report_markers(report: Report) -> bytes:
     """Return the deepest contacts of a tick as markers that replace all earlier ones; DELETEALL alone without any."""
-    sight = report.sight
+    observation = report.observation
     if not report.touching:
-        return contact_markers(sight.t_ns, sight.frame_id, [], [])
-    ids, all_benches = sorted({bench for pair in report.touching for bench in pair}), sight.benches
+        return contact_markers(observation.t_ns, observation.frame_id, [], [])
+    ids, all_benches = sorted({bench for pair in report.touching for bench in pair}), observation.benches
     size = 2 * np.stack((all_benches.half_length[ids], all_benches.half_width[ids]), axis=1)
     benches = red_benches('bench in contact', ids, all_benches.centre[ids], all_benches.axis[ids], size)
-    return contact_markers(sight.t_ns, sight.frame_id, benches, _point_and_label(report))
+    return contact_markers(observation.t_ns, observation.frame_id, benches, _point_and_label(report))
 
 
 def clearance_marker(report: Report) -> bytes:
     """Return the clearance as text above the point between the closest benches; DELETE where none are near."""
     spec = deleted('clearance')
     if report.closest:
-        x, y = witness(report.sight.benches, *report.closest).point_m
+        x, y = witness(report.observation.benches, *report.closest).point_m
         spec = MarkerSpec('clearance', 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
                           place=(x, y - 2 * _TEXT_M, -_TEXT_M), text=f'{report.clearance_m * 1e3:.2f} mm')
-    return single_marker(report.sight.t_ns, report.sight.frame_id, spec)
+    return single_marker(report.observation.t_ns, report.observation.frame_id, spec)
 
 
 def _point_and_label(report: Report) -> list[MarkerSpec]:
     i, j = report.touching[0]
-    seen = witness(report.sight.benches, i, j)
+    seen = witness(report.observation.benches, i, j)
     (x, y), more = seen.point_m, f' (+{report.count - 1})' if report.count > 1 else ''
     return [MarkerSpec('point', 0, SPHERE, (_POINT_M, _POINT_M, _POINT_M), BLACK, place=(x, y, BENCH_HEIGHT_M)),
             MarkerSpec('label', 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK, place=(x, y, 2 * _TEXT_M),

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.tracker import Sight
+from dragon_ros.core.contact.tracker import Observation
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
@@ -30,14 +30,14 @@ class BenchMarkers:
         return _triangles(self.markers, int(self.order[0]), handles_m)
 
 
-def observation_of(poses: Poses, shown: BenchMarkers) -> Sight:
+def observation_of(poses: Poses, shown: BenchMarkers) -> Observation:
     """Return the observation from two messages of one tick. Raises MessageError, naming message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
     if poses.frame_id != shown.frame_id:
         raise MessageError(f'benches: frame {shown.frame_id!r} is not the frame of the handles, {poses.frame_id!r}')
-    return Sight(poses.t_ns, handles_m, rectangles, poses.frame_id)
+    return Observation(poses.t_ns, handles_m, rectangles, poses.frame_id)
 
 
 def read_benches(data: bytes) -> BenchMarkers:

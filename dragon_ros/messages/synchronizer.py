@@ -15,7 +15,6 @@ _EACH_BYTES = 4096      # of one message beside its own bytes, at most
 _LONGEST_JUMP = 1000    # messages of a publisher that may be lost one after the other
 _MOST_OTHERS = 7        # publishers besides the known one that are told apart
 _EXACT = 0.25           # steps by which a stamp may be off and still tell its publisher
-_NEAR = 3               # steps by which the topics of one dragon may be apart
 _HANDLES, _BENCHES = 'handles', 'benches'
 
 
@@ -107,8 +106,8 @@ class _Stream:
     t_ns: int
     step_ns: float | None = None
 
-    def off_ns(self, sequence: int, t_ns: int) -> float:
-        """Return how far a message is from where it should be if it were the publisher's; inf where that is unknown."""
+    def off(self, sequence: int, t_ns: int) -> float:
+        """Return by how many steps a stamp is off that of the publisher with that number; inf where that is unknown."""
         if self.step_ns is None:
             return inf
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
@@ -130,57 +129,45 @@ class Streams:
 
     Each numbers its messages, and stamps grow evenly with the numbers: a message belongs to the publisher that it
     continues. Publishers that agree in number and stamp cannot be told apart, nor those that agree in number just when
-    one of them goes to another time.
+    one of them goes to another time. All are taken until one of them is adopted: from then on only that one.
     """
 
     def __init__(self) -> None:
         """Start with no publisher."""
+        self._all: list[_Stream] = []
         self._known: _Stream | None = None
-        self._others: list[_Stream] = []
 
-    @property
-    def unknown(self) -> bool:
-        """Whether no publisher is known."""
-        return self._known is None
+    def follows(self, sequence: int) -> bool:
+        """Return whether a message has the number after the last one of a publisher."""
+        return any(sequence == stream.sequence + 1 for stream in self._all)
 
-    def near(self, t_ns: int) -> bool:
-        """Return whether a stamp is about that of the known publisher."""
-        known = self._known
-        return known is not None and known.step_ns is not None and abs(t_ns - known.t_ns) <= _NEAR * known.step_ns
+    def take(self, sequence: int, t_ns: int, alone: bool) -> bool:
+        """Return whether a message is to be taken; that of a publisher that is ``alone`` always is."""
+        if alone:
+            self._all = self._all if len(self._all) == 1 and self.follows(sequence) else [_Stream(sequence, t_ns)]
+            self._known = self._known and self._all[0]
+        stream = self._all[0] if alone else self._owner(sequence, t_ns)
+        stream.advance(sequence, t_ns)
+        return self._known is None or stream is self._known
 
-    def continues(self, sequence: int) -> bool:
-        """Return whether a message has the number after the known publisher's last one."""
-        return self._known is not None and sequence == self._known.sequence + 1
-
-    def alone(self, sequence: int, t_ns: int) -> None:
-        """Take a message of the only publisher, whoever that is: from now on it is the known one."""
-        if self._known is None or not self.continues(sequence):
-            self._known = _Stream(sequence, t_ns)
-        self._known.advance(sequence, t_ns)
-        self._others.clear()
+    def adopt(self, t_ns: int) -> None:
+        """Stay with the publisher whose last stamp is nearest to this one, unless one is adopted."""
+        if self._known is None and self._all:
+            self._known = min(self._all, key=lambda stream: abs(stream.t_ns - t_ns))
 
     def forget(self) -> None:
-        """Forget the known publisher, which is gone: the next message is of the new one."""
+        """Forget all publishers: the one that was adopted is gone."""
         self._known = None
-        self._others.clear()
-
-    def is_known(self, sequence: int, t_ns: int) -> bool:
-        """Return whether a message is of the known publisher, where there are several; the first one that is heard."""
-        if self._known is None:
-            self._known = _Stream(sequence, t_ns)
-            return True
-        stream = self._owner(sequence, t_ns)
-        stream.advance(sequence, t_ns)
-        return stream is self._known
+        self._all.clear()
 
     def _owner(self, sequence: int, t_ns: int) -> _Stream:
-        assert self._known is not None
-        streams = [self._known, *self._others]
-        exact = min(streams, key=lambda stream: stream.off_ns(sequence, t_ns))
-        if exact.off_ns(sequence, t_ns) < _EXACT:
+        exact = min(self._all, key=lambda stream: stream.off(sequence, t_ns), default=None)
+        if exact and exact.off(sequence, t_ns) < _EXACT:
             return exact
-        near = min(streams, key=lambda stream: stream.jump(sequence))
-        if near.jump(sequence) < inf:
+        near = min(self._all, key=lambda stream: stream.jump(sequence), default=None)
+        if near and near.jump(sequence) < inf:
             return near
-        self._others = [*self._others[-_MOST_OTHERS:], _Stream(sequence, t_ns)]
-        return self._others[-1]
+        kept = [stream for stream in self._all if stream is self._known]
+        others = [stream for stream in self._all if stream is not self._known]
+        self._all = [*kept, *others[-_MOST_OTHERS:], _Stream(sequence, t_ns)]
+        return self._all[-1]

@@ -20,8 +20,8 @@ def header_of(frame_id: str, t_ns: int) -> Header:
 def collision_of(report: Report) -> DiagnosticArray | None:
     """Return the contacts that began or ended with a tick; None if there are none."""
     rows = [end_status_of(end) for end in report.ends] + [status_of(event, report.more) for event in report.begins]
-    sight = report.sight
-    return DiagnosticArray(header=header_of(sight.frame_id, sight.t_ns), status=rows) if rows else None
+    observation = report.observation
+    return DiagnosticArray(header=header_of(observation.frame_id, observation.t_ns), status=rows) if rows else None
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
@@ -75,7 +75,7 @@ def health_of(name: str, report: Report | None, warn_below_m: float, dropped: in
                DiagnosticStatus.WARN: f'benches {pair} are {report.clearance_m:.6f} m apart',
                DiagnosticStatus.ERROR: f'{report.count} pairs in contact, the deepest is {pair}'}[level]
     return _status(level, name, message, {
-        't_s': f'{report.sight.t_ns / NS:.9f}', 'clearance_m': f'{report.clearance_m:.12f}', 'closest': pair,
+        't_s': f'{report.observation.t_ns / NS:.9f}', 'clearance_m': f'{report.clearance_m:.12f}', 'closest': pair,
         'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count), 'dropped': str(dropped)})
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
-from dragon_ros.core.contact.tracker import NS, Report, Watch
+from dragon_ros.core.contact.tracker import NS, ContactTracker, Report
 from dragon_ros.core.errors import InputError
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
@@ -38,9 +38,9 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._watch = Synchronizer(), Watch(self._warn_below_m)
+        self._pairs, self._tracker = Synchronizer(), ContactTracker(self._warn_below_m)
         self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
-                            for name in ('handles', 'benches')}
+                         for name in ('handles', 'benches')}
         self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
         self._last: Report | None = None
@@ -58,14 +58,14 @@ class Monitor(DragonNode):
         def take() -> None:
             poses = read_handles(data)
             if self._sources['handles'].keeps(raw_subscription.number(info), poses.t_ns):
-                self._look(self._pairs.add_handles(poses, time.monotonic()))
+                self._observe(self._pairs.add_handles(poses, time.monotonic()))
         self._guarded(take)
 
     def _on_benches(self, data: bytes, info: Any) -> None:
         def take() -> None:
-            shown, known = read_benches(data), self._sources
-            if known['benches'].keeps(raw_subscription.number(info), shown.t_ns, known['handles']):
-                self._look(self._pairs.add_benches(shown, time.monotonic()))
+            shown = read_benches(data)
+            if self._sources['benches'].keeps(raw_subscription.number(info), shown.t_ns):
+                self._observe(self._pairs.add_benches(shown, time.monotonic()))
         self._guarded(take)
 
     def _on_timer(self) -> None:
@@ -87,9 +87,14 @@ class Monitor(DragonNode):
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
             self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
-    def _look(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
+    def _observe(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
         self._drop_unmatched()
-        for report in self._watch.look(observation_of(*pair)) if pair else []:
+        if pair is None:
+            return
+        observation = observation_of(*pair)
+        for source in self._sources.values():       # these two publish a dragon: from now on it is this one
+            source.streams.adopt(observation.t_ns)
+        for report in self._tracker.add(observation):
             self._report(report)
 
     def _drop(self, why: str) -> None:

@@ -9,40 +9,36 @@ from dragon_ros.nodes.base import DragonNode
 
 
 class Publishers:
-    """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message."""
+    """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message.
+
+    It has to ``look`` now and then to notice who has left.
+    """
 
     def __init__(self, node: DragonNode, topic: str) -> None:
         """``topic`` is a full name."""
-        self.topic = topic
-        self._node, self._streams = node, Streams()
+        self.topic, self.streams = topic, Streams()
+        self._node = node
         self._there: dict[bytes, str] = {}
         self._known: bytes | None = None        # None while nobody can tell which of several it is
 
     def look(self) -> list[str]:
         """Look who is there; return the names where there are several, else nothing."""
+        before = self._there
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
                        for one in self._node.get_publishers_info_by_topic(self.topic)}
-        if self._known is not None and self._known not in self._there:
+        gone = before.keys() - self._there.keys()
+        if len(self._there) > 1 and (self._known in gone or (self._known is None and gone)):
             self._known = None
-            self._streams.forget()
+            self.streams.forget()
         if len(self._there) == 1:
             self._known, = self._there
         return _distinct(self._there) if len(self._there) > 1 else []
 
-    def keeps(self, sequence: int, t_ns: int, beside: 'Publishers | None' = None) -> bool:
-        """Return whether a message with this number and stamp is of the publisher that the node stays with.
-
-        ``beside`` is another topic of the same dragon: where several were there from the start, it says which one.
-        Where several are there, ``look`` has to be called now and then to notice that the known one is gone.
-        """
-        if len(self._there) < 2 and not self._streams.continues(sequence):
+    def keeps(self, sequence: int, t_ns: int) -> bool:
+        """Return whether a message with this number and stamp is of the publisher that the node stays with, if any."""
+        if len(self._there) < 2 and not self.streams.follows(sequence):
             self.look()
-        if len(self._there) < 2:
-            self._streams.alone(sequence, t_ns)
-            return True
-        if beside is not None and self._streams.unknown and not beside._streams.near(t_ns):
-            return False
-        return self._streams.is_known(sequence, t_ns)
+        return self.streams.take(sequence, t_ns, len(self._there) < 2)
 
 
 def _distinct(there: dict[bytes, str]) -> list[str]:

@@ -1,7 +1,7 @@
 """The monitor's markers: red benches, the point, a label, read back by the real serialiser."""
 import pytest
 
-from dragon_ros.core.contact.tracker import Report, Sight, Watch
+from dragon_ros.core.contact.tracker import ContactTracker, Observation, Report
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_marker_array
@@ -11,7 +11,7 @@ from dragon_ros.messages.monitor_markers import report_markers
 def report_at(t_s):
     scene = Scene(run=Run(t_s, 415))
     frame = tick(scene, 0)
-    (report,) = Watch().look(Sight(frame.t_ns, frame.chain.p, frame.benches, 'dragon'))
+    (report,) = ContactTracker().add(Observation(frame.t_ns, frame.chain.p, frame.benches, 'dragon'))
     return report
 
 
@@ -26,7 +26,7 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
     assert {(marker.header.stamp.sec, marker.header.stamp.nanosec, marker.header.frame_id)
             for marker in message.markers} == {(412, 480_000_000, 'dragon')}
     for marker in red:
-        centre = report.sight.benches.centre[marker.id]
+        centre = report.observation.benches.centre[marker.id]
         assert (marker.pose.position.x, marker.pose.position.y) == tuple(centre)
         assert marker.pose.orientation.z**2 + marker.pose.orientation.w**2 == pytest.approx(1)
         assert (marker.type, marker.ns, marker.action) == (Marker.CUBE, 'bench in contact', Marker.ADD)

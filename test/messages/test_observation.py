@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.contact.tracker import Watch
+from dragon_ros.core.contact.tracker import ContactTracker
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import MessageError
@@ -50,18 +50,19 @@ def test_both_styles_show_the_rectangles_of_the_model(style, benches):
 
 
 @pytest.mark.parametrize('style', ['cubes', 'triangles'])
-def test_a_watcher_sees_the_contact_of_mixed_benches_in_both_styles(style):
-    scene, watch = load_scene('mixed', ['run.start_s=395.5', 'run.stop_s=395.7', f'markers={style}']), Watch()
+def test_a_tracker_sees_the_contact_of_mixed_benches_in_both_styles(style):
+    scene = load_scene('mixed', ['run.start_s=395.5', 'run.stop_s=395.7', f'markers={style}'])
+    tracker = ContactTracker()
     assert_shows(*messages(scene, 0))
-    begins = [one for k in range(11) for report in watch.look(seen(messages(scene, k)[1])) for one in report.begins]
+    begins = [one for k in range(11) for report in tracker.add(seen(messages(scene, k)[1])) for one in report.begins]
     assert [(one.benches, round(one.t_contact_s, 4)) for one in begins] == [((40, 71), 395.6224)]
 
 
 def test_both_styles_give_the_same_verdicts():
     reports = {}
     for style in ('cubes', 'triangles'):
-        scene, watch = scene_in(style), Watch()
-        reports[style] = [report for k in range(22, 156, 2) for report in watch.look(seen(messages(scene, k)[1]))]
+        scene, tracker = scene_in(style), ContactTracker()
+        reports[style] = [report for k in range(22, 156, 2) for report in tracker.add(seen(messages(scene, k)[1]))]
     assert sum(len(report.begins) for report in reports['cubes']) == 1
     for mine, other in zip(*reports.values(), strict=True):
         assert mine.clearance_m == pytest.approx(other.clearance_m, abs=1e-13)

@@ -92,24 +92,43 @@ def test_of_several_publishers_the_known_one_is_told_apart_by_numbers_and_stamps
     rng, streams = Random(seed), Streams()
     step = 20_000_000
     for k in range(1, 6):
-        streams.alone(k, k * step)
+        assert streams.take(k, k * step, alone=True)
+    streams.adopt(5 * step)
     rows = {'known': [(k, k * step) for k in range(6, 200) if rng.random() < 0.98],
             'new': [(k, 400 * 10**9 + k * step) for k in range(1, 200)],
             'seeks': [(5000 + k, (600 if k < 90 else 30) * 10**9 + k * step) for k in range(200)],
             'level': [(k, (3 * k + 1) * step) for k in range(4, 200)]}
     for name, number, t_ns in interleaved(rng, rows):
-        assert streams.is_known(number, t_ns) == (name == 'known'), (name, number)
+        assert streams.take(number, t_ns, alone=False) == (name == 'known'), (name, number)
 
 
-def test_a_known_publisher_that_seeks_stays_known_and_after_it_is_forgotten_the_next_one_is():
+def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
     streams = Streams()
     for k in range(1, 10):
-        streams.alone(k, 10**9 + k)
-    assert not streams.is_known(500_000, 5)
-    assert streams.is_known(10, 7 * 10**9)      # it went to another time
-    assert streams.is_known(11, 7 * 10**9 + 1)
-    assert not streams.is_known(500_001, 6)
+        streams.take(k, 10**9 + k, alone=True)
+    streams.adopt(10**9 + 9)
+    assert not streams.take(500_000, 5, alone=False)
+    assert streams.take(10, 7 * 10**9, alone=False)      # it went to another time
+    assert streams.take(11, 7 * 10**9 + 1, alone=False)
+    assert not streams.take(500_001, 6, alone=False)
     streams.forget()
-    assert streams.unknown
-    assert streams.is_known(500_002, 7)
-    assert not streams.is_known(12, 7 * 10**9 + 2)
+    assert streams.take(500_002, 7, alone=False)
+    streams.adopt(7)
+    assert not streams.take(12, 7 * 10**9 + 2, alone=False)
+
+
+def test_all_publishers_are_taken_until_one_is_adopted_by_its_stamp():
+    streams = Streams()
+    for k in range(1, 5):
+        assert streams.take(k, k * 10**9, alone=False)              # handles alone, perhaps: no dragon
+        assert streams.take(100 + k, (50 + k) * 10**9, alone=False)
+    streams.adopt(54 * 10**9)
+    assert not streams.take(5, 5 * 10**9, alone=False)
+    assert streams.take(105, 55 * 10**9, alone=False)
+
+
+def test_a_publisher_that_is_alone_is_always_taken_whatever_its_numbers():
+    streams = Streams()
+    for number, t_ns in ((1, 1), (2, 2), (9, 3), (1, 0), (0, 0), (0, 7), (5, 5)):
+        assert streams.take(number, t_ns, alone=True)
+        streams.adopt(t_ns)

@@ -97,13 +97,13 @@ def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene
 def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
     from dragon_ros.bags.write.writer import BagWriter
-    from dragon_ros.core.contact.tracker import Watch
+    from dragon_ros.core.contact.tracker import ContactTracker
     from dragon_ros.core.step import tick
     from dragon_ros.messages.encode import encoders
     from dragon_ros.messages.observation import observation_of, read_benches, read_handles
     from dragon_ros.nodes.contact_messages import status_of
     scene, path = load_scene('first_contact', SHORT), tmp_path_factory.mktemp('bag') / 'short.mcap'
-    encode, watch, events = encoders(scene), Watch(), []
+    encode, tracker, events = encoders(scene), ContactTracker(), []
     with BagWriter(path) as bag:
         for name in encode:
             bag.add_channel(f'/dragon/{name}', channels()[name])
@@ -113,7 +113,7 @@ def recorded(tmp_path_factory):
             for name, message in data.items():
                 bag.write(f'/dragon/{name}', message, frame.t_ns, k + 1)
             seen = observation_of(read_handles(data['handles']), read_benches(data['benches']))
-            events += [status_of(event) for report in watch.look(seen) for event in report.begins]
+            events += [status_of(event) for report in tracker.add(seen) for event in report.begins]
     return path, {value.key: value.value for value in events[0].values}
 
 

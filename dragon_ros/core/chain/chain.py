@@ -235,14 +235,17 @@ class MarchedLink(NamedTuple):
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities; a link of no length carries the speed over unchanged."""
         at, following = self._numbers(chain)
-        segments, p = chain.track.segments, chain.p
-        (k, u), (k_2, u_2) = self.near, self.far
-        one, two = segments[k].heading(*u), segments[k_2].heading(*u_2)
+        segments, (k, u), (k_2, u_2) = chain.track.segments, self.near, self.far
+        one = segments[k].heading(*u)
         out[at], out[at + 1] = speed * one.real, speed * one.imag
+        last = self.start + 1 == chain.links_m.size
+        if k == k_2 and not last:
+            return speed * segments[k].pace(u, u_2) if u != u_2 else speed
+        two, p = segments[k_2].heading(*u_2), chain.p
         x, y = p.item(at) - p.item(following), p.item(at + 1) - p.item(following + 1)
         if x or y:
             speed *= (x * one.real + y * one.imag) / (x * two.real + y * two.imag)
-        if self.start + 1 == chain.links_m.size:
+        if last:
             out[following], out[following + 1] = speed * two.real, speed * two.imag
         return speed
 

@@ -9,7 +9,7 @@ from itertools import pairwise
 from math import cos, inf, pi, sin, sqrt
 
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.tracks.chord import chord_of, first_guess, first_peak, step
+from dragon_ros.core.tracks.chord import TIGHT, chord_of, first_guess, first_peak, step
 
 
 @lru_cache(maxsize=256)
@@ -73,7 +73,7 @@ def _handle(theta: float, chords: Sequence[float]) -> float:
 
 def follower(theta: float, chord: float) -> float:
     """Return the polar angle of the next handle; infinite where there is none."""
-    return theta + step(theta, chord, first_guess(theta, chord), 1e-8)[0] if theta < inf else inf
+    return theta + step(theta, chord, first_guess(theta, chord), TIGHT)[0] if theta < inf else inf
 
 
 def follower_range(low: float, high: float, chord: float) -> tuple[float, float]:
@@ -134,7 +134,7 @@ def turns(chord: float) -> list[float]:
 
 def _comes_in(theta: float, chord: float) -> bool:
     """Return whether a link's rear handle follows its front handle inwards."""
-    delta = step(theta, chord, first_guess(theta, chord), 1e-8)[0]
+    delta = step(theta, chord, first_guess(theta, chord), TIGHT)[0]
     if delta == inf:
         return False
     s = sin(0.5 * delta)

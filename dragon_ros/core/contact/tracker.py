@@ -1,10 +1,10 @@
-"""Watch a dragon tick by tick and report each contact with its bracket: the pure part of the monitor.
+"""Track the contacts of a dragon tick by tick, each with its bracket: the pure part of the monitor.
 
-A watcher sees ticks only. It reports the last tick without contact, the first one with it, and between them the time
+A tracker gets ticks only. It reports the last tick without contact, the first one with it, and between them the time
 at which the signed gap, interpolated through the last ticks, vanishes. Each pair has its episodes: begin, deepest, end.
 
-Sights come late, twice or from a run that started again: ``Arrivals`` lets them through in order. ``Episodes`` are the
-open contacts of all pairs at once, as arrays: who touches, how deep it got and when, and who has been told.
+Observations come late, twice or from a run that started again: ``ReorderBuffer`` passes them on in order. ``Episodes``
+are the open contacts of all pairs at once, as arrays: which pairs touch, how deep and when, and which were reported.
 """
 from collections import deque
 from dataclasses import dataclass, replace
@@ -21,14 +21,14 @@ from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
-NEAR_M = 0.02
+NEAR_M = 0.02           # gaps up to this are found for certain
 MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
-TOUCH_M = 1e-10        # positions are right to 2e-12 m: a smaller gap is a contact
+TOUCH_M = 1e-10         # positions are right to 2e-12 m: a smaller gap is a contact
 _SHOWN = 8
 _UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
 
 Pair = tuple[int, int]
-_LAST = 8           # a sight that is not older than the last so many may just be late
+_LAST = 8           # an observation that is not older than the last so many may just be late
 _LATE_NS = 10**9    # by no more than this
 _IN_A_ROW = 3       # so many late ones in a row are a run that started again
 
@@ -36,7 +36,7 @@ Bools = NDArray[np.bool_]
 
 
 @dataclass(frozen=True)
-class Sight:
+class Observation:
     """What was seen at one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
 
     t_ns: int
@@ -81,14 +81,14 @@ class EpisodeEnd:
 
 @dataclass(frozen=True)
 class Report:
-    """What one sight tells.
+    """What follows from one observation.
 
     ``clearance_m`` is the smallest signed gap of all candidate pairs (inf without any), ``closest`` its benches;
     ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts contacts that
     began beyond the ``MOST_REPORTED``.
     """
 
-    sight: Sight
+    observation: Observation
     clearance_m: float
     closest: Pair | None
     touching: tuple[Pair, ...] = ()
@@ -109,8 +109,8 @@ class _Timed(Protocol):
 T = TypeVar('T', bound=_Timed)
 
 
-class Arrivals(Generic[T]):
-    """Lets sights through by growing time; a late or repeated one is left out, time that goes back starts afresh."""
+class ReorderBuffer(Generic[T]):
+    """Passes observations on by growing time: late or repeated ones are dropped, time that goes back starts afresh."""
 
     def __init__(self) -> None:
         """Start having seen nothing."""
@@ -118,44 +118,44 @@ class Arrivals(Generic[T]):
         self._shape: tuple[int, ...] = ()
         self._late: list[T] = []
 
-    def take(self, sight: T) -> tuple[bool, list[T]]:
-        """Return whether time starts afresh, and the sights to look at now, in order.
+    def take(self, observation: T) -> tuple[bool, list[T]]:
+        """Return whether time starts afresh, and the observations to examine now, in order.
 
         It starts afresh with another number of handles, with a time before the last few or more than a second back,
-        and with a few late sights in a row; those are then handed out, so that nothing of a run that started again
-        is lost.
+        and with a few late observations in a row; those are then passed on, so that nothing of a run that started
+        again is lost.
         """
-        if not self._times or sight.p.shape != self._shape:
-            return self._pass(bool(self._times), [sight])
-        if sight.t_ns > self._times[-1]:
-            return self._pass(False, [sight])
-        if sight.t_ns < max(self._times[0], self._times[-1] - _LATE_NS):
-            return self._pass(True, [sight])
-        return self._hold(sight)
+        if not self._times or observation.p.shape != self._shape:
+            return self._pass(bool(self._times), [observation])
+        if observation.t_ns > self._times[-1]:
+            return self._pass(False, [observation])
+        if observation.t_ns < max(self._times[0], self._times[-1] - _LATE_NS):
+            return self._pass(True, [observation])
+        return self._hold(observation)
 
-    def _hold(self, sight: T) -> tuple[bool, list[T]]:
-        repeated = sight.t_ns == self._times[-1] or (self._late and sight.t_ns == self._late[-1].t_ns)
+    def _hold(self, observation: T) -> tuple[bool, list[T]]:
+        repeated = observation.t_ns == self._times[-1] or (self._late and observation.t_ns == self._late[-1].t_ns)
         if not repeated:
-            grows = self._late and sight.t_ns > self._late[-1].t_ns
-            self._late = [*self._late, sight] if grows else [sight]
+            grows = self._late and observation.t_ns > self._late[-1].t_ns
+            self._late = [*self._late, observation] if grows else [observation]
         return self._pass(True, self._late) if len(self._late) >= _IN_A_ROW else (False, [])
 
-    def _pass(self, afresh: bool, sights: list[T]) -> tuple[bool, list[T]]:
+    def _pass(self, afresh: bool, observations: list[T]) -> tuple[bool, list[T]]:
         if afresh:
             self._times.clear()
-        self._times.extend(sight.t_ns for sight in sights)
-        self._shape, self._late = sights[-1].p.shape, []
-        return afresh, sights
+        self._times.extend(observation.t_ns for observation in observations)
+        self._shape, self._late = observations[-1].p.shape, []
+        return afresh, observations
 
 
 @dataclass(frozen=True)
 class Episodes:
-    """Pairs that touch, by growing ``key`` (M,); the deepest gap in m and its time in ns; whether it was reported."""
+    """Pairs that touch, by growing ``key`` (M,); the deepest gap in m and its time in ns; whether each was reported."""
 
     key: Ints
     deepest_m: Floats
     deepest_ns: Ints
-    told: Bools
+    reported: Bools
 
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
         """Return the episodes at ``t_ns``, which of them are new, and which of these here have ended.
@@ -164,11 +164,11 @@ class Episodes:
         """
         _, old, now = np.intersect1d(self.key, key, assume_unique=True, return_indices=True)
         deepest, times = gap_m.copy(), np.full(key.size, t_ns, dtype=np.int64)
-        told, new, ended = np.zeros(key.size, bool), np.ones(key.size, bool), np.ones(self.key.size, bool)
+        reported, new, ended = np.zeros(key.size, bool), np.ones(key.size, bool), np.ones(self.key.size, bool)
         keep = self.deepest_m[old] <= gap_m[now]
         deepest[now[keep]], times[now[keep]] = self.deepest_m[old[keep]], self.deepest_ns[old[keep]]
-        told[now], new[now], ended[old] = self.told[old], False, False
-        return Episodes(key, deepest, times, told), new, ended
+        reported[now], new[now], ended[old] = self.reported[old], False, False
+        return Episodes(key, deepest, times, reported), new, ended
 
 
 def no_episodes() -> Episodes:
@@ -177,48 +177,48 @@ def no_episodes() -> Episodes:
     return Episodes(none, np.empty(0), none, np.empty(0, bool))
 
 
-class Watch:
-    """Looks at sights in the order of their times; each contact of a pair is told when it begins and when it ends."""
+class ContactTracker:
+    """Examines observations in the order of their times; reports each contact of a pair when it begins and ends."""
 
     def __init__(self, near_m: float = NEAR_M) -> None:
         """Start having seen nothing; gaps up to ``near_m`` are never missed as clearance."""
         self._near_m = near_m
-        self._arrivals: Arrivals[Sight] = Arrivals()
+        self._buffer: ReorderBuffer[Observation] = ReorderBuffer()
         self._restart()
         self._ended: tuple[EpisodeEnd, ...] = ()
 
-    def look(self, sight: Sight) -> list[Report]:
-        """Return what the sight tells; a repeated or late one tells nothing.
+    def add(self, observation: Observation) -> list[Report]:
+        """Return the reports of an observation; a repeated or late one has none.
 
         Time going back, or another dragon, starts afresh. Raises CrowdError where too many benches lie in one place.
         """
-        afresh, sights = self._arrivals.take(sight)
+        afresh, observations = self._buffer.take(observation)
         if afresh:
-            self._ended += self._ends(self._seen[-1], self._open.told, False) if self._seen else ()
+            self._ended += self._ends(self._seen[-1], self._open.reported, False) if self._seen else ()
             self._restart()
-        return [self._look(each) for each in sights]
+        return [self._report_on(each) for each in observations]
 
     def _restart(self) -> None:
-        self._seen: list[Sight] = []
+        self._seen: list[Observation] = []
         self._open = no_episodes()
 
-    def _look(self, sight: Sight) -> Report:
-        i, j, gap = self._gaps(sight)
+    def _report_on(self, observation: Observation) -> Report:
+        i, j, gap = self._gaps(observation)
         least = int(np.argmin(gap)) if gap.size else -1
-        report = Report(sight, float(gap[least]), (int(i[least]), int(j[least]))) if gap.size else Report(
-            sight, inf, None)
+        report = Report(observation, float(gap[least]), (int(i[least]), int(j[least]))) if gap.size else Report(
+            observation, inf, None)
         touching = gap <= TOUCH_M
         if self._open.key.size or np.any(touching):
-            key, rows = np.unique((i * len(sight.benches.centre) + j)[touching], return_index=True)
+            key, rows = np.unique((i * len(observation.benches.centre) + j)[touching], return_index=True)
             report = self._episodes(report, key, gap[touching][rows])
         ends, self._ended = (*self._ended, *report.ends), ()
-        self._seen = [*self._seen[-2:], sight]
+        self._seen = [*self._seen[-2:], observation]
         return replace(report, ends=ends)
 
-    def _gaps(self, sight: Sight) -> tuple[Ints, Ints, Floats]:
+    def _gaps(self, observation: Observation) -> tuple[Ints, Ints, Floats]:
         """Return candidates (K,), (K,) and their gaps; the pairs of open episodes are always among them."""
-        b = sight.benches
-        i, j = candidates(sight.p, b, self._near_m)
+        b = observation.benches
+        i, j = candidates(observation.p, b, self._near_m)
         if self._open.key.size:
             inner, outer = np.divmod(self._open.key, len(b.centre))
             i, j = np.concatenate((i, inner)), np.concatenate((j, outer))
@@ -226,44 +226,45 @@ class Watch:
 
     def _episodes(self, report: Report, key: Ints, gap: Floats) -> Report:
         """Carry the episodes on with the pairs that touch now."""
-        sight = report.sight
-        now, new, ended = self._open.advance(sight.t_ns, key, gap)
-        ends = self._ends(sight, ended & self._open.told, True)
+        observation = report.observation
+        now, new, ended = self._open.advance(observation.t_ns, key, gap)
+        ends = self._ends(observation, ended & self._open.reported, True)
         deepest = np.argsort(gap, kind='stable')
         begun = deepest[new[deepest]]
-        room = max(0, MOST_REPORTED - int(np.sum(now.told)))
-        begins = tuple(self._event(sight, pair, float(gap[n])) for n, pair in
-                       zip(begun[:room], self._pairs(key[begun[:room]], sight), strict=True))
-        told = now.told.copy()
-        told[begun[:room]] = True
-        self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, told)
-        return replace(report, touching=self._pairs(key[deepest[:_SHOWN]], sight), count=key.size, begins=begins,
+        room = max(0, MOST_REPORTED - int(np.sum(now.reported)))
+        begins = tuple(self._event(observation, pair, float(gap[n])) for n, pair in
+                       zip(begun[:room], self._pairs(key[begun[:room]], observation), strict=True))
+        reported = now.reported.copy()
+        reported[begun[:room]] = True
+        self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, reported)
+        return replace(report, touching=self._pairs(key[deepest[:_SHOWN]], observation), count=key.size, begins=begins,
                        ends=ends, more=max(0, begun.size - room))
 
     @staticmethod
-    def _pairs(key: Ints, sight: Sight) -> tuple[Pair, ...]:
-        benches = len(sight.benches.centre)
+    def _pairs(key: Ints, observation: Observation) -> tuple[Pair, ...]:
+        benches = len(observation.benches.centre)
         return tuple((k // benches, k % benches) for k in key.tolist())
 
-    def _ends(self, sight: Sight, which: Bools, parted: bool) -> tuple[EpisodeEnd, ...]:
-        """Return the ends of open episodes; ``sight`` is the first one without contact, or the last one seen."""
+    def _ends(self, observation: Observation, which: Bools, parted: bool) -> tuple[EpisodeEnd, ...]:
+        """Return the ends of open episodes; ``observation`` is the first without contact, or the last one."""
         rows, open_ = np.flatnonzero(which), self._open
         return tuple(EpisodeEnd(
-            pair, sight.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
-            self._crossing(sight, pair)[0] if parted else sight.t_ns / NS, parted, sight.frame_id)
-            for n, pair in zip(rows, self._pairs(open_.key[rows], sight), strict=True))
+            pair, observation.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
+            self._crossing(observation, pair)[0] if parted else observation.t_ns / NS, parted, observation.frame_id)
+            for n, pair in zip(rows, self._pairs(open_.key[rows], observation), strict=True))
 
-    def _event(self, sight: Sight, pair: Pair, gap: float) -> Event:
+    def _event(self, observation: Observation, pair: Pair, gap: float) -> Event:
         before = self._seen[-1] if self._seen else None
-        t_s, slope = self._crossing(sight, pair)
-        point = witness(_between(before, sight, t_s), *pair).point_m
-        return Event(pair, before.t_ns if before else None, sight.t_ns, t_s, point, gap, -slope, sight.frame_id)
+        t_s, slope = self._crossing(observation, pair)
+        point = witness(_between(before, observation, t_s), *pair).point_m
+        return Event(pair, before.t_ns if before else None, observation.t_ns, t_s, point, gap, -slope,
+                     observation.frame_id)
 
-    def _crossing(self, sight: Sight, pair: Pair) -> tuple[float, float]:
+    def _crossing(self, observation: Observation, pair: Pair) -> tuple[float, float]:
         """Return when the gap of a pair vanished since the last tick, and its slope there in m/s (nan if unknown)."""
         if not self._seen:
-            return sight.t_ns / NS, nan
-        known = [*self._even(sight), sight]
+            return observation.t_ns / NS, nan
+        known = [*self._even(observation), observation]
         i, j = np.array([pair[0]]), np.array([pair[1]])
         gap = [float(gaps(one.benches, i, j)[0]) for one in known]
         origin = self._seen[-1].t_ns
@@ -273,9 +274,9 @@ class Watch:
         root = illinois(lambda t: float(curve(t)), 0.0, span[-1], gap[-2], gap[-1]) if crosses and gap[-1] else span[-1]
         return origin / NS + root, float(curve.deriv()(root))
 
-    def _even(self, sight: Sight) -> list[Sight]:
-        """Return the last sights, as many as stand at about the distance from the last one to ``sight``."""
-        out, step = [self._seen[-1]], sight.t_ns - self._seen[-1].t_ns
+    def _even(self, observation: Observation) -> list[Observation]:
+        """Return the last observations, as many as are about as far apart in time as the last one and this."""
+        out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
                 break
@@ -283,8 +284,8 @@ class Watch:
         return out
 
 
-def _between(before: Sight | None, after: Sight, t_s: float) -> Benches:
-    """Return the benches at a time between two sights, each moved along a line and turned evenly."""
+def _between(before: Observation | None, after: Observation, t_s: float) -> Benches:
+    """Return the benches at a time between two observations, each moved along a line and turned evenly."""
     if before is None:
         return after.benches
     share = (t_s - before.t_ns / NS) * NS / (after.t_ns - before.t_ns)

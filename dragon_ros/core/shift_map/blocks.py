@@ -1,4 +1,5 @@
 """Placing a chain block of equal links by block: from shift maps where they serve, link by link where not."""
+from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
 from math import copysign, hypot, inf
@@ -8,6 +9,7 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, Part, arrays_of, join
 from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
 from dragon_ros.core.tracks.chord import TIGHT
@@ -20,8 +22,20 @@ _FARTHEST = 1e300       # a coordinate that no place has: none was found
 _TRIES = 8              # links of a block that are marched in search of its table
 
 
+class _Step(NamedTuple):
+    """What finds the next place on a segment, between which coordinates it is on that one, and what gives points."""
+
+    next: Callable[[DoubleDouble, float, int, float], tuple[DoubleDouble, int]]
+    low: float
+    high: float
+    at: Callable[[float, float], complex]
+
+
 class TabulatedLinks(NamedTuple):
-    """The handles of some ``links`` behind handle ``start`` from the leader, from a tile, at one instant."""
+    """The handles of some ``links`` behind handle ``start`` from the leader, from a tile, at one instant.
+
+    With ``leader``, the first link is the one from there to the first handle of the table.
+    """
 
     start: int
     links: int
@@ -29,30 +43,35 @@ class TabulatedLinks(NamedTuple):
     spot: Spot
     products: list[Product]
     direction: int
+    leader: Place | None = None
     solver: str = 'table'
 
     def fill(self, flat: Floats) -> None:
         """Fill in the coordinates."""
         at, basis = self.at, self.spot.basis
-        for terms, places, _, start, stop in self.products:
-            np.matmul(basis[:terms], places, flat[at + start:at + stop])
+        for times, terms, places, _, start, stop in self.products:
+            times(basis[:terms], places, flat[at + start:at + stop])
 
     def end(self, direction: int) -> Place:
         """Return the place of the last handle."""
-        return self.spot.tile.place_at(self.spot, self.spot.cell.row - direction * self.links)
+        behind = self.links - 1 if self.leader else self.links
+        return self.spot.tile.place_at(self.spot, self.spot.cell.row - direction * behind)
 
     def velocities(self, chain: Chain, speed: Any, out: Floats) -> Any:
         """Fill in velocities."""
-        some = self._motions(out)
-        near, far = (0, some.size - 2) if chain.direction < 0 else (some.size - 2, 0)
+        some, end = self._motions(out), 2 * self.links
+        near = 0 if self.direction < 0 else end
         some *= speed / hypot(some.item(near), some.item(near + 1))
-        return copysign(hypot(some.item(far), some.item(far + 1)), speed)
+        if self.start + self.links < len(chain.links_m):
+            far = end - near
+            speed = copysign(hypot(some.item(far), some.item(far + 1)), speed)
+        return speed
 
     def _motions(self, flat: Floats) -> Floats:
         """Fill in the velocities for unit speed in row 0, and return them, in a row."""
         at, basis = self.at, self.spot.basis
-        for terms, _, motions, start, stop in self.products:
-            np.matmul(basis[:terms], motions, flat[at + start:at + stop])
+        for times, terms, _, motions, start, stop in self.products:
+            times(basis[:terms], motions, flat[at + start:at + stop])
         return flat[at:at + 2 * self.links + 2]
 
     def headings(self, chain: Chain, out: Floats) -> None:
@@ -62,10 +81,14 @@ class TabulatedLinks(NamedTuple):
 
     def places(self) -> Places:
         """Return the places."""
-        (tile, cell, basis), count = self.spot, self.links + 1
-        rows = cell.row - self.direction * np.arange(count)
+        (tile, cell, basis), count = self.spot, self.links if self.leader else self.links + 1
+        rows, basis = cell.row - self.direction * np.arange(count), basis[:tile.table.nodes]
         many = Spots(tile, rows, np.full(count, cell.part), np.broadcast_to(basis, (count, basis.size)))
-        return tile.places_at(many, rows)
+        segment, u, lo = tile.places_at(many, rows)
+        if not self.leader:
+            return segment, u, lo
+        k, (high, low) = self.leader
+        return np.append(k, segment), np.append(high, u), np.append(low, lo)
 
 
 @dataclass(frozen=True, eq=False)
@@ -154,77 +177,107 @@ class Placement:
         return not np.all(self.links_m)
 
     @cached_property
-    def _edges(self) -> dict[tuple[int, float], tuple[float, float]]:
-        """Between which coordinates a link stays on a segment, by number and length."""
-        out = {}
-        for k, segment in enumerate(self.track.segments):
-            for link_m in {block.link_m for block, _ in self.blocks}:
-                edge = self.track.edge(k, link_m, self.direction)
-                outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
-                out[k, link_m] = (-inf, min(edge, _FARTHEST)) if outwards else (max(edge, -_FARTHEST), inf)
-        return out
+    def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_Step]], ...]:
+        """The blocks as ``place`` reads them: from which handle to which, the link, its shift map, steps by segment."""
+        return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
+                     for block, shift in self.blocks)
+
+    def _step(self, k: int, link_m: float) -> _Step:
+        """Return what finds the next place on a segment, and between which coordinates it is on it."""
+        segment = self.track.segments[k]
+        edge = self.track.edge(k, link_m, self.direction)
+        outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
+        low, high = (-inf, min(edge, _FARTHEST)) if outwards else (max(edge, -_FARTHEST), inf)
+        return _Step(segment.next, low, high, segment.at)
+
+    @cached_property
+    def _lead(self) -> tuple[float, int, ShiftMap] | None:
+        """The leader's own link, where one link goes before a block with a shift map: its length, and the block's."""
+        if len(self.blocks) < 2:
+            return None
+        (first, own), (second, shift) = self.blocks[:2]
+        return (first.link_m, second.stop, shift) if shift and not own and first.stop == 1 and first.link_m else None
 
     def place(self, leader: Place) -> Chain:
         """Return the chain of a leader.
 
-        Each part fills in its handles from its first on; a table those of a whole block, its last handle included.
         Raises TrackEndError where there is no track, ChainLockError where a link finds no place.
         """
-        track, count, direction = self.track, self.links_m.size, self.direction
-        parts: list[Part] = []
-        flat, here, spent, filled = np.empty(2 * count + 2), leader, 0, False
-        for (i, stop, link_m), shift in self.blocks:
-            tries = _TRIES
-            while i < stop:
-                spot = shift.spot(here) if shift is not None and tries else None
-                if spot is not None:
-                    tile, cell, _ = spot
-                    links = min(stop - i, tile.rows - 1 - cell.row if direction < 0 else cell.row)
-                    if links:       # all that the table has
-                        part = TabulatedLinks(i, links, 2 * (i if direction < 0 else count - i - links), spot,
-                                              tile.products(cell, links, direction), direction)
-                        part.fill(flat)
-                        parts.append(part)
-                        i, filled = i + links, True
-                        if i < count:
-                            here = part.end(direction)
-                        continue
-                if i + 1 == stop or (shift is not None and tries):      # one link
-                    there, more = self._next(here, i, link_m)
-                    parts.append(MarchedLink(i, here, there, '' if shift is None else 'march'))
-                    self._put(flat, i, here)
-                    here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
-                else:                   # the rest of the block
-                    handles = forward(track, (Block(i, stop, link_m),), here, direction, self.effort)
-                    rest = MarchedLinks(i, arrays_of(handles), '' if shift is None else 'march')
-                    low = i if direction < 0 else count - stop
-                    flat[2 * low:2 * (low + stop - i) + 2] = track.points(*rest.handles)[::-direction].reshape(-1)
-                    parts.append(rest)
-                    here, i, spent, filled = handles.place(-1), stop, spent + handles.evaluations, True
-        if not filled:
-            self._put(flat, count, here)
+        count, led, spent = len(self.links_m), None, 0
+        flat = np.empty(2 * count + 2)
+        if self._lead:
+            link_m, stop, shift = self._lead
+            spot = shift.spot_behind(leader, link_m)
+            led = self._tabulated(flat, 0, stop, spot, leader) if spot else None
+        parts: list[Part] = [led] if led else []
+        if not led or led.links < count:
+            spent = self._place_rest(flat, leader, led, parts)
         p = flat.reshape(-1, 2)
         if self._joins:
-            join(p, self.links_m, direction)
+            join(p, self.links_m, self.direction)
         p.setflags(write=False)
-        return Chain(p, self.links_m, spent, track, direction, tuple(parts))
+        return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
 
-    def _put(self, flat: Floats, i: int, place: Place) -> None:
-        """Fill in the coordinates of handle i from the leader on."""
-        at = 2 * (i if self.direction < 0 else self.links_m.size - i)
-        k, (high, low) = place
-        z = self.track.segments[k].at(high, low)
-        flat[at], flat[at + 1] = z.real, z.imag
+    def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[Part]) -> int:
+        """Add the parts that follow, block by block, and return evaluations.
 
-    def _next(self, here: Place, i: int, link_m: float) -> tuple[Place, int]:
+        Each part fills in its handles from its first on; a table those of a whole block, its last handle included.
+        """
+        count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
+        if led:
+            begin, here, filled = led.links, led.end(direction), True
+        part: Part
+        for i, stop, link_m, shift, steps in self._plan:
+            i, tries = max(i, begin), _TRIES if shift else 0
+            while i < stop:
+                spot = shift.spot(here) if shift and tries else None
+                some = self._tabulated(flat, i, stop, spot) if spot else None
+                if some:
+                    i, filled, part = i + some.links, True, some
+                    if i < count:
+                        here = some.end(direction)
+                elif tries or i + 1 == stop:      # one link
+                    at, z = 2 * (i if direction < 0 else count - i), steps[here[0]].at(*here[1])
+                    flat[at], flat[at + 1] = z.real, z.imag
+                    there, more = self._next(steps[here[0]], here, i, link_m)
+                    part = MarchedLink(i, here, there, 'march' if shift else '')
+                    here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
+                else:                   # the rest of the block
+                    handles = forward(self.track, (Block(i, stop, link_m),), here, direction, self.effort)
+                    rows, first = arrays_of(handles), 2 * (i if direction < 0 else count - stop)
+                    part = MarchedLinks(i, rows, 'march' if shift else '')
+                    flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].reshape(-1)
+                    here, i, spent, filled = handles.place(-1), stop, spent + handles.evaluations, True
+                parts.append(part)
+        if not filled:
+            at, z = 2 * count if direction < 0 else 0, self.track.segments[here[0]].at(*here[1])
+            flat[at], flat[at + 1] = z.real, z.imag
+        return spent
+
+    def _next(self, step: _Step, here: Place, i: int, link_m: float) -> tuple[Place, int]:
         """Return the place of the next handle, and evaluations."""
-        k, u = here
-        following, spent = self.track.segments[k].next(u, link_m, self.direction, TIGHT)
-        low, high = self._edges[k, link_m]
-        if low <= following.hi <= high:
-            return Place(k, following), spent
+        following, spent = step.next(here[1], link_m, self.direction, TIGHT)
+        if step.low <= following[0] <= step.high:
+            return Place(here[0], following), spent
         handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction, self.effort)
         return handles.place(1), spent + handles.evaluations
+
+    def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
+                   leader: Place | None = None) -> TabulatedLinks | None:
+        """Fill in all that the table of a spot has of links ``i`` to ``stop``; None if that is nothing."""
+        (tile, cell, _), direction = spot, self.direction
+        links = (tile.rows - 1 - cell.row if direction < 0 else cell.row) + (leader is not None)
+        if links > stop - i:
+            links = stop - i
+        elif not links:
+            return None
+        products = cell.products.get(links)
+        if products is None:
+            products = cell.products[links] = tile.products(cell, links, direction)
+        part = TabulatedLinks(i, links, 2 * (i if direction < 0 else len(self.links_m) - i - links), spot, products,
+                              direction, leader)
+        part.fill(flat)
+        return part
 
     def place_many(self, leaders: Places) -> Chain:
         """Return the chains of many leaders in one; a block is marched where its tables do not serve them all."""

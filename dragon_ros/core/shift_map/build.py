@@ -15,13 +15,13 @@ from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 
-_NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
+NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
 _MOST_STEPS = 40_000        # from joints to their places in the span
 _MOST_BYTES = 256_000_000   # of the series of one table
 _ROUNDS = 5                 # of cutting parts in two
-_NOISE = 4                  # what rounding may add to the last terms, in units of the error
+NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
-_WIDEST_RAD = 1.3           # about what a link may span on a spiral from afar: further in it is marched
+WIDEST_RAD = 1.3           # about what a link may span on a spiral from afar: further in it is marched
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,7 +32,7 @@ class Table:
     (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. ``slack`` (L, S) is how far |x| may be
     beyond 1 by rounding, ``inverse`` (L, S, K) the coefficients of u(x), the highest power first. Series by part:
     ``coordinates`` (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit
-    speed in row 0. From row r on ``terms[s, r]`` terms are enough.
+    speed in row 0. From row r on ``terms[s, r]`` terms are enough, to ``error_m`` (R,).
     """
 
     segment: Ints
@@ -44,6 +44,7 @@ class Table:
     places: Floats
     motions: Floats
     terms: Ints
+    error_m: Floats
 
     @property
     def rows(self) -> int:
@@ -86,8 +87,8 @@ class _Part:
 
     def nodes(self) -> tuple[Floats, Floats]:
         """Return the coordinates (hi, lo) of the nodes (K,)."""
-        share = 0.5 * (1 + transform(_NODES)[0])
-        high, low = np.broadcast_to(self.fore[:, None], (2, _NODES))
+        share = 0.5 * (1 + transform(NODES)[0])
+        high, low = np.broadcast_to(self.fore[:, None], (2, NODES))
         return plus(high, low, share * ((self.rear[0] - self.fore[0]) + (self.rear[1] - self.fore[1])))
 
 
@@ -116,7 +117,7 @@ def build(track: Track, link_m: float, stretch: Stretch, series_m: Callable[[Flo
         front = _front(track, link_m, stretch)
         low_m, front_m = max(stretch.low_m, track.begin_m), track.distance_of(front)[0]
         count = ceil((front_m - low_m) / link_m) + 1 + (stretch.links if stretch.direction == BEHIND else 0)
-        if front_m <= low_m or 8 * 5 * _NODES * count > _MOST_BYTES:
+        if front_m <= low_m or 8 * 5 * NODES * count > _MOST_BYTES:
             return None
         parts = _parts(track, link_m, front, front_m - count * reach_m(min(track.bend, 1 / link_m), link_m))
         return _built(track, link_m, parts, count, stretch, series_m) if parts else None
@@ -131,7 +132,7 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
         high_m += stretch.links * reach_m(track.bend, link_m)
     front = track.place_at(min(track.end_m, high_m + _HAIR * (1 + abs(high_m))))
     if front.segment == 0 and track.from_afar:
-        return Place.of(0, *max(front.u, (link_m / (_WIDEST_RAD * track.from_afar.curve.b_m), 0.0)))
+        return Place.of(0, *max(front.u, (link_m / (WIDEST_RAD * track.from_afar.curve.b_m), 0.0)))
     return front
 
 
@@ -176,19 +177,19 @@ def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch:
            series_m: Callable[[Floats], Floats]) -> Table | None:
     """Return the table, once all series end; parts whose do not are cut in two."""
     for _ in range(_ROUNDS):
-        if 8 * 5 * _NODES * len(parts) * count > _MOST_BYTES:
+        if 8 * 5 * NODES * len(parts) * count > _MOST_BYTES:
             return None
         rows = _series(track, link_m, parts, count, stretch, series_m)
-        x, middle, scale = _scaled(rows)
+        x, middle, scale = scaled(rows.coordinates)
         leading = x[:, :, rows.leading]
         if not leading.shape[2]:
             return None
-        inverse = _by_part(inverse_series(leading.transpose(1, 0, 2).reshape(_NODES, -1)), len(parts))
+        inverse = _by_part(inverse_series(leading.transpose(1, 0, 2).reshape(NODES, -1)), len(parts))
         left = _left(rows, x, inverse, link_m)
-        if np.max(left) <= _NOISE:
+        if np.max(left) <= NOISE:
             return _table(rows, (x, middle, scale), inverse, link_m)
         parts = [one for part, over in zip(parts, left, strict=True)
-                 for one in (_halves(part) if over > _NOISE else [part])]
+                 for one in (_halves(part) if over > NOISE else [part])]
     return None
 
 
@@ -196,15 +197,15 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch
             series_m: Callable[[Floats], Floats]) -> _Rows:
     """Push the nodes of all parts back through ``count`` rows, as far as there is track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
-    matrix, rows, several = transform(_NODES)[1], segment.shape[0], segment[..., None]
+    matrix, rows, several = transform(NODES)[1], segment.shape[0], segment[..., None]
     each = np.broadcast_to(several, u.shape)
     p, heading = track.points(each, u, lo), track.headings(each, u, lo)
     axis = p[:-1] - p[1:]
     ratio = np.sum(axis * heading[:-1], axis=-1) / np.sum(axis * heading[1:], axis=-1)
     speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)
-    origin = u[..., _NODES // 2], lo[..., _NODES // 2]
+    origin = u[..., NODES // 2], lo[..., NODES // 2]
     from_origin = (u - origin[0][..., None]) + (lo - origin[1][..., None])
-    by_part = [values.transpose(1, 2, 0, 3).reshape(len(parts), _NODES, 2 * rows)
+    by_part = [values.transpose(1, 2, 0, 3).reshape(len(parts), NODES, 2 * rows)
                for values in (p, speed[..., None] * heading)]
     # Nodes run from the rear of a part to its front.
     along = track.distances(each[..., [0, -1]], u[..., [0, -1]])
@@ -220,24 +221,24 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch
 def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tuple[Ints, Floats, Floats]:
     """Return the segments (R, S) and coordinates (R, S, K) as (hi, lo) of the nodes in all rows."""
     nodes: Floats = np.array([part.nodes() for part in parts])
-    numbers: Ints = np.repeat([part.segment for part in parts], _NODES)
+    numbers: Ints = np.repeat([part.segment for part in parts], NODES)
     first: Places = numbers, nodes[:, 0].reshape(-1), nodes[:, 1].reshape(-1)
 
     def settle(places: Places) -> Places:
         return _together(track, places) if len(track.segments) > 1 else places
 
     rows, _ = forward_many(track, (Block(0, count - 1, link_m),), first, BEHIND, Effort(), settle)
-    shape = -1, len(parts), _NODES
+    shape = -1, len(parts), NODES
     return rows[0].reshape(shape)[..., 0], rows[1].reshape(shape), rows[2].reshape(shape)
 
 
 def _together(track: Track, places: Places) -> Places:
     """Return places of parts, each part on one segment: a node beyond a joint by rounding is put on the joint."""
-    shape = -1, _NODES
+    shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
         return places
-    most: Ints = np.repeat(segment[:, _NODES // 2], _NODES).reshape(shape)
+    most: Ints = np.repeat(segment[:, NODES // 2], NODES).reshape(shape)
     for part, node in np.argwhere(segment != most).tolist():
         own = track.segments[int(most[part, node])]
         u[part, node] = own.first if segment[part, node] < most[part, node] else own.last
@@ -245,12 +246,12 @@ def _together(track: Track, places: Places) -> Places:
     return most.reshape(-1), u.reshape(-1), lo.reshape(-1)
 
 
-def _scaled(rows: _Rows) -> tuple[Floats, Floats, Floats]:
-    """Return the series of x (S, K, R), the middle of each part less its origin, and its scale, (S, R) each."""
-    sign = np.where(np.arange(_NODES) % 2, -1.0, 1.0)[:, None]
-    fore, rear = np.sum(sign * rows.coordinates, axis=1), np.sum(rows.coordinates, axis=1)
+def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
+    """Return series (S, K, R) scaled to x in [-1, 1], with the middle that was taken off and the scale, (S, R) each."""
+    sign = np.where(np.arange(NODES) % 2, -1.0, 1.0)[:, None]
+    fore, rear = np.sum(sign * coordinates, axis=1), np.sum(coordinates, axis=1)
     middle, scale = 0.5 * (fore + rear), 2 / (rear - fore)
-    x = rows.coordinates * scale[:, None]
+    x = coordinates * scale[:, None]
     x[:, 0] -= middle * scale
     return x, middle, scale
 
@@ -273,7 +274,7 @@ def _half_widths_m(rows: _Rows) -> Floats:
 
 def _by_part(inverse: Floats, parts: int) -> Floats:
     """Return series (K, S L) as (S, K, L)."""
-    out: Floats = inverse.reshape(_NODES, parts, -1).transpose(1, 0, 2)
+    out: Floats = inverse.reshape(NODES, parts, -1).transpose(1, 0, 2)
     return out
 
 
@@ -286,15 +287,15 @@ def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, 
     # A velocity is a product of many ratios: its rounding may lie above where its series is cut.
     noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
     size = np.maximum(places, np.where(motions > noise, motions, 0.0))
-    terms = _enough(size.reshape(parts, _NODES, count, 2).max(axis=3))
+    terms = _enough(size.reshape(parts, NODES, count, 2).max(axis=3))
     charts = half[:, :, leading] * np.maximum(np.abs(inverse), np.abs(x[:, :, leading]))
     nodes = max(int(np.max(terms)), int(np.max(_enough(charts))))
     centre = plus(rows.origin[0], rows.origin[1], middle.T)
     powers = powers_of(inverse[:, :nodes].transpose(1, 0, 2).reshape(nodes, -1)).reshape(parts, -1, nodes)
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
-    slack = _NOISE / half[:, 0, leading].T
+    slack = NOISE / half[:, 0, leading].T
     return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
-                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms)
+                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms, rows.error_m)
 
 
 def _enough(size: Floats) -> Ints:

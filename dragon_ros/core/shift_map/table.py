@@ -26,21 +26,24 @@ import numpy as np
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Stretch, Table, build
+from dragon_ros.core.shift_map.lead_in import Chart, LeadIn, chart_of, lead_in, towards_leader
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
 _BATCH = 256                # states of one batch of products: what they fill stays in the cache
-_MOST_CELLS = 4096          # that a tile keeps for single states
+_MOST_CELLS = 256           # that a tile keeps for single states, at most 144 kB each
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
-_FEWEST_LINKS = 512         # length of a tile, in links: a power of two, and no less than its blocks have
+_MOST_TILES = 4096          # of one shift map, those where no table serves among them
+_FEWEST_LINKS = 512         # length of a stretch, in links; a tile has as many of them, a power of two, as its blocks
 _SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
 
 class Product(NamedTuple):
-    """One product of a fill: how many terms it takes, the series of places and of motions, and what it fills."""
+    """One product of a fill: what multiplies, how many terms, series of places and of motions, and what it fills."""
 
+    times: Callable[[Floats, Floats, Floats], Floats]
     terms: int
     places: Floats
     motions: Floats
@@ -49,7 +52,10 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A row of a part in which leaders can be, as a single state reads it fastest: floats, and views by their links."""
+    """A row of a part in which places can be, as a single state reads it fastest: floats, and series by their links.
+
+    ``before`` are the series of the leader's place and motion, (K, 2) each, where it is one link before that row.
+    """
 
     row: int
     part: int
@@ -58,6 +64,7 @@ class Cell(NamedTuple):
     middle_lo: float
     scale: float
     inverse: list[float]
+    before: tuple[Floats, Floats] | None
     products: dict[int, list[Product]]
 
 
@@ -79,13 +86,90 @@ class Spots(NamedTuple):
 
 
 class _Side(NamedTuple):
-    """The cells of a tile on one segment, in the order of ``sense`` times the coordinate, which grows backwards."""
+    """The cells on one segment, in the order of ``sense`` times the coordinate, which grows backwards."""
 
     sense: float
-    front: float        # of the tile's stretch
+    front: float        # of the stretch
     rear: float
     begins: list[float]
     cells: list[int]
+
+
+@dataclass(frozen=True, eq=False)
+class Entrance:
+    """The cells of a tile by the coordinates of its leaders on a stretch between two places.
+
+    The leaders of blocks are in the rows themselves; one link before a block they are in none, and ``lead_in`` has
+    their own series. ``chart`` has the cells in the order of rows and parts.
+    """
+
+    tile: 'Tile'
+    chart: Chart
+    fore: Place
+    rear: Place
+    lead_in: LeadIn | None = None
+
+    @cached_property
+    def _orders(self) -> Floats:
+        return np.arange(self.lead_in.nodes if self.lead_in else self.tile.table.nodes, dtype=np.float64)
+
+    @cached_property
+    def sides(self) -> list[_Side | None]:
+        """The cells by segment."""
+        (_, segment, middle, _, _), out = self.chart, list[_Side | None]()
+        fore = middle[:, 0] - 1 / middle[:, 2]
+        for k in range(len(self.tile.track.segments)):
+            cells = np.flatnonzero(segment == k)
+            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows reach beyond the stretch
+                out.append(None)
+                continue
+            sense = float(np.sign(middle[cells[0], 2]))
+            low = sense * self.fore.u.hi if self.fore.segment == k else -inf
+            high = sense * self.rear.u.hi if self.rear.segment == k else inf
+            out.append(_Side(sense, low, high, (sense * fore[cells]).tolist(), cells.tolist()))
+        return out
+
+    @cached_property
+    def _cells(self) -> dict[int, Cell]:
+        return {}
+
+    def _cell(self, number: int) -> Cell:
+        """Return a cell, as floats."""
+        first, _, middle, slack, inverse = self.chart
+        row, part = divmod(number, self.tile.table.parts)
+        before = self.lead_in.leader(number) if self.lead_in else None
+        high, low, scale = middle[number].tolist()
+        powers = inverse[number].tolist()
+        cell = Cell(first + row, part, 1 + float(slack[number]), high, low, scale, powers, before, {})
+        if len(self._cells) >= _MOST_CELLS:
+            self._cells.clear()
+        self._cells[number] = cell
+        return cell
+
+    def spot(self, place: Place) -> Spot | None:
+        """Return where a place is; None where the table has no track for it. Raises LookupError off the stretch.
+
+        The stretch is half open: it holds its rear end.
+        """
+        side = self.sides[place[0]]
+        if side is None:
+            raise LookupError
+        high, low = place[1]
+        sense, front, rear, begins, cells = side
+        along = sense * high
+        if not front < along <= rear:
+            raise LookupError
+        number = cells[bisect_right(begins, along, 1) - 1]      # what is before the first begins is in it or in none
+        cell = self._cells.get(number) or self._cell(number)
+        _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
+        x = ((high - middle) + (low - middle_lo)) * scale
+        if not -slack <= x <= slack:
+            return None
+        u = 0.0
+        for coefficient in inverse:
+            u = u * x + coefficient
+        basis = self._orders * acos(u if -1.0 <= u <= 1.0 else 1.0 if u > 0 else -1.0)
+        return Spot(self.tile, cell, np.cos(basis, basis))
 
 
 @dataclass(frozen=True, eq=False)
@@ -96,6 +180,13 @@ class Tile:
     table: Table
     fore: Place
     rear: Place
+    entrances: dict[tuple[float, int], Entrance | None]     # of leaders before its blocks, by the link and stretch
+
+    @property
+    def memory_bytes(self) -> int:
+        """What its arrays take."""
+        return self.table.memory_bytes + sum(one.lead_in.memory_bytes for one in self.entrances.values()
+                                             if one and one.lead_in)
 
     @cached_property
     def rows(self) -> int:
@@ -107,71 +198,16 @@ class Tile:
         return np.arange(self.table.nodes, dtype=np.float64)
 
     @cached_property
-    def _sides(self) -> list[_Side | None]:
-        table, out = self.table, list[_Side | None]()
-        rows = slice(table.first, table.first + len(table.slack))
-        segment, fore = table.segment[rows].reshape(-1), (table.middle[rows, :, 0] - 1 / table.middle[rows, :, 2])
-        for k in range(len(self.track.segments)):
-            cells = np.flatnonzero(segment == k)
-            if not (cells.size and self.rear.segment <= k <= self.fore.segment):     # rows reach beyond the stretch
-                out.append(None)
-                continue
-            sense = float(np.sign(table.middle[rows, :, 2].reshape(-1)[cells[0]]))
-            begins = sense * fore.reshape(-1)[cells]
-            low = sense * self.fore.u.hi if self.fore.segment == k else -inf
-            high = sense * self.rear.u.hi if self.rear.segment == k else inf
-            out.append(_Side(sense, low, high, begins.tolist(), cells.tolist()))
-        return out
-
-    @cached_property
-    def _cells(self) -> dict[int, Cell]:
-        return {}
-
-    def _cell(self, number: int) -> Cell:
-        """Return a cell, as floats."""
-        cell = self._cells.get(number)
-        if cell is None:
-            table = self.table
-            row, part = divmod(number, table.parts)
-            middle, middle_lo, scale = table.middle[table.first + row, part].tolist()
-            cell = Cell(table.first + row, part, float(table.slack[row, part]), middle, middle_lo, scale,
-                        table.inverse[row, part].tolist(), {})
-            if len(self._cells) >= _MOST_CELLS:
-                self._cells.clear()
-            self._cells[number] = cell
-        return cell
-
-    def spot(self, place: Place) -> Spot | None:
-        """Return where a place is; None where the table has no track for it. Raises LookupError off the stretch.
-
-        The stretch is half open: it holds its rear end.
-        """
-        side, (high, low) = self._sides[place[0]], place[1]
-        if side is None:
-            raise LookupError
-        sense, front, rear, begins, cells = side
-        along = sense * high
-        if not front < along <= rear:
-            raise LookupError
-        number = cells[max(0, bisect_right(begins, along) - 1)]
-        cell = self._cells.get(number) or self._cell(number)
-        _, _, slack, middle, middle_lo, scale, inverse, _ = cell
-        x = ((high - middle) + (low - middle_lo)) * scale
-        if not -1 - slack <= x <= 1 + slack:
-            return None
-        u = 0.0
-        for coefficient in inverse:
-            u = u * x + coefficient
-        basis = self._orders * acos(u if -1.0 <= u <= 1.0 else 1.0 if u > 0 else -1.0)
-        np.cos(basis, basis)
-        return Spot(self, cell, basis)
+    def entrance(self) -> Entrance:
+        """Where the leaders of blocks are."""
+        return Entrance(self, chart_of(self.table), self.fore, self.rear)
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
         """Return where many places on the stretch are, and which of them are in the table."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
         for k in np.unique(segment).tolist():
-            side, on = self._sides[k], segment == k
+            side, on = self.entrance.sides[k], segment == k
             if side:
                 at = np.searchsorted(side.begins, side.sense * u[on], side='right') - 1
                 cell[on] = np.array(side.cells)[np.maximum(0, at)]
@@ -190,7 +226,7 @@ class Tile:
         """Return the place of the handle in another row."""
         part = spot.cell.part
         middle, middle_lo, scale = self.table.middle[row, part].tolist()
-        x = float(spot.basis @ self.table.coordinates[part, :, row])
+        x = float(spot.basis[:self.table.nodes] @ self.table.coordinates[part, :, row])
         return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
@@ -200,18 +236,26 @@ class Tile:
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
 
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
-        """Return the products that give the handle in a cell and ``links`` beyond it, from head to tail."""
-        out = cell.products.get(links)
-        if out is None:
-            first, size = cell.row if direction == BEHIND else cell.row - links, 2 * links + 2
-            terms = int(self.table.terms[cell.part, first])
-            width, out = _TERMS // terms // 2 * 2, []
-            for low in range(0, size, width):
-                stop = min(low + width, size)
-                places, motions = (series[cell.part, :terms, 2 * first + low:2 * first + stop]
-                                   for series in (self.table.places, self.table.motions))
-                out.append(Product(terms, places, motions, low, stop))
-            cell.products[links] = out
+        """Return the products that give ``links`` links, from head to tail: those beyond a cell, and the one before.
+
+        A single product reads series of its own, which lie in a row, by ``dot``, the fastest; several read views.
+        """
+        table, before, size = self.table, cell.before, 2 * links + 2
+        behind = links - 1 if before else links
+        first = cell.row if direction == BEHIND else cell.row - behind
+        terms = int(table.terms[cell.part, first])
+        places, motions = (series[cell.part, :terms, 2 * first:2 * first + 2 * behind + 2]
+                           for series in (table.places, table.motions))
+        if max(terms, len(before[0]) if before else 0) * size <= _TERMS:
+            if before:
+                places, motions = (_joined(*pair, direction) for pair in zip(before, (places, motions), strict=True))
+            return [Product(np.dot, len(places), np.ascontiguousarray(places), np.ascontiguousarray(motions), 0, size)]
+        width, at = _TERMS // terms // 2 * 2, 2 if before and direction == BEHIND else 0
+        out = [Product(np.matmul, terms, places[:, low:stop], motions[:, low:stop], at + low, at + stop)
+               for low in range(0, 2 * behind + 2, width) for stop in [min(low + width, 2 * behind + 2)]]
+        if before:
+            at = 0 if direction == BEHIND else size - 2
+            out.append(Product(np.matmul, len(before[0]), *before, at, at + 2))
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
@@ -229,6 +273,15 @@ class Tile:
                 for n in (0, 1))
         out: Floats = np.hypot(x, y)
         return out
+
+
+def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
+    """Return series of a leader and of the handles of a block as one, from head to tail, with zeros where one ends."""
+    out = np.zeros((max(len(leader), len(block)), block.shape[1] + 2))
+    head = direction == BEHIND
+    out[:len(leader), :2 if head else None][:, None if head else -2:] = leader
+    out[:len(block), 2 if head else 0:None if head else -2] = block
+    return out
 
 
 def _same_cells(cell: Ints) -> list[tuple[slice, int]]:
@@ -254,9 +307,11 @@ class ShiftMap:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._series_m = series_m
-        self._length_m, self._before_m = links_of_tile(links) * link_m, _BEFORE_LINKS * link_m
+        self._stretches = links_of_tile(links) // _FEWEST_LINKS     # of a tile
+        self._stretch_m, self._before_m = _FEWEST_LINKS * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
-        self._last: Tile | None = None
+        self._last: Entrance | None = None
+        self._last_before: Entrance | None = None
 
     @property
     def tiles(self) -> list[Tile]:
@@ -266,26 +321,48 @@ class ShiftMap:
     @property
     def memory_bytes(self) -> int:
         """What the arrays of the tiles take."""
-        return sum(tile.table.memory_bytes for tile in self.tiles)
+        return sum(tile.memory_bytes for tile in self.tiles)
 
     def spot(self, place: Place) -> Spot | None:
         """Return where a place is; None where no table serves it."""
         try:
             return self._last.spot(place)       # type: ignore[union-attr]
         except (LookupError, AttributeError):   # on another tile than the last place, or no tile yet
-            tile = self._tile(self._number(place))
-            self._last = tile or self._last
-            return tile.spot(place) if tile else None
+            tile = self._tile(self._number(place) // self._stretches)
+            self._last = tile.entrance if tile else self._last
+            return tile.entrance.spot(place) if tile else None
+
+    def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
+        """Return where the handle is that follows a leader at a link of another length; None where no series tell."""
+        try:
+            return self._last_before.spot(leader)       # type: ignore[union-attr]
+        except (LookupError, AttributeError):
+            entrance = self._entrance_before(self._number(leader, link_m), link_m)
+            self._last_before = entrance or self._last_before
+            try:
+                return entrance.spot(leader) if entrance else None
+            except LookupError:                 # on a segment where no leader's series end
+                return None
+
+    def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
+        """Return where the leaders one link before blocks on a stretch are; None where none is."""
+        tile = self._tile(number // self._stretches)
+        if tile and (link_m, number) not in tile.entrances:
+            found = lead_in(self.track, tile.table, link_m, self.direction, self._stretch_of(number, 1))
+            tile.entrances[link_m, number] = None if found is None else Entrance(
+                tile, found.chart, self._leader_at(number + 1, link_m) or self._end(1),
+                self._leader_at(number, link_m) or self._end(-1), found)
+        return tile.entrances[link_m, number] if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
         """Return the tiles of many places: which places each has, and where; None where any is in no table."""
         segment, u, lo = places
-        number = np.array([self._number(Place.of(*place)) for place in self._ends(places)])
+        number = np.array([self._number(Place.of(*place)) // self._stretches for place in self._ends(places)])
         if number.size and number.min() == number.max():
             each = [(np.arange(segment.size), int(number[0]))]
         else:
-            numbers = np.array([self._number(Place.of(*place)) for place in zip(segment, u, lo, strict=True)],
-                               dtype=np.int64)
+            numbers = np.array([self._number(Place.of(*place)) // self._stretches
+                                for place in zip(segment, u, lo, strict=True)], dtype=np.int64)
             each = [(np.flatnonzero(numbers == one), one) for one in np.unique(numbers).tolist()]
         out = []
         for rows, one in each:
@@ -305,28 +382,42 @@ class ShiftMap:
         along = self.track.distances(*places[:2])
         return [tuple(float(value[n]) for value in places) for n in (np.argmin(along), np.argmax(along))]  # type: ignore[misc]
 
-    def _number(self, place: Place) -> int:
-        """Return the number of a place's tile: the boundaries are places, and decide."""
-        number = floor((self.track.distance_of(place)[0] + self._before_m) / self._length_m)
-        while self._is_behind(place, number):
+    def _number(self, place: Place, link_m: float = 0.0) -> int:
+        """Return the number of the stretch of a place, or of its follower at a link: the boundaries decide."""
+        along_m = self.track.distance_of(place)[0] + self.direction * link_m
+        number = floor((along_m + self._before_m) / self._stretch_m)
+        while self._is_behind(place, number, link_m):
             number -= 1
-        while not self._is_behind(place, number + 1):
+        while not self._is_behind(place, number + 1, link_m):
             number += 1
         return number
 
-    def _is_behind(self, place: Place, number: int) -> bool:
-        """Return whether a place is behind the beginning of a tile."""
+    def _is_behind(self, place: Place, number: int, link_m: float) -> bool:
+        """Return whether a place, or its follower at a link, is behind the beginning of a stretch."""
         begin = self._boundary(number)
         if begin is None:
-            return number * self._length_m - self._before_m > 0
+            return number * self._stretch_m - self._before_m > 0
+        if link_m:
+            begin = self._leader_at(number, link_m)
+            if begin is None:
+                return self.direction == BEHIND
         if place.segment != begin.segment:
             return place.segment < begin.segment
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
+    def _leader_at(self, number: int, link_m: float) -> Place | None:
+        """Return the place of a leader whose follower is where a stretch begins; None where none is."""
+        begin = self._boundary(number)
+        return None if begin is None else towards_leader(self.track, begin, link_m, self.direction)
+
     def _boundary(self, number: int) -> Place | None:
-        """Return the place at which a tile begins; None beyond the track."""
-        metres = number * self._length_m - self._before_m
+        """Return the place at which a stretch begins; None beyond the track."""
+        metres = self._stretch_of(number, 1)[0]
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None
+
+    def _stretch_of(self, number: int, stretches: int) -> tuple[float, float]:
+        """Return from where to where along the track some stretches are, in metres."""
+        return number * self._stretch_m - self._before_m, (number + stretches) * self._stretch_m - self._before_m
 
     def _tile(self, number: int) -> Tile | None:
         """Return a tile, built when it is first asked for; None where no table serves."""
@@ -334,20 +425,20 @@ class ShiftMap:
             self._tiles.move_to_end(number)
             return self._tiles[number]
         tile = self._tiles[number] = self._built(number)
-        while len(self._tiles) > 1 and self.memory_bytes > _MOST_BYTES:
+        while len(self._tiles) > 1 and (self.memory_bytes > _MOST_BYTES or len(self._tiles) > _MOST_TILES):
             self._tiles.popitem(last=False)
         return tile
 
     def _built(self, number: int) -> Tile | None:
-        track = self.track
-        low_m, high_m = (n * self._length_m - self._before_m for n in (number, number + 1))
-        ends = [self._boundary(number + 1) or self._end(1), self._boundary(number) or self._end(-1)]
+        track, first = self.track, number * self._stretches
+        low_m, high_m = self._stretch_of(first, self._stretches)
+        fore = self._boundary(first + self._stretches) or self._end(1)
+        rear = self._boundary(first) or self._end(-1)
         far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
         if self.link_m <= _SHORTEST * far_m:
             return None
-        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction),
-                      self._series_m(ends[0]))
-        return Tile(track, table, *ends) if table else None
+        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._series_m(fore))
+        return Tile(track, table, fore, rear, {}) if table else None
 
     def _end(self, side: int) -> Place:
         """Return the track's own end, ahead (1) or behind; infinitely far where it is open."""

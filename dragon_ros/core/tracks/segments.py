@@ -6,7 +6,7 @@ is metres on a line, radians turned on an arc and the polar angle on a spiral, k
 import cmath
 from dataclasses import dataclass
 from functools import cached_property
-from math import inf, sqrt
+from math import cos, inf, sin, sqrt
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -111,6 +111,10 @@ class Segment(Protocol):
         """Return the nearest place at a chord, on this curve however long, and evaluations; infinite if none."""
         ...
 
+    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
+        """Return the speed of the handle at ``to`` for unit speed at ``u``: both ends of a link on this segment."""
+        ...
+
     def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
                past: Past | None) -> tuple[Floats, int]:
         """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations.
@@ -181,6 +185,10 @@ class LineSegment:
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
+
+    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
+        """Return 1: both ends of a link have the same speed."""
+        return 1.0
 
     def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
                past: Past | None) -> tuple[Floats, int]:
@@ -254,6 +262,10 @@ class ArcSegment:
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
+
+    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
+        """Return 1: both ends of a link have the same speed."""
+        return 1.0
 
     def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
                past: Past | None) -> tuple[Floats, int]:
@@ -373,6 +385,19 @@ class SpiralSegment:
             return DoubleDouble(outer, more - (outer - theta)) if delta < inf else _NOWHERE_OUT, spent
         delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m), tolerance)
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
+
+    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
+        """Return the speed of the handle at ``to`` for unit speed at ``u``: cos alpha / cos beta of their link.
+
+        With s = sin(delta / 2) the link's way along the tangent at theta is that of ``front`` over sqrt(1 + theta^2).
+        """
+        inner, outer = (u, to) if u < to else (to, u)
+        theta, far, delta = inner[0], outer[0], (outer[0] - inner[0]) + (outer[1] - inner[1])
+        s, c = sin(0.5 * delta), cos(0.5 * delta)
+        across = 2 * theta * s
+        front, back = delta * (1 - 2 * s * s) - across * s + across * far * c, delta + across * (s + far * c)
+        w_inner, w_outer = front * sqrt(1 + far * far), back * sqrt(1 + theta * theta)
+        return w_inner / w_outer if inner is u else w_outer / w_inner
 
     @cached_property
     def _b_m(self) -> float:

@@ -98,7 +98,7 @@ class SpiralCurve:
         wanted, wanted_lo = product(distance_m, per_b)
         wanted_lo += distance_m * per_b_lo + distance_lo_m * per_b
         missing = (wanted - 0.5 * squares) + (wanted_lo - 0.5 * squares_lo)
-        return plus(*plus(theta, theta_lo, -turned), -missing / w_inner)
+        return plus(theta, theta_lo - missing / w_inner, -turned)
 
     def distance_to(self, theta: float) -> float:
         """Return the arc length from the start inwards to polar angle ``theta``, in metres."""

@@ -2,21 +2,21 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.tracker import MOST_REPORTED, Sight, Watch
+from dragon_ros.core.contact.tracker import MOST_REPORTED, ContactTracker, Observation
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 
 
-def sights(scene, ticks):
+def observations(scene, ticks):
     for k in ticks:
         frame = tick(scene, k)
-        yield Sight(frame.t_ns, frame.chain.p, frame.benches)
+        yield Observation(frame.t_ns, frame.chain.p, frame.benches)
 
 
-def events(scene, ticks, watch=None):
-    watch = watch or Watch()
-    return [event for sight in sights(scene, ticks) for report in watch.look(sight) for event in report.begins]
+def events(scene, ticks, tracker=None):
+    tracker = tracker or ContactTracker()
+    return [event for one in observations(scene, ticks) for report in tracker.add(one) for event in report.begins]
 
 
 def test_the_event_brackets_the_contact_and_interpolates_it():
@@ -44,14 +44,14 @@ def test_a_watch_that_starts_in_contact_has_an_open_bracket():
 
 
 def test_the_same_tick_again_tells_nothing_new():
-    scene, watch = Scene(run=Run(412.4, 413)), Watch()
-    assert len(events(scene, [3, 4, 4, 4, 5, 5], watch)) == 1
+    scene, tracker = Scene(run=Run(412.4, 413)), ContactTracker()
+    assert len(events(scene, [3, 4, 4, 4, 5, 5], tracker)) == 1
 
 
 def test_time_going_back_starts_afresh():
-    scene, watch = Scene(run=Run(412, 413)), Watch()
-    assert len(events(scene, range(51), watch)) == 1
-    assert len(events(scene, range(51), watch)) == 1
+    scene, tracker = Scene(run=Run(412, 413)), ContactTracker()
+    assert len(events(scene, range(51), tracker)) == 1
+    assert len(events(scene, range(51), tracker)) == 1
 
 
 def test_a_contact_that_lasts_is_one_event():
@@ -61,13 +61,13 @@ def test_a_contact_that_lasts_is_one_event():
 @pytest.mark.parametrize(('turn', 'mirror'), [(1.0, 1), (-2.5, 1), (0.0, -1), (2.0, -1)])
 def test_a_turned_or_mirrored_dragon_has_the_same_contact(turn, mirror):
     move = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ np.diag([1, mirror])
-    scene, watch = Scene(run=Run(412.3, 412.6)), Watch()
+    scene, tracker = Scene(run=Run(412.3, 412.6)), ContactTracker()
     (plain,) = events(scene, range(16))
     moved = []
-    for sight in sights(scene, range(16)):
-        b = sight.benches
+    for one in observations(scene, range(16)):
+        b = one.benches
         benches = Benches(b.centre @ move.T, b.axis @ move.T, b.half_length, b.half_width)
-        moved += [e for r in watch.look(Sight(sight.t_ns, sight.p @ move.T, benches)) for e in r.begins]
+        moved += [e for r in tracker.add(Observation(one.t_ns, one.p @ move.T, benches)) for e in r.begins]
     (event,) = moved
     assert event.benches == plain.benches
     assert event.t_contact_s == pytest.approx(plain.t_contact_s, abs=1e-9)
@@ -76,15 +76,15 @@ def test_a_turned_or_mirrored_dragon_has_the_same_contact(turn, mirror):
 
 def test_another_number_of_benches_starts_afresh():
     from dragon_ros.core.chain.dragon import Dragon
-    watch = Watch()
-    assert len(events(Scene(run=Run(412.4, 413)), range(10), watch)) == 1
-    assert len(events(Scene(dragon=Dragon(50), run=Run(412.7, 413)), range(3), watch)) == 1
-    assert np.isfinite(watch._seen[-1].p).all()
+    tracker = ContactTracker()
+    assert len(events(Scene(run=Run(412.4, 413)), range(10), tracker)) == 1
+    assert len(events(Scene(dragon=Dragon(50), run=Run(412.7, 413)), range(3), tracker)) == 1
+    assert np.isfinite(tracker._seen[-1].p).all()
 
 
-def reports(scene, ticks, watch=None):
-    watch = watch or Watch()
-    return [report for sight in sights(scene, ticks) for report in watch.look(sight)]
+def reports(scene, ticks, tracker=None):
+    tracker = tracker or ContactTracker()
+    return [report for observation in observations(scene, ticks) for report in tracker.add(observation)]
 
 
 def told(rows):
@@ -99,12 +99,12 @@ def crossed(t_ns, gap_m, benches=4):
     half = np.full(benches, 0.5)
     axis = np.tile([1.0, 0.0], (benches, 1))
     p = np.array([(n, (-1.0) ** n) for n in range(benches + 1)])
-    return Sight(t_ns, p, Benches(centre, axis, half, half))
+    return Observation(t_ns, p, Benches(centre, axis, half, half))
 
 
-def look_at(rows, watch=None):
-    watch = watch or Watch()
-    return [report for sec, gap_m in rows for report in watch.look(crossed(round(sec * 1e9), gap_m))]
+def reports_of(rows, tracker=None):
+    tracker = tracker or ContactTracker()
+    return [report for sec, gap_m in rows for report in tracker.add(crossed(round(sec * 1e9), gap_m))]
 
 
 SCENE = Scene(run=Run(412, 416))
@@ -122,7 +122,7 @@ def test_each_pair_has_its_own_episode_with_begin_deepest_and_end():
 
 def test_begin_and_end_times_and_the_approach_speed_are_those_of_a_known_motion():
     t = np.arange(0, 4.01, 0.25)
-    rows = look_at(zip(t, 0.1 * (t - 1.1) * (t - 3.3), strict=True))
+    rows = reports_of(zip(t, 0.1 * (t - 1.1) * (t - 3.3), strict=True))
     (begin,) = [event for report in rows for event in report.begins]
     (end,) = [event for report in rows for event in report.ends]
     assert (begin.benches, end.benches) == ((0, 3), (0, 3))
@@ -133,29 +133,29 @@ def test_begin_and_end_times_and_the_approach_speed_are_those_of_a_known_motion(
 
 
 def test_a_pair_that_touches_again_has_a_second_episode():
-    rows = look_at([(0, 1), (1, -0.1), (2, 1), (3, -0.2), (4, 1)])
+    rows = reports_of([(0, 1), (1, -0.1), (2, 1), (3, -0.2), (4, 1)])
     assert told(rows) == [('begin', (0, 3)), ('parted', (0, 3))] * 2
     assert [report.count for report in rows] == [0, 1, 0, 1, 0]
 
 
 def test_clearance_is_the_smallest_signed_gap_and_names_the_pair():
-    rows = look_at([(0, 0.015), (1, -0.25)])
+    rows = reports_of([(0, 0.015), (1, -0.25)])
     assert [report.clearance_m for report in rows] == pytest.approx([0.015, -0.25])
     assert [report.closest for report in rows] == [(0, 3), (0, 3)]
 
 
 def test_benches_two_and_three_apart_in_the_chain_count_however_far():
-    (report,) = look_at([(0, 30)])
+    (report,) = reports_of([(0, 30)])
     assert (report.clearance_m, report.closest, report.touching) == (pytest.approx(30), (0, 3), ())
 
 
 def test_no_gap_up_to_the_wanted_one_is_missed_in_any_layout():
-    (report,) = look_at([(0, 0.0999)], Watch(near_m=0.1))
+    (report,) = reports_of([(0, 0.0999)], ContactTracker(near_m=0.1))
     assert report.clearance_m == pytest.approx(0.0999)
 
 
 def test_a_gap_of_rounding_errors_is_a_contact():
-    begin, = (event for report in look_at([(0, 0.1), (1, 1e-13)]) for event in report.begins)
+    begin, = (event for report in reports_of([(0, 0.1), (1, 1e-13)]) for event in report.begins)
     assert begin.t_contact_s == 1
 
 
@@ -170,35 +170,35 @@ def test_lost_sights_make_the_bracket_wider_and_no_more():
 
 
 def test_ticks_of_a_nanosecond_beside_long_ones_do_not_upset_the_interpolation():
-    rows = look_at([(0, 0.3), (1, 0.2), (1 + 1e-9, 0.2 - 1e-10), (3, -0.1), (3 + 1e-9, -0.1), (1e6, 0.4)])
+    rows = reports_of([(0, 0.3), (1, 0.2), (1 + 1e-9, 0.2 - 1e-10), (3, -0.1), (3 + 1e-9, -0.1), (1e6, 0.4)])
     begin, end = rows[3].begins[0], rows[-1].ends[0]
     assert 1 < begin.t_contact_s < 3
     assert 3 < end.t_end_s < 1e6
 
 
 def test_a_restart_ends_what_was_open_and_tells_the_contact_again():
-    watch = Watch()
-    rows = reports(SCENE, range(30), watch) + reports(SCENE, range(30), watch)
+    tracker = ContactTracker()
+    rows = reports(SCENE, range(30), tracker) + reports(SCENE, range(30), tracker)
     assert told(rows) == [('begin', (0, 8)), ('restart', (0, 8)), ('begin', (0, 8))]
     assert [report.count for report in rows[29:31]] == [1, 0]
 
 
 def test_a_step_back_of_more_than_a_second_is_a_restart_at_once():
-    assert told(look_at([(0, 1), (5, -0.1), (0, 1)])) == [('begin', (0, 3)), ('restart', (0, 3))]
+    assert told(reports_of([(0, 1), (5, -0.1), (0, 1)])) == [('begin', (0, 3)), ('restart', (0, 3))]
 
 
 def test_a_restart_within_the_last_few_sights_loses_none_of_them():
-    watch = Watch()
-    first = reports(SCENE, range(20, 25), watch)
-    second = reports(SCENE, range(21, 30), watch)
-    assert [report.sight.t_ns for report in second] == [SCENE.run.time_ns(k) for k in range(21, 30)]
+    tracker = ContactTracker()
+    first = reports(SCENE, range(20, 25), tracker)
+    second = reports(SCENE, range(21, 30), tracker)
+    assert [report.observation.t_ns for report in second] == [SCENE.run.time_ns(k) for k in range(21, 30)]
     assert told(first + second) == [('begin', (0, 8)), ('restart', (0, 8)), ('begin', (0, 8))]
 
 
 def test_another_number_of_benches_ends_what_was_open():
-    watch = Watch()
-    watch.look(crossed(10**9, -0.1))
-    (report,) = watch.look(crossed(2 * 10**9, -0.1, benches=7))
+    tracker = ContactTracker()
+    tracker.add(crossed(10**9, -0.1))
+    (report,) = tracker.add(crossed(2 * 10**9, -0.1, benches=7))
     assert told([report]) == [('restart', (0, 3)), ('begin', (0, 6))]
 
 
@@ -207,30 +207,30 @@ def test_many_contacts_at_once_are_bounded_deepest_first_and_counted():
     rng = np.random.default_rng(4)
     p = np.array([(n, (-1.0) ** n) for n in range(benches + 1)])
     crowd = Benches(rng.uniform(0, 3, (benches, 2)), np.tile([1.0, 0.0], (benches, 1)), half, half)
-    watch = Watch()
-    (report,) = watch.look(Sight(10**9, p, crowd))
+    tracker = ContactTracker()
+    (report,) = tracker.add(Observation(10**9, p, crowd))
     assert len(report.begins) == MOST_REPORTED
     assert report.more == report.count - MOST_REPORTED > 100
     assert [event.gap_m for event in report.begins] == sorted(event.gap_m for event in report.begins)
     assert report.begins[0].benches == report.closest == report.touching[0]
     spread = Benches(np.stack((10.0 * np.arange(benches), half), axis=1), crowd.axis, half, half)
-    (after,) = watch.look(Sight(2 * 10**9, p, spread))
+    (after,) = tracker.add(Observation(2 * 10**9, p, spread))
     assert {end.benches for end in after.ends} == {event.benches for event in report.begins}
-    assert (after.count, watch._open.key.size) == (0, 0)
+    assert (after.count, tracker._open.key.size) == (0, 0)
 
 
 def test_an_open_episode_goes_on_where_the_pair_is_no_candidate_any_more(monkeypatch):
     from dragon_ros.core.contact import tracker as module
-    watch = Watch()
-    watch.look(crossed(10**9, -0.1))
+    tracker = ContactTracker()
+    tracker.add(crossed(10**9, -0.1))
     monkeypatch.setattr(module, 'candidates', lambda p, benches, reach_m=None: (np.array([0]), np.array([2])))
-    (report,) = watch.look(crossed(2 * 10**9, -0.2))
+    (report,) = tracker.add(crossed(2 * 10**9, -0.2))
     assert (report.count, report.ends) == (1, ())
 
 
 def test_a_watch_of_the_whole_run_never_grows():
-    watch = Watch()
-    reports(SCENE, range(compile_scene(SCENE).last_tick + 1), watch)
-    assert len(watch._seen) == 3
-    assert watch._open.key.size <= 2
-    assert len(watch._arrivals._times) <= 8
+    tracker = ContactTracker()
+    reports(SCENE, range(compile_scene(SCENE).last_tick + 1), tracker)
+    assert len(tracker._seen) == 3
+    assert tracker._open.key.size <= 2
+    assert len(tracker._buffer._times) <= 8

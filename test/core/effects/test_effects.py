@@ -15,7 +15,7 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps, witness
-from dragon_ros.core.contact.tracker import Sight, Watch
+from dragon_ros.core.contact.tracker import ContactTracker, Observation
 from dragon_ros.core.effects.noise import normal
 from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
@@ -107,8 +107,8 @@ def test_every_effect_has_a_meaning():
 
 
 def test_clearance_and_contacts_are_what_the_monitor_sees():
-    frame, watch = everything(), Watch()
-    (report,) = watch.look(Sight(frame.t_ns, frame.chain.p, frame.benches))
+    frame, tracker = everything(), ContactTracker()
+    (report,) = tracker.add(Observation(frame.t_ns, frame.chain.p, frame.benches))
     assert frame.closeness.clearance_m == report.clearance_m < 0
     assert tuple(map(tuple, frame.contacts.benches.tolist())) == report.touching == ((0, 8),)
     assert frame.contacts.gap_m[0] == report.clearance_m

@@ -120,7 +120,7 @@ def test_a_tile_is_bounded_in_size():
 
 def test_a_shift_map_keeps_the_tiles_that_were_used_last_within_its_bytes(monkeypatch):
     scene = Scene(dragon=Dragon(20), track=Spiral(0.55, 1e5), accuracy='standard', run=Run(0, 1e6))
-    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 3.5 * tile(scene, 0.0).table.memory_bytes)
+    monkeypatch.setattr('dragon_ros.core.shift_map.table._MOST_BYTES', 3.5 * tile(scene, 0.0).memory_bytes)
     first = state(scene, 100.0).p
     for t_s in np.linspace(0, 2e4, 30).tolist():
         state(scene, t_s)

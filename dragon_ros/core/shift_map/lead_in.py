@@ -1,0 +1,186 @@
+"""One link before a block: where the leader is when the first handle of a block is in a cell of the block's table.
+
+A dragon's head link is longer than its others, so its leader lies one link before the first block, and in none of its
+rows. But while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
+coordinate, place and motion have series in u as all rows have, and the coordinate's inverse gives u without a look for
+the first handle: one product then fills the whole chain, its leader included.
+"""
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from dragon_ros.core.chain.forward import next_places
+from dragon_ros.core.errors import ChainLockError, TrackEndError
+from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transform
+from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
+from dragon_ros.core.shift_map.build import NODES, NOISE, WIDEST_RAD, Table, scaled
+from dragon_ros.core.tracks.chord import LARGEST_BEND, TIGHT, reach_m
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
+
+_NOWHERE = -1           # segment of a cell without a chart
+
+
+class Chart(NamedTuple):
+    """Cells (C,) by the coordinates of the places in them, in the order of rows, from ``first`` on, and parts.
+
+    ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with
+    x = (coordinate - middle) * scale in [-1, 1]; ``slack`` (C,) is how far |x| may be beyond 1 by rounding, ``inverse``
+    (C, K) the coefficients of u(x), the highest power first.
+    """
+
+    first: int
+    segment: Ints
+    middle: Floats
+    slack: Floats
+    inverse: Floats
+
+
+def chart_of(table: Table) -> Chart:
+    """Return the chart of the rows in which leaders of blocks can be."""
+    rows, cells = slice(table.first, table.first + len(table.slack)), table.slack.size
+    return Chart(table.first, table.segment[rows].reshape(-1), table.middle[rows].reshape(cells, 3),
+                 table.slack.reshape(-1), table.inverse.reshape(cells, -1))
+
+
+@dataclass(frozen=True, eq=False)
+class LeadIn:
+    """The chart of leaders one link before each cell of a table, and their own series.
+
+    ``places`` and ``motions`` (C, K, 2) as in the table; the first ``terms`` (C,) of them are enough.
+    """
+
+    chart: Chart
+    places: Floats
+    motions: Floats
+    terms: Ints
+
+    def leader(self, cell: int) -> tuple[Floats, Floats]:
+        """Return the series of the place and the motion of a cell's leader, (terms, 2) each."""
+        terms = self.terms[cell]
+        return self.places[cell, :terms], self.motions[cell, :terms]
+
+    @property
+    def nodes(self) -> int:
+        """Number of terms of the series."""
+        return int(self.places.shape[1])
+
+    @property
+    def memory_bytes(self) -> int:
+        """What the arrays take."""
+        return sum(values.nbytes for values in (*self.chart[1:], self.places, self.motions, self.terms))
+
+
+def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
+    """Return the place of a leader whose follower at a link in ``direction`` is at ``place``; None where none is."""
+    tame = _tame(track, link_m)
+    if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
+        return None
+    return tame.next(place, link_m, -direction, TIGHT)[0]
+
+
+def lead_in(track: Track, table: Table, link_m: float, direction: int, stretch_m: tuple[float, float]) -> LeadIn | None:
+    """Return the leaders one link of ``link_m`` before the cells of a table that are on a stretch of the track.
+
+    None where none of them has a leader.
+    """
+    tame, rows = _tame(track, link_m), _rows_on(track, table, stretch_m)
+    if tame is None or not rows.size:
+        return None
+    followers, p, motion = _followers(track, table, rows)
+    along = track.distances(followers[0][:, [0, -1]], followers[1][:, [0, -1]])     # from rear to front
+    found = _has_leader(tame, along[:, 1 if direction == BEHIND else 0], link_m, direction)
+    if not np.any(found):
+        return None
+    flat: Places = tuple(values[found].reshape(-1) for values in followers)     # type: ignore[assignment]
+    try:
+        leaders, _, _ = next_places(tame, flat, link_m, -direction, Effort())
+    except (TrackEndError, ChainLockError):
+        return None
+    return _fitted(track, table, rows, np.flatnonzero(found), leaders, (p[found], motion[found]), link_m)
+
+
+def _tame(track: Track, link_m: float) -> Track | None:
+    """Return a track on which no such link locks: what of a spiral is nearer to its centre is left to marching."""
+    if track.bend * link_m <= LARGEST_BEND:
+        return track
+    segment = track.segments[0]
+    if len(track.segments) > 1 or not isinstance(segment, SpiralSegment):
+        return None
+    return Track((replace(segment, last=link_m / (WIDEST_RAD * segment.curve.b_m)),), track.origins_m)
+
+
+def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
+    """Return whether a place has a leader at a link, whatever the track between them."""
+    reach = reach_m(track.bend, link_m)
+    return np.asarray(along_m + reach <= track.end_m if direction == BEHIND else along_m - reach >= track.begin_m)
+
+
+def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints:
+    """Return the rows in which leaders of blocks can be that have a part on a stretch."""
+    rows = np.arange(table.first, table.first + len(table.slack))
+    half = 1 / table.middle[rows, :, 2]
+    low, high = (track.distances(table.segment[rows], table.middle[rows, :, 0] + end) for end in (half, -half))
+    out: Ints = rows[np.any((high >= stretch_m[0]) & (low <= stretch_m[1]), axis=1)]
+    return out
+
+
+def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, Floats]:
+    """Return the nodes of the cells of rows (C, nodes), rear first: places, coordinates (C, nodes, 2) and motions."""
+    count = table.nodes
+    at = chebyshev.chebvander(transform(NODES)[0], count - 1)         # (nodes, K)
+    x = np.einsum('jk,skr->rsj', at, table.coordinates[:, :, rows])
+    middle = table.middle[rows]
+    segment = np.repeat(table.segment[rows][..., None], NODES, axis=-1).reshape(-1, NODES)
+    high, low = plus(middle[..., :1], middle[..., 1:2], x / middle[..., 2:])
+    places = segment, high.reshape(-1, NODES), low.reshape(-1, NODES)
+    series = table.motions.reshape(table.parts, count, -1, 2)[:, :, rows]
+    motion = np.einsum('jk,skrd->rsjd', at, series).reshape(-1, NODES, 2)
+    return places, track.points(*places), motion
+
+
+def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
+            link_m: float) -> LeadIn | None:
+    """Return the series of leaders at the nodes of some cells; a cell whose leaders' series do not end has no chart."""
+    segment = leaders[0].reshape(-1, NODES)
+    u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
+    p, heading = track.points(segment, u, lo), track.headings(segment, u, lo)
+    axis = p - followers[0]
+    pace = np.sum(axis * followers[1], axis=-1) / np.sum(axis * heading, axis=-1)
+    matrix, centre = transform(NODES)[1], NODES // 2
+    origin = u[:, centre], lo[:, centre]
+    from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
+    places, motions = (np.einsum('kj,cjd->ckd', matrix, values) for values in (p, pace[..., None] * heading))
+    (x,), (middle,), (scale,) = scaled((matrix @ from_origin.T)[None])
+    error_m = table.error_m[rows[cells // table.parts]]
+    half = np.hypot(places[:, 1, 0], places[:, 1, 1]) / error_m
+    one = np.all(segment == segment[:, :1], axis=1)
+    inverse = np.zeros_like(x)
+    inverse[:, one] = inverse_series(x[:, one])
+    size = np.maximum(np.abs(places), link_m * np.abs(motions)).max(axis=2) / error_m[:, None]
+    charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
+    served = one & (np.maximum(size, charts)[:, -2:].max(axis=1) <= NOISE)
+    if not np.any(served):
+        return None
+    terms = _enough(size)
+    nodes = max(table.nodes, int(np.max(np.maximum(terms, _enough(charts))[served])))
+    numbers, count, on = cells[served], rows.size * table.parts, np.flatnonzero(served)
+
+    def of_all(values: Array, empty: float = 0.0) -> Array:
+        out = np.full((count, *values.shape[1:]), empty, dtype=values.dtype)
+        out[numbers] = values[on]
+        return read_only(out)
+
+    coordinates = np.stack((*plus(*origin, middle), scale), axis=-1)
+    chart = Chart(int(rows[0]), of_all(segment[:, 0], _NOWHERE), of_all(coordinates, 1.0), of_all(NOISE / half),
+                  of_all(powers_of(inverse[:nodes])))
+    return LeadIn(chart, of_all(places[:, :nodes]), of_all(motions[:, :nodes]), of_all(terms))
+
+
+def _enough(size: Floats) -> Ints:
+    """Return how many terms of sizes (C, K), in units of the error, are enough."""
+    out: Ints = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
+    return out

@@ -1,0 +1,69 @@
+"""One link before a block: a leader's own series put the whole chain into one product, on any track, at either end."""
+import numpy as np
+import pytest
+from test_blocks import EFFORT, TURNING, placement
+
+from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.dragon import Group, Mixed
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.composite import Place, spiral_track
+from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.spec import Spiral
+
+LINKS_M = np.array([2.86] + [1.65] * 222)
+
+
+def hold(model, gone_m):
+    """Hold a model's chain against the march; return its parts."""
+    chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0), model.effort)
+    np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=2e-13)
+    for one, two in zip(chain.places, other.places, strict=True):
+        np.testing.assert_allclose(one, two, rtol=0, atol=1e-13)
+    return chain.parts
+
+
+@pytest.mark.parametrize('t_s', [0.0, 100.0, 300.0, 412.4])
+def test_a_classic_chain_is_one_product_from_head_to_tail(t_s):
+    part, = hold(compile_scene(Scene()).model, t_s)
+    assert (part.start, part.links, part.solver) == (0, 223, 'table')
+
+
+def test_close_to_a_lock_the_head_link_is_marched_and_the_block_is_not():
+    chain = state(Scene(), 425.0)
+    assert [part.solver for part in chain.parts] == ['', 'table']
+
+
+def test_a_tail_before_a_block_is_in_its_product_too():
+    mix = Mixed((Group(2.2, 40), Group(3.41)))
+    part, = hold(compile_scene(Scene(mix, Spiral(0.55, 10.0), Head(1.0, 'tail'), Run(0, 60))).model, 31.0)
+    assert (part.start, part.links) == (0, 41)
+
+
+def test_only_leaders_whose_series_would_cross_a_joint_are_marched():
+    model, simulation = compile_scene(TURNING).model, compile_scene(TURNING)
+    chains = [hold(model, gone_m) for gone_m in np.linspace(*simulation.extent_m, 150)]
+    alone = sum(parts[0].links == 1 for parts in chains)
+    assert 0 < alone < 0.2 * len(chains)
+
+
+@pytest.mark.parametrize('tile', [0, -1])
+def test_at_the_edge_of_a_tile_a_place_has_the_same_bits_from_either_side(tile):
+    track = spiral_track(Spiral(), 0.0, may_lock=True)
+    shift = placement(track, LINKS_M, BEHIND).maps[1.65]
+    edge = shift._leader_at(tile, 2.86)
+    near = [Place(0, DoubleDouble(edge.u.hi + ulps * np.spacing(edge.u.hi), 0.0)) for ulps in range(-3, 4)]
+    behind, ahead = (Place(0, DoubleDouble(edge.u.hi + turn, 0.0)) for turn in (0.5, -0.5))
+    for place in near:
+        seen = set()
+        for first in (behind, ahead, place):
+            place_of = placement(track, LINKS_M, BEHIND)
+            place_of.place(first)
+            seen.add(place_of.place(place).p.tobytes())
+        assert len(seen) == 1
+        np.testing.assert_allclose(place_of.place(place).p, marched(track, LINKS_M, place, BEHIND, EFFORT).p,
+                                   rtol=0, atol=1e-13)
