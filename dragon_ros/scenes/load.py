@@ -30,6 +30,7 @@ _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, leng
 _WORDS = ('lead', 'ramps', 'side')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
+_MOST_SHOWN = 100       # characters of a --set in an error
 ABOUT = 'about'     # free notes about a scene, without any effect
 
 
@@ -213,9 +214,9 @@ def _names(document: Document, key: str, value: Any) -> list[Any]:
 def _override(document: Document, text: str) -> None:
     """Apply one ``dotted.key=value``."""
     key, equals, value = text.partition('=')
+    place = f'--set {text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "..."}'
     if not equals or not key:
-        raise InputError(f'--set {text}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
-    place = f'--set {text}'
+        raise InputError(f'{place}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
     parsed = parse_document(place, f'value: {value}').values.get('value')
     *sections, last = key.split('.')
     target = document.values
