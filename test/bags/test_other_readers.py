@@ -25,7 +25,7 @@ def bag(request, tmp_path):
     with BagWriter(tmp_path / where, options=BagOptions(**options)) as bag:
         for name in (*encode, 'scene'):
             bag.add_channel(f'/dragon/{name}', channels()[name])
-        bag.describe(RECORD, run_metadata(text, {}))
+        bag.describe(RECORD, run_metadata(text, SCENE, {}))
         bag.attach(ATTACHMENT, 'application/yaml', text.encode())
         bag.write('/dragon/scene', string_message(text), SCENE.run.start_ns, 1)
         for k in range(11):

@@ -40,7 +40,8 @@ class Comparison:
     """How many messages are equal bit for bit, how many only ``close``, and a line for each range of faults.
 
     ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
-    position difference among them. ``fault_count`` counts messages that are lost, extra or different.
+    position difference among them. ``fault_count`` counts messages that are missing, extra or different;
+    ``missing_count`` those that are missing.
     ``other_version`` is the version that made the bag, where that is another one: then all topics may be close.
     """
 
@@ -49,23 +50,32 @@ class Comparison:
     close: int = 0
     worst_m: float = 0.0
     fault_count: int = 0
+    missing_count: int = 0
     faults: list[str] = field(default_factory=list)
     _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
 
     def note(self, name: str, k: int, what: str) -> None:
         """Count a fault of a tick; consecutive ticks with the same fault share a line."""
-        self.fault_count += 1
+        self._note(name, k, k, what)
+
+    def missing(self, name: str, first: int, last: int) -> None:
+        """Count the messages of ticks ``first`` to ``last``, which are missing, however many they are."""
+        self.missing_count += last - first + 1
+        self._note(name, first, last, 'is missing')
+
+    def _note(self, name: str, first: int, last: int, what: str) -> None:
+        self.fault_count += last - first + 1
         before = self._last.get(name)
-        if before and before[0] == what and before[2] == k - 1:
+        if before and before[0] == what and before[2] == first - 1:
             first, line = before[1], before[3]
-            text = f'ticks {first} to {k}: {name} {what}'
         else:
-            first, line, text = k, len(self.faults), f'tick {k}: {name} {what}'
+            line = len(self.faults)
             if line < MOST_FAULTS:
-                self.faults.append(text)
+                self.faults.append('')
         if line < MOST_FAULTS:
-            self.faults[line] = text
-        self._last[name] = what, first, k, line
+            self.faults[line] = f'tick {last}: {name} {what}' if first == last else (
+                f'ticks {first} to {last}: {name} {what}')
+        self._last[name] = what, first, last, line
 
     def stray(self, name: str, t_ns: int, count: int) -> None:
         """Count messages whose log time is not a tick."""
@@ -79,22 +89,21 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
     made_by = bag.metadata(RECORD).get('about.dragon_ros')
     encode, result = encoders(scene, frame_id), Comparison(None if made_by in (None, __version__) else made_by)
-    k = 0
+    ticks, k = compile_scene(scene).last_tick + 1, 0
     for t_ns, recorded in _instants(bag, namespace, encode):
-        while k <= compile_scene(scene).last_tick and scene.run.time_ns(k) < t_ns:
-            _missing(result, encode, k)
-            k += 1
-        if k > compile_scene(scene).last_tick or scene.run.time_ns(k) != t_ns:
+        here = scene.run.tick_at(t_ns)
+        is_tick = 0 <= here < ticks and scene.run.time_ns(here) == t_ns
+        k = _missing(result, encode, k, min(here if is_tick else here + 1, ticks))
+        if not is_tick:
             for name, found in recorded.items():
                 result.stray(name, t_ns, len(found))
             continue
-        frame = tick(scene, k)
+        frame = tick(scene, here)
         for name in encode:
             _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
-        progress(k)
-        k += 1
-    for late in range(k, compile_scene(scene).last_tick + 1):
-        _missing(result, encode, late)
+        progress(here)
+        k = here + 1
+    _missing(result, encode, k, ticks)
     return result
 
 
@@ -108,9 +117,13 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[
         yield t_ns, recorded
 
 
-def _missing(result: Comparison, names: Iterable[str], k: int) -> None:
+def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
+    """Count the ticks from ``k`` to before ``stop`` as missing; return the next one."""
+    if stop <= k:
+        return k
     for name in names:
-        result.note(name, k, 'is missing')
+        result.missing(name, k, stop - 1)
+    return stop
 
 
 def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: list[bytes], scene: Scene) -> None:
@@ -119,8 +132,10 @@ def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: 
     assert k is not None
     if found == [wanted]:
         result.equal += 1
-    elif len(found) != 1:
-        result.note(name, k, f'is there {len(found)} times' if found else 'is missing')
+    elif not found:
+        result.missing(name, k, k)
+    elif len(found) > 1:
+        result.note(name, k, f'is there {len(found)} times')
     elif (off_m := _off_m(name, wanted, found[0], frame, scene, result.other_version)) <= _allowed_m(frame, scene):
         result.close += 1
         result.worst_m = max(result.worst_m, off_m)

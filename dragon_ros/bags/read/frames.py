@@ -13,16 +13,14 @@ from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
-from dragon_ros.scenes.load import scene_of
+from dragon_ros.scenes.load import strangers_scene
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
-from dragon_ros.scenes.yaml import parse_document
 
-_LONGEST_SCENE = 2**16          # characters of a scene that are parsed
-_MOST_WAITING = 128             # handles that wait for their benches at most
 _TOPICS = ('handles', 'benches', 'velocities')
 
 
@@ -71,18 +69,15 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
                      'geometry_msgs/msg/PoseArray')
 
 
-def scene_of_bag(bag: BagReader) -> Scene | None:
-    """Return the scene that is stored in a bag; None if there is none. Raises InputError."""
+def scene_of_bag(bag: BagReader, trust: bool = False) -> Scene | None:
+    """Return the scene that is stored in a bag; None if there is none. Raises InputError, also beyond its budgets."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
         if attached is None:
             return None
         text = attached.decode(errors='replace')
-    if len(text) > _LONGEST_SCENE:
-        raise InputError(f'{bag.path}: its scene has {len(text)} characters; the largest that is read has '
-                         f'{_LONGEST_SCENE}')
-    return scene_of(parse_document(f'{bag.path}: scene', text))
+    return strangers_scene(f'{bag.path}: scene', text, trust)
 
 
 def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,
@@ -130,7 +125,7 @@ class _Ticks:
             self._waiting[shown.t_ns].shown = shown
             return
         self._early[shown.t_ns] = shown
-        if len(self._early) > _MOST_WAITING:
+        if len(self._early) > WAITING_TICKS:
             self._early.popitem(last=False)
 
     def _add_speeds(self, log_ns: int, velocity: Floats) -> None:
@@ -143,7 +138,7 @@ class _Ticks:
         """Yield, in order, the ticks that are complete at log time ``now_ns``."""
         while self._waiting:
             first = next(iter(self._waiting.values()))
-            hopeless = now_ns == END_OF_TIME_NS or len(self._waiting) > _MOST_WAITING
+            hopeless = now_ns == END_OF_TIME_NS or len(self._waiting) > WAITING_TICKS
             if first.log_ns >= now_ns or not (first.shown or self._alone or hopeless or self._overtaken()):
                 return
             yield self._waiting.popitem(last=False)[1]

@@ -68,7 +68,7 @@ class LossAccount:
         self._each_tick = {f'{namespace}/{row.name}' for row in rows}
 
     def share(self, topics: Iterable[str]) -> None:
-        """Mark topics that have several publishers at a time."""
+        """Mark topics that have several publishers at a time: nobody can say what of them is missing."""
         for topic in topics:
             self.topics.setdefault(topic, TopicCount()).shared = True
 
@@ -95,13 +95,14 @@ class LossAccount:
 
         Where the run has ``ended``, its last tick is that of any topic: what others lack at the end is missing too.
         """
-        ticks = {topic: row.ticks for topic, row in self.topics.items() if row.ticks.last is not None}
+        ticks = {topic: row.ticks for topic, row in self.topics.items()
+                 if row.ticks.last is not None and not row.shared}
         last = max((row.last or 0 for row in ticks.values()), default=None) if ended else None
         found = {topic: row.gaps(last) for topic, row in ticks.items()}
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def complete(self, ended: bool) -> bool:
-        """Return whether nothing is missing."""
+        """Return whether nothing is missing, as far as anybody can say."""
         return not self.missing(ended) and not any(row.lost_on_the_way for row in self.topics.values())
 
     @property
@@ -118,7 +119,8 @@ class LossAccount:
             out[f'{topic} before'] = str(row.before)
             if row.ticks.last is not None:
                 out[f'{topic} ticks'] = f'{row.ticks.first}-{row.ticks.last}'
-                out[f'{topic} missing ticks'] = interval_set.text(missing.get(topic, [])) or 'none'
+                out[f'{topic} missing ticks'] = 'unknown: several publishers' if row.shared else (
+                    interval_set.text(missing.get(topic, [])) or 'none')
                 out[f'{topic} off ticks'] = str(row.off_ticks)
         return out
 
@@ -129,6 +131,8 @@ class LossAccount:
         out += [f'{topic}: {row.lost_on_the_way} messages were lost on the way, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
+        out += [f'{topic}: several published on it at a time, so nobody can say what is missing'
+                for topic, row in self.topics.items() if row.shared]
         return out
 
     def spacing(self) -> str:
