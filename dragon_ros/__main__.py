@@ -1,4 +1,9 @@
 """``python -m dragon_ros NAME ...``: run an executable by the name that ``ros2 run dragon_ros`` knows."""
+import signal
+
+if __name__ == '__main__' and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
+    signal.signal(signal.SIGINT, signal.SIG_DFL)        # until all is imported, Ctrl-C ends this without a traceback
+
 import difflib
 import importlib
 import os
@@ -23,6 +28,8 @@ def main(argv: list[str]) -> int:
         return 2
     executable = EXECUTABLES[name]
     try:
+        if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
+            signal.signal(signal.SIGINT, signal.default_int_handler)
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
     except KeyboardInterrupt:       # a node that is interrupted while it starts ends as one that runs
         return 0 if executable.module == NODES else 1
@@ -36,4 +43,6 @@ def usage() -> str:
 
 
 if __name__ == '__main__':
+    if not getattr(sys.flags, 'safe_path', False):
+        del sys.path[0]     # `python -m` puts the working directory there: nothing in it is ours to import
     sys.exit(main(sys.argv[1:]))

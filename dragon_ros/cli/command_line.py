@@ -4,32 +4,58 @@ import csv
 import io
 import os
 import sys
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
+from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
+from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd, shown
 
 if TYPE_CHECKING:       # keeps --help free of numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
+_MOST_SHOWN = 400       # characters of what argparse says of an argument
 DEFAULT_SCENE = 'winding'
 
 
 class Parser(argparse.ArgumentParser):
-    """A parser with one-line errors and shell completion."""
+    """A parser with finite numbers, one-line errors and shell completion."""
 
-    def parse_args(self, *args: Any, **options: Any) -> Any:
+    def __init__(self, **options: Any) -> None:
+        """Take what ``ArgumentParser`` takes."""
+        super().__init__(**options)
+        self.register('type', float, _finite)
+        self.register('type', int, _whole)
+
+    def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
         """Parse; where a shell asks for completions, answer and exit."""
         if '_ARGCOMPLETE' in os.environ:
             from dragon_ros.cli import completion
             completion.answer(self)
-        return super().parse_args(*args, **options)
+        if any('\0' in text for text in args or ()):
+            self.error('an argument has a NUL in it, which no name and no number has')
+        return super().parse_args(args, namespace)
 
     def error(self, message: str) -> NoReturn:
         """Print the error and a pointer to --help, and exit with 2."""
-        self.exit(BAD_INPUT, f'{self.prog}: {message}; see {self.prog} --help\n')
+        line = ' '.join(message.split())
+        line = line if len(line) <= _MOST_SHOWN else f'{line[:_MOST_SHOWN]}...'
+        self.exit(BAD_INPUT, f'{self.prog}: {line}; see {self.prog} --help\n')
+
+
+def _finite(text: str) -> float:
+    value = float(text)
+    if not isfinite(value):
+        raise argparse.ArgumentTypeError(f'{shown(text)} is not a finite number')
+    return value
+
+
+def _whole(text: str) -> int:
+    value = int(text)
+    if abs(value) >= 2**63:
+        raise argparse.ArgumentTypeError(f'{shown(text)} is too large')
+    return value
 
 
 def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:

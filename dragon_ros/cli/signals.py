@@ -1,4 +1,4 @@
-"""Signals that end long work at a point where its output is complete."""
+"""Signals that end a command, or long work at a point where its output is complete."""
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -6,16 +6,25 @@ from threading import Event
 from typing import Any
 
 
+def ending() -> list[signal.Signals]:
+    """Return the signals that end a command: SIGINT, SIGTERM, and SIGHUP of a closed terminal unless it is ignored.
+
+    ``nohup`` ignores it.
+    """
+    hang_up = [signal.SIGHUP] if signal.getsignal(signal.SIGHUP) is not signal.SIG_IGN else []
+    return [signal.SIGINT, signal.SIGTERM, *hang_up]
+
+
 @contextmanager
 def stopped_by_signals() -> Iterator[Event]:
-    """Yield an event that SIGINT, SIGTERM and SIGHUP set; a second signal has its usual effect."""
+    """Yield an event that the signals of ``ending`` set; a second signal has its usual effect."""
     stop = Event()
     before: dict[int, Any] = {}
 
     def take(number: int, _: object) -> None:
         stop.set()
         signal.signal(number, before[number])
-    for which in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP):
+    for which in ending():
         before[int(which)] = signal.signal(which, take)
     try:
         yield stop

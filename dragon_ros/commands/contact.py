@@ -27,6 +27,8 @@ def main(argv: list[str]) -> int:
                          help='take the scene of a bag, and what a led dragon has walked in it (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
+    options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '
+                         '(budgets: docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses, the smallest gaps of two benches below this')
     options.add_argument('--certificate', type=Path, metavar='FILE',
@@ -74,7 +76,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
     from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
-        scene = scene_of_bag(bag, namespace)
+        scene = scene_of_bag(bag, namespace, arguments.trust)
         if scene is None:
             raise InputError(f'{arguments.bag}: does not contain its scene')
         return walked_scene(bag, scene, namespace)

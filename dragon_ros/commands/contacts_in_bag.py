@@ -8,25 +8,47 @@ from tqdm import tqdm
 
 from dragon_ros.bags.read.frames import BagFrame, frames
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.contact.certificate import Contact
+from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagnostics
 
 
-def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None) -> dict[str, Any]:
-    """Return the first contact and its source: the topic ``collision``, or a recomputation from the scene."""
+def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust: bool = False) -> dict[str, Any]:
+    """Return the first contact and its source: the topic ``collision``, or a recomputation from the scene.
+
+    The scene is a stranger's: unless the reader trusts it, the search keeps its budgets, or is ``unsearched``.
+    """
     reported = _reported(bag, f'{namespace}/collision')
     if reported is not None:
         return reported
     if scene is None:
         return {'source': None, 't_s': None}
-    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
-        found = first_contact(scene, bar.update)
+    try:
+        found = _searched(scene, trust)
+    except InputError as error:
+        return {'source': 'scene', 't_s': None, 'unsearched': str(error)}
     if not isinstance(found, Contact):
         return {'source': 'scene', 't_s': None}
     return {'source': 'scene', 't_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
             'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
+
+
+def _searched(scene: Scene, trust: bool) -> Contact | NoContact:
+    """Return the first contact of a scene. Raises InputError where that takes more than the budgets."""
+    benches, states = scene.dragon.benches, 0
+    if benches > SEARCHED_BENCHES and not trust:
+        raise InputError(f'it has {benches} benches and is not searched beyond {SEARCHED_BENCHES}; give --trust')
+    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+        def spend(more: int) -> None:
+            nonlocal states
+            states += more
+            bar.update(more)
+            if states * benches > SEARCH_WORK and not trust:
+                raise InputError(f'its search takes more than {states} states of {benches} benches; give --trust')
+        return first_contact(scene, spend)
 
 
 def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:

@@ -20,6 +20,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.cli.figures import save, style
+from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import DragonError, MissingError
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.decode import Status, read_diagnostics
@@ -41,7 +42,7 @@ def main(argv: list[str]) -> int:
                          help='where the bag and the picture go; files of an earlier demo are replaced (dragon_demo)')
     options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (2)')
     arguments = options.parse_args(argv)
-    for number in (signal.SIGTERM, signal.SIGHUP):
+    for number in ending():
         signal.signal(number, _end)
     return command_line.guarded('demo', partial(_run, arguments))
 

@@ -37,6 +37,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
     options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
                          'compare bit for bit, or to the promise of its tier where bits differ')
+    options.add_argument('--trust', action='store_true', help='compute with the scene in the bag however large it is '
+                         '(budgets: docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write what is readable to a complete bag')
     options.add_argument('--looks', type=int, default=200, metavar='N',
                          help='number of evenly spaced ticks that the clearance is computed at; 0: all (200)')
@@ -91,7 +93,7 @@ def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     namespace = None
     with suppress(InputError):
         namespace = namespace_of(bag, arguments.namespace)
-    scene = scene_of_bag(bag, namespace)
+    scene = scene_of_bag(bag, namespace, arguments.trust)
     ticked = namespace is None or log_times_are_ticks(bag, namespace)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
     out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
@@ -102,7 +104,7 @@ def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     if namespace is None:
         return out
     walked = scene and walked_scene(bag, scene, namespace)
-    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walked),
+    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walked, arguments.trust),
             'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}
 
 
@@ -120,7 +122,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
-        scene, frame_id = scene_of_bag(bag, namespace), frame_of_bag(bag, namespace)
+        scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
         if scene is None:
             raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
                            'topic scene); it cannot be recomputed')
@@ -133,7 +135,8 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 def _verdict(path: Path, found: Comparison, tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
-            'other_version': found.other_version, 'fault_count': found.fault_count, 'faults': found.faults}
+            'other_version': found.other_version, 'fault_count': found.fault_count,
+            'missing_count': found.missing_count, 'faults': found.faults}
 
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
@@ -167,7 +170,9 @@ def _check_text(values: dict[str, Any]) -> str:
                if values['other_version'] else "another machine's mathematics library")
         line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
                  f'difference is {values["worst_m"]:.3g} m: {why})')
-    lines = [f'{line}, {values["fault_count"]} are not'] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
+    missing = values['missing_count']
+    line += f', {values["fault_count"] - missing} are not' + (f'; {missing} are missing' if missing else '')
+    lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
     return '\n'.join(lines + _more(len(values['faults'][:_SHOWN]), len(values['faults'])))
 
 
@@ -221,6 +226,8 @@ def _contact_line(found: dict[str, Any]) -> str:
     source = {'collision': 'as the monitor reported it', 'scene': 'recomputed from the scene'}.get(found['source'])
     if source is None:
         return '  first contact: unknown, there is neither a scene nor a report in it'
+    if 'unsearched' in found:
+        return f'  first contact: unknown, {found["unsearched"]}'
     if found['t_s'] is None:
         return f'  no contact ({source})'
     where = '' if found['in_bag'] else ', which is not in this bag'

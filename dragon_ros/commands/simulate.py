@@ -62,7 +62,7 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
     """Write the provenance of the run, as `sim` and `record` do: metadata, attachment, and the latched topics."""
     text = provenance.scene_file(scene, {'frame_id': _FRAME_ID})
     settings = {key: str(value) for key, value in vars(bag.options).items()}
-    bag.describe(provenance.RECORD, provenance.run_metadata(text, settings | provenance.versions()))
+    bag.describe(provenance.RECORD, provenance.run_metadata(text, scene, settings | provenance.versions()))
     bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
     once = {'track': track_marker(scene, _FRAME_ID), 'scene': string_message(text)}
     for name in (*once, *(row.name for row in live(scene.effects))):

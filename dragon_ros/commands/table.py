@@ -12,13 +12,15 @@ from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.commands.contest import paper_tables
-from dragon_ros.core.errors import InputError
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import states, velocity_of
 from dragon_ros.scenes.load import load_scene
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
+_LATEST_S = 1e10        # stamps end long before
 Row = tuple[float, int, float, float, float, float, float]
 
 
@@ -114,13 +116,18 @@ def times_of(text: str) -> list[float]:
     """Return the times of ``0,60,300`` or ``start:stop:step`` (the stop is included)."""
     try:
         if ':' not in text:
-            return [float(part) for part in text.split(',')]
-        start, stop, step = (float(part) for part in text.split(':'))
+            return [_time(part) for part in text.split(',')]
+        start, stop, step = map(_time, text.split(':'))
     except ValueError:
-        raise InputError(f'--times {text}: write numbers as 0,60,300 or start:stop:step', field='times') from None
+        raise InputError(f'--times {shown(text)}: write numbers as 0,60,300 or start:stop:step',
+                         field='times') from None
     if not (step > 0 and stop >= start and (stop - start) / step < 1e7):
         raise InputError(f'--times {text}: step must be positive, stop not before start, and 1e7 times at most')
     return [start + k * step for k in range(int((stop - start) / step * (1 + 1e-12)) + 1)]
+
+
+def _time(text: str) -> float:
+    return number('--times: t_s', float(text), low=-_LATEST_S, high=_LATEST_S)
 
 
 def handles_of(text: str | None, benches: int) -> list[int]:
@@ -130,10 +137,10 @@ def handles_of(text: str | None, benches: int) -> list[int]:
     try:
         handles = [int(part) for part in text.split(',')]
     except ValueError:
-        raise InputError(f'--handles {text}: write integers such as 0,1,51', field='handles') from None
+        raise InputError(f'--handles {shown(text)}: write integers such as 0,1,51', field='handles') from None
     for handle in handles:
         if not 0 <= handle <= benches:
-            raise InputError(f'--handles {handle}: the dragon has the handles 0 to {benches}', field='handles')
+            raise InputError(f'--handles {shown(handle)}: the dragon has the handles 0 to {benches}', field='handles')
     return handles
 
 

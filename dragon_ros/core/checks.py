@@ -11,7 +11,7 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
     """Return the value as a float (0.0 for -0.0) if it is a finite number within the limits, else raise FieldError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
         raise FieldError(field, value, f'it is {_kind(value)}, not a number', 'give a number')
-    if not isfinite(value):
+    if not _is_finite(value):
         raise FieldError(field, value, 'only finite numbers are', 'give a finite number')
     if low is not None and value < low:
         raise FieldError(field, value, f'the smallest is {low:g}', f'give at least {low:g}')
@@ -52,6 +52,13 @@ class Settings:
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Return the class and its fields in order."""
         return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
+
+
+def _is_finite(value: float) -> bool:
+    try:
+        return isfinite(value)
+    except OverflowError:       # an integer beyond the largest float
+        return False
 
 
 def _kind(value: Any) -> str:

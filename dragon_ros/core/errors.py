@@ -1,6 +1,17 @@
 """Errors that a person can act on: each states the value, the limit and the cure, and carries them as fields."""
 from typing import Any
 
+_MOST_SHOWN = 100       # characters of a value in an error
+
+
+def shown(value: object) -> str:
+    """Return a value as an error shows it: its Python form, abbreviated where it is long."""
+    try:
+        text = repr(value)
+    except (ValueError, RecursionError):        # an integer of thousands of digits, or nested without end
+        return f'a huge {type(value).__name__}'
+    return text if len(text) <= _MOST_SHOWN else f'{text[:_MOST_SHOWN // 2]}...{text[-_MOST_SHOWN // 4:]}'
+
 
 class DragonError(Exception):
     """Root of every error that dragon_ros raises on purpose.
@@ -23,7 +34,7 @@ class FieldError(InputError):
 
     def __init__(self, field: str, value: Any, limit: str, cure: str) -> None:
         """Say which field, what it was, what it may be and what to do."""
-        super().__init__(f'{field}: {value!r} is not possible, {limit}; {cure}',
+        super().__init__(f'{field}: {shown(value)} is not possible, {limit}; {cure}',
                          field=field, value=value, limit=limit, cure=cure)
 
 

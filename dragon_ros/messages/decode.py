@@ -6,16 +6,20 @@ reader checks lengths before it reads, and raises MessageError with the offset w
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
+from itertools import islice
 from typing import Any
 
 import numpy as np
 
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import MARKER_RUNS
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.messages.cdr import NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
+_MOST_LISTS = 2         # markers of a message that shows all benches in lists: faces and edges
 _SMALLEST_MARKER = 180
+_MARKER_BYTES, _RUN_BYTES = 200, 4096       # memory of a marker in columns, and of the layout of a run, at most
 
 
 class MessageError(InputError):
@@ -146,6 +150,11 @@ class Poses:
     frame_id: str
     poses: Floats
 
+    @property
+    def size_bytes(self) -> int:
+        """Memory that it holds, at most: the poses, and the name of the frame as bytes and as text."""
+        return self.poses.nbytes + 8 * len(self.frame_id)
+
 
 _STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
              'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None, 'std_msgs/msg/String': None}
@@ -247,10 +256,16 @@ class Markers:
         return reader.array('d', 3 * count).reshape(count, 3)
 
     @property
-    def geometry(self) -> Floats:
-        """All coordinates: the poses, or the points of the first marker where it is a list."""
-        points = self.points_of(0) if self.type.size else np.empty((0, 3))
-        return points if points.size else self.poses
+    def size_bytes(self) -> int:
+        """Memory that it holds, at most: the message, the columns, the layout and the names of each run."""
+        names = sum(len(run.frame_id) + len(run.ns) for run in self.runs)
+        return len(self.data) + _MARKER_BYTES * self.type.size + _RUN_BYTES * len(self.runs) + 4 * names
+
+    @property
+    def geometry(self) -> list[Floats]:
+        """All coordinates: the poses, or the points of each marker where these are lists of faces and of edges."""
+        points = [self.points_of(marker) for marker in range(self.type.size)] if self.type.size <= _MOST_LISTS else []
+        return points if any(some.size for some in points) else [self.poses]
 
 
 def read_marker_array(data: bytes | bytearray) -> Markers:
@@ -263,7 +278,9 @@ def read_marker_array(data: bytes | bytearray) -> Markers:
     count = reader.take('I')
     if count > len(data) // _SMALLEST_MARKER:
         raise MessageError(f'{len(data)} bytes cannot hold {count} markers')
-    runs = tuple(_runs(reader, count))
+    runs = tuple(islice(_runs(reader, count), MARKER_RUNS + 1))
+    if len(runs) > MARKER_RUNS:
+        raise MessageError(f'its markers have more than {MARKER_RUNS} layouts one after the other')
     run_of = np.repeat(np.arange(len(runs)), [run.count for run in runs])
     stamp = _column(reader, runs, 'header.stamp.sec', 'i4', 2).astype(np.int64)
     stamp[:, 1] &= 0xffffffff

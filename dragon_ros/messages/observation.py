@@ -27,11 +27,6 @@ class BenchMarkers:
     markers: Markers
     order: Ints
 
-    @property
-    def size(self) -> int:
-        """Approximate number of values in the message."""
-        return len(self.markers.data) // 8
-
     def rectangles(self, handles_m: Floats) -> Benches:
         """Return the benches; ``handles_m`` (N+1, 2) give those of triangles their direction."""
         if self.markers.type[self.order[0]] == CUBE:

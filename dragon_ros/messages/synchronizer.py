@@ -1,12 +1,20 @@
-"""Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time."""
+"""Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time.
+
+Where several publish on a topic, ``Streams`` tells their messages apart.
+"""
 from collections import Counter, deque
+from dataclasses import dataclass
+from math import inf
 from typing import Any, NamedTuple
 
+from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchMarkers
 
-_LEAST = 128                # messages that may wait for their partner, however large they are
-_MOST_VALUES = 8 * 2**20    # beyond those, as many as fit: one topic may run ahead while the other is resent
+_EACH_BYTES = 4096      # of one message beside its own bytes, at most
+_LONGEST_JUMP = 1000    # messages of a publisher that may be lost one after the other
+_MOST_OTHERS = 7        # publishers besides the known one that are told apart
+_EXACT = 0.25           # steps by which a stamp may be off and still tell its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
 
 
@@ -14,6 +22,7 @@ class _Waiting(NamedTuple):
     t_ns: int
     message: Any
     since_s: float
+    size_bytes: int
 
 
 class Unmatched(NamedTuple):
@@ -27,6 +36,7 @@ class Synchronizer:
     """Holds messages without a partner, in order of arrival, until a later pair overtakes them or a limit drops them.
 
     A stamp may repeat where a run restarts while the other topic still lags: the oldest messages are paired first.
+    One topic may run ahead while the other is resent: what waits is bounded in bytes alone, over both topics.
     """
 
     def __init__(self) -> None:
@@ -34,14 +44,15 @@ class Synchronizer:
         self._waiting: dict[str, deque[_Waiting]] = {_HANDLES: deque(), _BENCHES: deque()}
         self._stamps: dict[str, Counter[int]] = {_HANDLES: Counter(), _BENCHES: Counter()}
         self._unmatched: list[Unmatched] = []
+        self.held_bytes = 0
 
     def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, BenchMarkers] | None:
         """Add handles that arrived at ``now_s``; return (handles, benches) once both are present."""
-        return self._add(_HANDLES, _Waiting(poses.t_ns, poses, now_s), poses.poses.size)
+        return self._add(_HANDLES, _Waiting(poses.t_ns, poses, now_s, poses.size_bytes + _EACH_BYTES))
 
     def add_benches(self, shown: BenchMarkers, now_s: float) -> tuple[Poses, BenchMarkers] | None:
         """Add benches that arrived at ``now_s``; return (handles, benches) once both are present."""
-        return self._add(_BENCHES, _Waiting(shown.t_ns, shown, now_s), shown.size)
+        return self._add(_BENCHES, _Waiting(shown.t_ns, shown, now_s, shown.markers.size_bytes + _EACH_BYTES))
 
     def expire(self, before_s: float) -> None:
         """Drop messages that have waited since before ``before_s``."""
@@ -54,14 +65,15 @@ class Synchronizer:
         out, self._unmatched = self._unmatched, []
         return out
 
-    def _add(self, topic: str, new: _Waiting, values: int) -> tuple[Poses, BenchMarkers] | None:
-        """Add a message; return its pair, or drop the oldest message where too many wait."""
-        waiting = self._waiting[topic]
-        waiting.append(new)
+    def _add(self, topic: str, new: _Waiting) -> tuple[Poses, BenchMarkers] | None:
+        """Add a message; return its pair, or drop the messages that have waited longest where too many bytes wait."""
+        self._waiting[topic].append(new)
         self._stamps[topic][new.t_ns] += 1
+        self.held_bytes += new.size_bytes
         pair = self._match(new.t_ns)
-        if pair is None and len(waiting) > _LEAST and len(waiting) * values > _MOST_VALUES:
-            self._give_up(topic)
+        while self.held_bytes > MONITOR_BYTES:
+            self._give_up(min((name for name in self._waiting if self._waiting[name]),
+                              key=lambda name: self._waiting[name][0].since_s))
         return pair
 
     def _match(self, t_ns: int) -> tuple[Poses, BenchMarkers] | None:
@@ -78,8 +90,84 @@ class Synchronizer:
 
     def _pop(self, topic: str) -> _Waiting:
         oldest = self._waiting[topic].popleft()
+        self.held_bytes -= oldest.size_bytes
         stamps = self._stamps[topic]
         stamps[oldest.t_ns] -= 1
         if not stamps[oldest.t_ns]:
             del stamps[oldest.t_ns]
         return oldest
+
+
+@dataclass
+class _Stream:
+    """What is known of one publisher: its last number and stamp, and how far stamps grow from number to number."""
+
+    sequence: int
+    t_ns: int
+    step_ns: float | None = None
+
+    def off(self, sequence: int, t_ns: int) -> float:
+        """Return by how many steps a stamp is off that of the publisher with that number; inf where that is unknown."""
+        if self.step_ns is None:
+            return inf
+        return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
+
+    def jump(self, sequence: int) -> float:
+        """Return how many numbers a message is from the next one; inf where it is too far or too old."""
+        ahead = sequence - self.sequence - 1
+        return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
+
+    def advance(self, sequence: int, t_ns: int) -> None:
+        """Take a message."""
+        steps = sequence - self.sequence
+        self.step_ns = (t_ns - self.t_ns) / steps if steps > 0 and t_ns > self.t_ns else self.step_ns
+        self.sequence, self.t_ns = sequence, t_ns
+
+
+class Streams:
+    """Tells the messages of several publishers of one topic apart, which the middleware does not name to its readers.
+
+    Each numbers its messages, and stamps grow evenly with the numbers: a message belongs to the publisher that it
+    continues. Publishers that agree in number and stamp cannot be told apart, nor those that agree in number just when
+    one of them goes to another time. All are taken until one of them is adopted: from then on only that one.
+    """
+
+    def __init__(self) -> None:
+        """Start with no publisher."""
+        self._all: list[_Stream] = []
+        self._known: _Stream | None = None
+
+    def follows(self, sequence: int) -> bool:
+        """Return whether a message has the number after the last one of a publisher."""
+        return any(sequence == stream.sequence + 1 for stream in self._all)
+
+    def take(self, sequence: int, t_ns: int, alone: bool) -> bool:
+        """Return whether a message is to be taken; that of a publisher that is ``alone`` always is."""
+        if alone:
+            self._all = self._all if len(self._all) == 1 and self.follows(sequence) else [_Stream(sequence, t_ns)]
+            self._known = self._known and self._all[0]
+        stream = self._all[0] if alone else self._owner(sequence, t_ns)
+        stream.advance(sequence, t_ns)
+        return self._known is None or stream is self._known
+
+    def adopt(self, t_ns: int) -> None:
+        """Stay with the publisher whose last stamp is nearest to this one, unless one is adopted."""
+        if self._known is None and self._all:
+            self._known = min(self._all, key=lambda stream: abs(stream.t_ns - t_ns))
+
+    def forget(self) -> None:
+        """Forget all publishers: the one that was adopted is gone."""
+        self._known = None
+        self._all.clear()
+
+    def _owner(self, sequence: int, t_ns: int) -> _Stream:
+        exact = min(self._all, key=lambda stream: stream.off(sequence, t_ns), default=None)
+        if exact and exact.off(sequence, t_ns) < _EXACT:
+            return exact
+        near = min(self._all, key=lambda stream: stream.jump(sequence), default=None)
+        if near and near.jump(sequence) < inf:
+            return near
+        kept = [stream for stream in self._all if stream is self._known]
+        others = [stream for stream in self._all if stream is not self._known]
+        self._all = [*kept, *others[-_MOST_OTHERS:], _Stream(sequence, t_ns)]
+        return self._all[-1]

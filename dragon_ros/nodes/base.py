@@ -69,9 +69,15 @@ class DragonNode(Node):
     """
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
-        """Declare the parameters of the table; ``overrides`` take precedence over the command line."""
+        """Declare the parameters of the table.
+
+        ``overrides`` take precedence over the command line; lists are appended to what that gives.
+        """
+        lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
-            RosParameter(key, value=value) for key, value in (overrides or {}).items()])
+            RosParameter(key, value=value) for key, value in (overrides or {}).items() if key not in lists])
+        for key, value in lists.items():
+            self._append(key, value)
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter) for parameter in table}
         self.add_pre_set_parameters_callback(self._widen)
@@ -83,6 +89,14 @@ class DragonNode(Node):
     def get_logger(self) -> logs.Logger:
         """Return the logger of the node, which can also write JSON."""
         return logs.logger(super().get_logger().name)
+
+    def _append(self, name: str, value: list[Any]) -> None:
+        """Append to a list that the command line gives as a parameter; one of another type is refused as it is."""
+        given = self._parameter_overrides.get(name)
+        if given is None:
+            self._parameter_overrides[name] = RosParameter(name, value=value)
+        elif given.type_ == RosParameter.Type.STRING_ARRAY:
+            self._parameter_overrides[name] = RosParameter(name, value=[*given.value, *value])
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError, with the reason, where a live parameter may not take a value."""

@@ -49,6 +49,8 @@ def record(argv: list[str]) -> int:
                          'signal')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     _add_bag_options(options)
+    options.add_argument('--trust', action='store_true', help='read scenes from the topic beyond the budgets for '
+                         'strangers (docs/limits.md)')
     options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='most wall time whose messages are '
                          'lost when the recorder is killed (1)')
     options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
@@ -129,7 +131,7 @@ def _record(arguments: argparse.Namespace, stop: threading.Event) -> int:
     bag = BagWriter(path, arguments.force, BagOptions(
         arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
         arguments.fsync))
-    return run(bag, arguments.keep_going, flush_s, queue_mb, stop)
+    return run(bag, arguments.keep_going, flush_s, queue_mb, arguments.trust, stop)
 
 
 def _replay(arguments: argparse.Namespace, stop: threading.Event) -> int:

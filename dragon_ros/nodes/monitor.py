@@ -1,4 +1,7 @@
-"""``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health."""
+"""``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
+
+It observes one dragon: where several publish on its topics, it stays with the one that it knows and warns.
+"""
 import threading
 import time
 from collections.abc import Callable
@@ -16,10 +19,9 @@ from dragon_ros.messages.monitor_markers import clearance_marker, report_markers
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
 from dragon_ros.messages.synchronizer import Synchronizer
 from dragon_ros.nodes import contact_messages as messages
-from dragon_ros.nodes import publisher_queue, qos, shell
+from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.params import MONITOR
-from dragon_ros.nodes.raw_subscription import subscribe_raw
 
 _PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
 _MARKER_S = 0.1           # shortest interval of clearance/marker
@@ -39,6 +41,9 @@ class Monitor(DragonNode):
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
         self._pairs, self._tracker = Synchronizer(), ContactTracker(self._warn_below_m)
+        self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
+                         for name in ('handles', 'benches')}
+        self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
@@ -49,20 +54,30 @@ class Monitor(DragonNode):
         self.create_timer(_HEALTH_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
-            subscribe_raw(self, shell.message_type(row.type), name, take, qos.lossless(qos.of_channel(row)))
+            raw_subscription.subscribe_raw(self, shell.message_type(row.type), name, take,
+                                           qos.lossless(qos.of_channel(row)))
 
     def changed(self, name: str) -> None:
         """Apply another limit from the next tick on."""
         self._warn_below_m = self._tracker.near_m = float(self.setting['warn_below_m'])
 
-    def _on_handles(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._observe(self._pairs.add_handles(read_handles(data), time.monotonic())))
+    def _on_handles(self, data: bytes, info: Any) -> None:
+        def take() -> None:
+            poses = read_handles(data)
+            if self._sources['handles'].keeps(raw_subscription.number(info), poses.t_ns):
+                self._observe(self._pairs.add_handles(poses, time.monotonic()))
+        self._guarded(take)
 
-    def _on_benches(self, data: bytes, _: Any) -> None:
-        self._guarded(lambda: self._observe(self._pairs.add_benches(read_benches(data), time.monotonic())))
+    def _on_benches(self, data: bytes, info: Any) -> None:
+        def take() -> None:
+            shown = read_benches(data)
+            if self._sources['benches'].keeps(raw_subscription.number(info), shown.t_ns):
+                self._observe(self._pairs.add_benches(shown, time.monotonic()))
+        self._guarded(take)
 
     def _on_timer(self) -> None:
-        """Drop messages whose partner has not arrived, and publish the health."""
+        """Drop messages whose partner has not arrived, look for other publishers, and publish the health."""
+        self._several = publishers.several_of(self, self._sources.values(), self._several)
         self._pairs.expire(time.monotonic() - _PARTNER_S)
         self._drop_unmatched()
         self._publish_health(always=True)
@@ -81,7 +96,12 @@ class Monitor(DragonNode):
 
     def _observe(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
         self._drop_unmatched()
-        for report in self._tracker.add(observation_of(*pair)) if pair else []:
+        if pair is None:
+            return
+        observation = observation_of(*pair)
+        for source in self._sources.values():       # these two publish a dragon: from now on it is this one
+            source.streams.adopt(observation.t_ns)
+        for report in self._tracker.add(observation):
             self._report(report)
 
     def _drop(self, why: str) -> None:
@@ -131,11 +151,12 @@ class Monitor(DragonNode):
 
     def _publish_health(self, always: bool = False) -> None:
         """Publish on /diagnostics, at changes of the level unless ``always``."""
+        dragon = self.get_namespace().strip('/')
         level = messages.level_of(self._last, self._warn_below_m)
         if always or level != self._level:
             self._level = level
-            status = messages.health_of(self.get_namespace().strip('/'), self._last, self._warn_below_m, self.dropped)
-            message = DiagnosticArray(status=[status])
+            status = messages.health_of(dragon, self._last, self._warn_below_m, self.dropped)
+            message = DiagnosticArray(status=[status, *publishers.warnings_of(f'{dragon}: monitor', self._several)])
             message.header.stamp = self.get_clock().now().to_msg()
             self.topic_publishers['/diagnostics'].publish(message)
 

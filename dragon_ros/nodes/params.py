@@ -39,7 +39,7 @@ _DISCOVERY = Parameter('discovery_s', -1.0, 'How many seconds the first tick wai
                        f'{DISCOVERY_S:g}, or 0 where wait_subscribers names some', -1.0, 60.0)
 SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
-    Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key'),
+    Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key; options --set follow them'),
     Parameter('accuracy', '', 'Largest position error: metres or a tier; empty: as the scene says'),
     Parameter('start_s', _AS_SCENE, 'First tick, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
     Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: its own', -1.0, LATEST_S),

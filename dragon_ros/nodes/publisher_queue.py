@@ -1,4 +1,5 @@
 """Publishing bytes: counting subscribers, and queueing where readers are slower than the publisher."""
+import re
 import time
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -8,11 +9,13 @@ from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
 
-from dragon_ros.core.errors import InputError
+from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.frame import Frame
+from dragon_ros.core.limits import SUBSCRIBERS
 from dragon_ros.messages.encode import Encode
 from dragon_ros.nodes.params import DISCOVERY_S
 
+_COUNT = re.compile('[0-9]{1,9}')
 _GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
 _SETTLED_S = 0.5     # a reader's topics are found one after the other
 _ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS
@@ -23,8 +26,9 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
     wanted = []
     for text in filter(None, texts):
         name, _, count = text.partition('=')
-        if name not in publishers or not count.isdecimal():
-            raise InputError(f'wait_subscribers: {text!r} is not TOPIC=NUMBER; the topics are {", ".join(publishers)}')
+        if name not in publishers or not _COUNT.fullmatch(count) or int(count) > SUBSCRIBERS:
+            raise InputError(f'wait_subscribers: {shown(text)} is not TOPIC=NUMBER with a number up to {SUBSCRIBERS}; '
+                             f'the topics are {", ".join(publishers)}')
         wanted.append((publishers[name], int(count)))
     return wanted
 

@@ -22,3 +22,8 @@ def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any],
                 return
             take(*more)
     subscription = node.create_subscription(kind, name, callback, profile, raw=True)
+
+
+def number(info: Any) -> int:
+    """Return the number that the publisher gave a message; 0 where the middleware gives none."""
+    return info['publication_sequence_number'] or 0

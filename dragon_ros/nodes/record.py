@@ -7,15 +7,20 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
+from diagnostic_msgs.msg import DiagnosticArray
+from rclpy.publisher import Publisher
+
 from dragon_ros.bags.record.loss_accounting import LossAccount
+from dragon_ros.bags.record.scene_reader import SceneReader
 from dragon_ros.bags.record.simulation_clock import SimulationClock
 from dragon_ros.bags.record.writer_thread import WriterThread
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
+from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.messages.channels import Channel, channels
 from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string, stamp_at_of
-from dragon_ros.nodes import qos, raw_subscription, shell
+from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
@@ -23,20 +28,28 @@ _REST_S = 5.0       # longest time to write what had arrived before a signal
 _QUIET_S = 0.5      # the run has ended when its publisher has left and nothing arrived for this long
 _IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
+_MOST_UNACCOUNTED = 100_000     # messages that wait for a scene to be read; then the recorder waits for it
+_HEALTH = '/diagnostics'
 RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 
 
 class Recorder(DragonNode):
     """Subscribes to every topic of topics.yaml and writes what it receives."""
 
-    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
-        """Subscribe; ``bag`` is closed by ``close``."""
+    def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0, trust: bool = False) -> None:
+        """Subscribe; ``bag`` is closed by ``close``. Scenes are read within the budgets for strangers, or trusted."""
         super().__init__('record')
         self.bag, self.losses = bag, LossAccount()
         self.writer = WriterThread(bag, flush_s, queue_mb)
         self._simulation = SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
+        self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
+        self._unaccounted: list[tuple[str, int, int]] = []      # messages since a scene that is still being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
+        # Nodes of every dragon publish on absolute topics.
+        self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
+        self._several: dict[str, list[str]] = {}
+        self._health: Publisher | None = None
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
             raw_subscription.subscribe_raw(self, shell.message_type(channel.type), name,
@@ -46,11 +59,12 @@ class Recorder(DragonNode):
     def poll(self, keep_going: bool) -> bool:
         """Do periodic work; return whether the recording has ended."""
         now = time.monotonic()
+        self._take_scene()
         if now - self._last > _IDLE_S:
             self._simulation.flush(_IDLE_S)
         if now - self._counted > _COUNT_S:
             self._counted = now
-            self.losses.share(topic for topic in self._names.values() if self.count_publishers(topic) > 1)
+            self._look_around()
         if self.writer.error is not None:
             return True
         quiet = self._seen and not keep_going and now - self._last > _QUIET_S
@@ -62,6 +76,8 @@ class Recorder(DragonNode):
     def close(self) -> bool:
         """Write held messages and the account, close the bag; return whether it is complete. Raises DiskError."""
         gone = not self.count_publishers('handles')
+        self._take_scene(wait=True)
+        self._scenes.close()
         self._simulation.flush()
         self.writer.stop()
         try:
@@ -73,6 +89,18 @@ class Recorder(DragonNode):
         finally:
             self._log_summary(gone)
         return self.losses.complete(gone)
+
+    def _look_around(self) -> None:
+        """Look for topics that several publish, of which nobody can say what is missing, and warn of them."""
+        self._several = publishers.several_of(self, self._sources, self._several)
+        self.losses.share(self._several)
+        if self._several:
+            row = channels()[_HEALTH]
+            self._health = self._health or self.create_publisher(DiagnosticArray, _HEALTH, qos.of_channel(row))
+            warnings = publishers.warnings_of(f'{self.get_namespace().strip("/")}: record', self._several)
+            message = DiagnosticArray(status=warnings)
+            message.header.stamp = self.get_clock().now().to_msg()
+            self._health.publish(message)
 
     def _log_summary(self, gone: bool) -> None:
         counts = ', '.join(f'{topic} {count}' for topic, count in self.bag.counts.items())
@@ -96,8 +124,13 @@ class Recorder(DragonNode):
                 'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
 
     def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
-        self.losses.note(topic, t_ns, sequence)
         self.writer.write(topic, data, t_ns, sequence, source_ns)
+        if not self._scenes.busy:
+            self.losses.note(topic, t_ns, sequence)
+            return
+        self._unaccounted.append((topic, t_ns, sequence))
+        if len(self._unaccounted) > _MOST_UNACCOUNTED:
+            self._take_scene(wait=True)
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
@@ -111,10 +144,10 @@ class Recorder(DragonNode):
             self._seen = self._seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
-                if scene:
-                    self._learn(read_string(data))
                 if stamp_at is None:
                     self._simulation.unstamped(topic, data, source_ns, sequence, channel.latched)
+                    if scene:
+                        self._learn(read_string(data))
                     return
                 t_ns = read_stamp_ns(data[:4] + data[stamp_at:stamp_at + 8])
                 if handles:     # first the messages of the tick before, to keep the bag in order
@@ -126,24 +159,45 @@ class Recorder(DragonNode):
         return callback
 
     def _learn(self, text: str) -> None:
-        """Store the scene of the run as metadata and attachment, and account for its ticks."""
-        scene = provenance.scene_in(text)
-        self.losses.scene(scene, self.resolve_topic_name('handles').rpartition('/')[0])
-        if text == self._scene:
+        """Have the scene of the run read, unless it is the one that was read last."""
+        if text != self._scene:
+            self._scene = text
+            self._scenes.read(text)
+        elif not self._scenes.busy:
+            self.losses.scene_again()
+
+    def _take_scene(self, wait: bool = False) -> None:
+        """Account for the ticks of a scene that has been read, and keep it in the bag."""
+        found = self._scenes.take(wait)
+        if found is None:
             return
-        self._scene = text
-        if scene is None:
-            self.get_logger().warning('scene: this version cannot read it; it is recorded unchanged')
+        if found.scene is None:
+            self.get_logger().warning(f'scene: it is recorded unchanged, but cannot be read: {found.why}')
+        self.losses.scene(found.scene, self.resolve_topic_name('handles').rpartition('/')[0])
+        for topic, t_ns, sequence in self._unaccounted:
+            self.losses.note(topic, t_ns, sequence)
+        self._unaccounted.clear()
+        if found.metadata is not None and found.text not in self._attached:
+            self._attach(found.text, found.metadata)
+
+    def _attach(self, text: str, metadata: dict[str, str]) -> None:
+        if len(self._attached) >= RECORDED_SCENES:
+            self.get_logger().warning(f'scene: the bag has {RECORDED_SCENES}; no more are attached', once=True)
+            return
+        self._attached.add(text)
+        self.writer.describe(provenance.RECORD, metadata)
+        self.writer.attach(provenance.ATTACHMENT, 'application/yaml', text.encode(errors='replace'))
+
+    def _settings(self) -> dict[str, str]:
+        """Return how this recorder records, for the metadata of the run."""
         settings = {key: str(value) for key, value in vars(self.bag.options).items()}
-        settings |= provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
-                                             'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
-        self.writer.describe(provenance.RECORD, provenance.run_metadata(text, settings))
-        self.writer.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
+        return settings | provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
+                                                   'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}
 
 
-def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, stop: threading.Event) -> int:
+def run(bag: BagWriter, keep_going: bool, flush_s: float, queue_mb: float, trust: bool, stop: threading.Event) -> int:
     """Record a bag until the run ends or a signal arrives; return the exit code."""
-    node = Recorder(bag, flush_s, queue_mb)
+    node = Recorder(bag, flush_s, queue_mb, trust)
     try:
         node.get_logger().info(f'recording to {bag.path}')
         shell.spin(node, stop, lambda: node.poll(keep_going), _REST_S)

@@ -121,7 +121,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
     for name in choice.topics or []:
         if name not in known:
             raise InputError(f'--topics {name}: is not in the bag; it has {", ".join(known)}')
-    end_ns = bag.end_ns if choice.end_s is None else min(bag.end_ns, bag.start_ns + round(choice.end_s * NS))
+    end_ns = bag.end_ns if choice.end_s is None else bag.start_ns + round(min(length_s, choice.end_s) * NS)
     return bag.start_ns + round(choice.start_s * NS), end_ns
 
 

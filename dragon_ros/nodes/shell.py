@@ -1,39 +1,56 @@
 """The life cycle of a node: signals, spinning, one-line errors, exit codes."""
-import importlib
+import importlib.util
+import os
+import re
 import signal
+import sys
 import threading
 import time
 from collections.abc import Callable
+from functools import cache
+from pathlib import Path
 from typing import Any
 
 import rclpy
+from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException, ParameterException
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
 from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
-from dragon_ros.core.errors import DiskError, DragonError, MissingError
+from dragon_ros.cli.signals import ending
+from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError, shown
 from dragon_ros.nodes import logs
 
 _EMPTY_WAITS = 3
+_WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # of the name of a package or of a message type
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; SIGINT and SIGTERM set ``stop``. Logs as JSON if asked.
+    """Initialise ROS, run ``body(stop)`` and shut down; signals that end it set ``stop``. Logs as JSON if asked.
 
     rclpy's own signal handlers would shut down the context in the middle of a tick; here a node ends between two.
     """
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
+    for number in ending():
         signal.signal(number, lambda *_: stop.set())
     quiet = logs.speak_json() if as_json else []
-    rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
+    secured = os.environ.get('ROS_SECURITY_ENABLE') == 'true'
     try:
+        if secured and importlib.util.find_spec('ros_wheels_bootstrapper'):
+            raise InputError('ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins, so nothing would be '
+                             'secured; use a ROS 2 install, or unset it')
+        rclpy.init(args=[name, *argv, *quiet], signal_handler_options=SignalHandlerOptions.NO)
         return body(stop)
     except (DragonError, ParameterException, NameValidationException) as error:
         logs.say('error', name, ' '.join(str(error).split()))
         return FAILED if isinstance(error, DiskError) else BAD_INPUT
+    except RCLError as error:
+        if not secured:
+            raise
+        logs.say('error', name, f'ROS_SECURITY_ENABLE: no secured node starts: {" ".join(str(error).split())}')
+        return BAD_INPUT
     finally:
         rclpy.try_shutdown()
 
@@ -63,10 +80,41 @@ def _serve_rest(executor: SingleThreadedExecutor, rest_s: float) -> None:
         handler.result()
 
 
+@cache
 def message_type(name: str) -> Any:
-    """Return the class of a message type such as geometry_msgs/msg/PoseArray."""
+    """Return the class of a message type such as geometry_msgs/msg/PoseArray. Raises MissingError.
+
+    The name may come from a bag: only a type that the ament index lists is imported, and only from the prefix that
+    lists it, whatever else is on the path.
+    """
     package, _, kind = name.partition('/msg/')
+    if not (_WORD.fullmatch(package) and _WORD.fullmatch(kind)):
+        raise MissingError(f'message type {shown(name)}: is not of the form package/msg/Type')
+    if not any(f'msg/{kind}.idl' in _listed(prefix, package) and _stands_below(package, prefix)
+               for prefix in _prefixes()):
+        raise MissingError(f'message type {name}: is not installed here; install the package {package!r}')
+    return getattr(importlib.import_module(f'{package}.msg'), kind)
+
+
+def _prefixes() -> list[Path]:
+    """Return where ROS packages are installed: beside the ROS wheels nothing sets AMENT_PREFIX_PATH."""
+    named = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
+    return [Path(prefix) for prefix in (*named, sys.prefix) if prefix]
+
+
+def _listed(prefix: Path, package: str) -> list[str]:
+    """Return the interface files of a package that the ament index lists below a prefix."""
     try:
-        return getattr(importlib.import_module(f'{package}.msg'), kind)
-    except (ImportError, AttributeError, ValueError):
-        raise MissingError(f'message type {name}: is not installed here; install the package {package!r}') from None
+        return (prefix / 'share/ament_index/resource_index/rosidl_interfaces' / package).read_text().split()
+    except (OSError, UnicodeDecodeError):
+        return []
+
+
+def _stands_below(package: str, prefix: Path) -> bool:
+    """Return whether a package would be imported from below a prefix; nothing is imported to find out."""
+    spec = importlib.util.find_spec(package)
+    if spec is None or spec.origin is None:
+        return False
+    origin = Path(spec.origin)
+    return Path(os.path.abspath(origin)).is_relative_to(os.path.abspath(prefix)) or (
+        origin.resolve().is_relative_to(prefix.resolve()))

@@ -1,5 +1,6 @@
 """Scene files: YAML to a core Scene, with errors that name file, line and key."""
 from collections.abc import Iterable
+from contextlib import suppress
 from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
@@ -8,8 +9,9 @@ from dragon_ros import configuration
 from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.errors import FieldError, InputError, MissingError
+from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
 from dragon_ros.core.flags import Noise, Trails, effects_of
+from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
@@ -30,6 +32,7 @@ _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, leng
 _WORDS = ('lead', 'ramps', 'side')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
+_MOST_SHOWN = 100       # characters of a --set in an error
 ABOUT = 'about'     # free notes about a scene, without any effect
 
 
@@ -51,8 +54,47 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     return scene_of(document)
 
 
+def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
+    """Return the scene that a text describes which stood in a bag or came on a topic.
+
+    Unless the reader trusts it, it is read within the budgets of ``core.limits``. Raises InputError.
+    """
+    if not trust:
+        _within(name, 'characters', len(text), SCENE_CHARACTERS)
+    document = parse_document(name, text)
+    scene = _settings(document)
+    if not trust:
+        _within(name, 'benches', scene.dragon.benches, SCENE_BENCHES)
+    _check_compiled(document, scene)
+    if not trust:
+        with suppress(FieldError):      # a run without an end: whoever walks its ticks refuses it
+            _within(name, 'ticks', compile_scene(scene).last_tick + 1, SCENE_TICKS)
+    return scene
+
+
+def _within(name: str, what: str, value: int, most: int) -> None:
+    if value > most:
+        raise InputError(f'{name}: has {value} {what}; from a stranger at most {most} are taken; give --trust if you '
+                         'know where it comes from', field=what, value=value, limit=most)
+
+
 def scene_of(document: Document) -> Scene:
-    """Return the scene that a document describes; a law of one's own is none of it, wherever it comes from."""
+    """Return the scene that a document describes. Raises InputError."""
+    scene = _settings(document)
+    _check_compiled(document, scene)
+    return scene
+
+
+def _check_compiled(document: Document, scene: Scene) -> None:
+    """Refuse what only the track laid out in the plane can tell. Raises InputError."""
+    try:
+        compile_scene(scene)
+    except FieldError as error:
+        raise _placed(document, error) from None
+
+
+def _settings(document: Document) -> Scene:
+    """Return a document's scene as settings alone, nothing compiled; a law of one's own is none, wherever it is."""
     if document.section('head').get('kind') == PLUGIN:
         document.refuse('head.kind', 'a head law of your own is loaded for a scene file, never for a bag or topic')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
@@ -64,11 +106,14 @@ def scene_of(document: Document) -> Scene:
         if 'accuracy' in values:
             parts['accuracy'] = _number(values['accuracy'])
         parts |= {name: values[name] for name in CHOICES if name in values}
-        scene = Scene(**parts)
-        compile_scene(scene)        # it finds what only the track laid out in the plane can tell
-        return scene
+        return Scene(**parts)
     except FieldError as error:
-        raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
+        raise _placed(document, error) from None
+
+
+def _placed(document: Document, error: FieldError) -> InputError:
+    """Return the error of a field with its place in the document."""
+    return InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields)
 
 
 def scene_values(scene: Scene) -> dict[str, Any]:
@@ -112,8 +157,8 @@ def _build(document: Document, name: str, kinds: dict[str, type]) -> Any:
 def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str, Any]) -> Any:
     """Return the dataclass of a kind; keys and shapes are checked here, values by the dataclass."""
     chosen = given.pop('kind', next(iter(kinds))) if len(kinds) > 1 else ''
-    if chosen not in kinds:
-        document.refuse(f'{name}.kind', f'{chosen!r} is not known; the kinds are {", ".join(kinds)}')
+    if not isinstance(chosen, str) or chosen not in kinds:
+        document.refuse(f'{name}.kind', f'{shown(chosen)} is not known; the kinds are {", ".join(kinds)}')
     kind = kinds[chosen]
     known = [f.name for f in fields(kind)]
     for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):
@@ -130,7 +175,7 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
 def _part(document: Document, name: str, key: str, given: Any) -> Any:
     """Return one of a list of mappings: a piece of a joined track, or a group of benches."""
     if not isinstance(given, dict) or (len(PARTS[key]) > 1 and 'kind' not in given):
-        document.refuse(name, f'it holds {given!r}; write for example {_EXAMPLES[key]}')
+        document.refuse(name, f'it holds {shown(given)}; write for example {_EXAMPLES[key]}')
     return _made(document, name, PARTS[key], dict(given))
 
 
@@ -139,15 +184,15 @@ def _value(document: Document, name: str, value: Any) -> Any:
     key = name.rpartition('.')[2]
     if key == 'knots':
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
-            document.refuse(name, f'{value!r} is not a list of pairs; write for example [[0, 1], [60, -1]]')
+            document.refuse(name, f'{shown(value)} is not a list of pairs; write for example [[0, 1], [60, -1]]')
         return tuple((_number(t_s), _number(speed)) for t_s, speed in value)
     if key == 'at_m' and value is not None:
         if not _is_pair(value):
-            document.refuse(name, f'{value!r} is not a point; write for example [1.5, 2]')
+            document.refuse(name, f'{shown(value)} is not a point; write for example [1.5, 2]')
         return tuple(map(_number, value))
     if key in PARTS:
         if not isinstance(value, list):
-            document.refuse(name, f'{value!r} is not a list of {key}; write for example [{_EXAMPLES[key]}]')
+            document.refuse(name, f'{shown(value)} is not a list of {key}; write for example [{_EXAMPLES[key]}]')
         return tuple(_part(document, f'{name}.{n}', key, one) for n, one in enumerate(value, 1))
     return value if key in _WORDS else _number(value)
 
@@ -168,16 +213,16 @@ def _number(value: Any) -> Any:
 
 def _names(document: Document, key: str, value: Any) -> list[Any]:
     if not isinstance(value, list):
-        document.refuse(key, f'{value!r} is not a list; write for example [velocity, benches]')
+        document.refuse(key, f'{shown(value)} is not a list; write for example [velocity, benches]')
     return value
 
 
 def _override(document: Document, text: str) -> None:
     """Apply one ``dotted.key=value``."""
     key, equals, value = text.partition('=')
+    place = f'--set {text if len(text) <= _MOST_SHOWN else text[:_MOST_SHOWN] + "..."}'
     if not equals or not key:
-        raise InputError(f'--set {text}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
-    place = f'--set {text}'
+        raise InputError(f'{place}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
     parsed = parse_document(place, f'value: {value}').values.get('value')
     *sections, last = key.split('.')
     target = document.values

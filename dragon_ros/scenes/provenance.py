@@ -11,10 +11,10 @@ import numpy as np
 import yaml
 
 from dragon_ros import __version__
-from dragon_ros.core.errors import DragonError
+from dragon_ros.core.errors import DragonError, shown
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
-from dragon_ros.scenes.load import scene_of, scene_values
+from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.yaml import parse_document
 
 RECORD = 'dragon_ros'
@@ -36,17 +36,12 @@ def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
     return yaml.safe_dump({**scene_values(scene), 'about': {**versions(), **(settings or {})}}, sort_keys=False)
 
 
-def scene_in(text: str) -> Scene | None:
-    """Return the scene that a scene file describes; None where this version cannot read it."""
-    with suppress(DragonError):
-        return scene_of(parse_document(ATTACHMENT, text))
-    return None
+def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
+    """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder.
 
-
-def run_metadata(text: str, recorder: Mapping[str, str]) -> dict[str, str]:
-    """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder."""
-    scene = scene_in(text)
-    record = {'scene': text, **{f'about.{key}': str(value) for key, value in _about(text).items()}}
+    ``scene`` is what the text describes, None where this version cannot read it.
+    """
+    record = {'scene': text, **{f'about.{_text(key)}': _text(value) for key, value in _about(text).items()}}
     if scene is not None:
         model = compile_scene(scene)
         record |= {'tier': model.tier.name, 'promise_m': repr(model.promise_m),
@@ -58,6 +53,10 @@ def _about(text: str) -> dict[str, Any]:
     with suppress(DragonError):
         return parse_document(ATTACHMENT, text).section('about')
     return {}
+
+
+def _text(value: Any) -> str:
+    return value if isinstance(value, str) else shown(value)
 
 
 def _git(*arguments: str) -> str:

@@ -7,9 +7,8 @@ from typing import Any, NoReturn
 
 import yaml
 
-from dragon_ros.core.errors import InputError, MissingError
-
-MOST_VALUES = 100_000
+from dragon_ros.core.errors import InputError, MissingError, shown
+from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
 
 
 @dataclass
@@ -35,7 +34,7 @@ class Document:
         """Return the mapping under ``key`` (empty if it is omitted)."""
         value = self.values.get(key, {})
         if not isinstance(value, dict):
-            self.refuse(key, f'it holds {value!r}; write a mapping of keys below it')
+            self.refuse(key, f'it holds {shown(value)}; write a mapping of keys below it')
         return value
 
     def check_keys(self, prefix: str, given: Iterable[str], known: Iterable[str]) -> None:
@@ -51,10 +50,16 @@ class Document:
 def read_document(path: Path) -> Document:
     """Read a YAML mapping. Raises MissingError or InputError with the file and, where known, the line."""
     try:
-        text = path.read_text(encoding='utf-8')
-    except (OSError, UnicodeDecodeError) as error:
-        reason = error.strerror if isinstance(error, OSError) else 'it is not UTF-8 text'
-        raise MissingError(f'{path}: cannot be read: {reason}') from None
+        with path.open('rb') as file:
+            data = file.read(SCENE_FILE_BYTES + 1)
+        text = data.decode()
+    except OSError as error:
+        raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
+    except ValueError as error:     # also a path with a NUL in it
+        reason = 'it is not UTF-8 text' if isinstance(error, UnicodeDecodeError) else str(error)
+        raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {reason}') from None
+    if len(data) > SCENE_FILE_BYTES:
+        raise InputError(f'{path}: is too large; the largest YAML file that is read has {SCENE_FILE_BYTES} bytes')
     return parse_document(str(path), text)
 
 
@@ -62,13 +67,14 @@ def parse_document(name: str, text: str) -> Document:
     """Parse a YAML mapping; duplicate keys are rejected."""
     document = Document(name, {})
     try:
-        root = yaml.compose(text, Loader=yaml.SafeLoader)
+        loader = _Loader(text)
+        root = loader.get_single_node()
         check_size(root)
         if root is not None and not isinstance(root, yaml.MappingNode):
             raise InputError(f'{name}: holds no mapping of keys and values')
         if root is not None:
             _collect(document, root, '')
-            document.values = yaml.safe_load(text)
+            document.values = loader.value_of(root)
     except (yaml.YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, 'problem_mark', None)
         place = f'{name}:{mark.line + 1}' if mark else name
@@ -78,8 +84,34 @@ def parse_document(name: str, text: str) -> Document:
 
 def values_of(text: str) -> Any:
     """Return the value of untrusted YAML. Raises YAMLError, ValueError or RecursionError."""
-    check_size(yaml.compose(text, Loader=yaml.SafeLoader))
-    return yaml.safe_load(text)
+    loader = _Loader(text)
+    root = loader.get_single_node()
+    check_size(root)
+    return None if root is None else loader.value_of(root)
+
+
+class _Loader(yaml.SafeLoader):
+    """A loader that refuses deep nesting as it scans: PyYAML alone takes time in its square, and then recurses."""
+
+    def value_of(self, root: yaml.Node) -> Any:
+        """Return the value of a node. Raises YAMLError, ValueError or RecursionError."""
+        try:
+            return self.construct_document(root)  # type: ignore[no-untyped-call]
+        except (AttributeError, LookupError, TypeError, OverflowError) as error:    # PyYAML, of a tag such as !!int ''
+            raise ValueError(f'a value does not suit its tag ({error})') from None
+
+    def fetch_flow_collection_start(self, kind: Any) -> None:
+        self._refuse_deeper_than(self.flow_level)
+        super().fetch_flow_collection_start(kind)  # type: ignore[no-untyped-call]
+
+    def add_indent(self, column: int) -> bool:
+        self._refuse_deeper_than(len(self.indents))
+        return bool(super().add_indent(column))  # type: ignore[no-untyped-call]
+
+    def _refuse_deeper_than(self, depth: int) -> None:
+        if depth >= YAML_DEPTH:
+            mark = self.get_mark()  # type: ignore[no-untyped-call]
+            raise yaml.scanner.ScannerError(None, None, f'it is nested more than {YAML_DEPTH} deep', mark)
 
 
 def check_size(root: yaml.Node | None) -> None:
@@ -88,11 +120,11 @@ def check_size(root: yaml.Node | None) -> None:
 
     def size(node: yaml.Node) -> int:
         if id(node) not in sizes:
-            sizes[id(node)] = MOST_VALUES + 1       # for a value that contains itself
+            sizes[id(node)] = YAML_VALUES + 1       # for a value that contains itself
             sizes[id(node)] = 1 + sum(map(size, _below(node)))
         return sizes[id(node)]
-    if root is not None and size(root) > MOST_VALUES:
-        raise ValueError(f'with its aliases expanded it has more than {MOST_VALUES} values')
+    if root is not None and size(root) > YAML_VALUES:
+        raise ValueError(f'with its aliases expanded it has more than {YAML_VALUES} values')
 
 
 def _below(node: yaml.Node) -> list[yaml.Node]:

@@ -10,9 +10,10 @@ from hypothesis import strategies as st
 from mcap.writer import CompressionType, Writer
 
 from dragon_ros.bags.check.examine import examine, gaps_of
+from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read import reader
 from dragon_ros.bags.read.frames import frames, namespace_of, scene_of_bag
-from dragon_ros.bags.read.reader import BagReader, qos_of
+from dragon_ros.bags.read.reader import BagError, BagReader, qos_of
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.scene import Run, Scene
@@ -72,7 +73,43 @@ def test_a_split_folder_reads_as_one_bag_with_and_without_its_metadata(tmp_path)
     assert not examine(tmp_path / 'run').problems.count
 
 
+def unlist_last(folder):
+    """Leave a split bag as a recorder that is killed does: its last part is not listed; return that part."""
+    info = yaml.safe_load((folder / 'metadata.yaml').read_text())
+    last = info['rosbag2_bagfile_information']['relative_file_paths'].pop()
+    (folder / 'metadata.yaml').write_text(yaml.safe_dump(info))
+    return folder / last
+
+
+@pytest.mark.parametrize('compression', ['none', 'zstd', 'lz4'])
+def test_a_part_that_is_not_listed_belongs_to_the_bag_and_inspect_names_it(tmp_path, compression):
+    written = write(tmp_path / 'run', range(26), BagOptions(compression, split_duration_s=0.1))
+    last = unlist_last(tmp_path / 'run')
+    repair(tmp_path / 'run', tmp_path / 'run' / 'whole.mcap')       # not a part, though it is in the folder
+    assert read(tmp_path / 'run') == read(tmp_path / 'run' / 'whole.mcap') == written
+    (problem,) = examine(tmp_path / 'run').problems.lines
+    assert problem.startswith(f'{last}: is not listed in metadata.yaml')
+    assert '--repair OUT' in problem
+
+
+@pytest.mark.parametrize('left', [0, 5, 60, 0.5, -1])
+def test_a_part_that_is_not_listed_and_cut_anywhere_is_named_and_saved(tmp_path, left):
+    written = write(tmp_path / 'run', range(26), BagOptions('none', split_duration_s=0.1), chunk=2)
+    last = unlist_last(tmp_path / 'run')
+    data = last.read_bytes()
+    last.write_bytes(data[:int(left * len(data)) if isinstance(left, float) else left])
+    with pytest.raises(BagError, match=f'{last.name}.* --repair OUT'):
+        read(tmp_path / 'run')
+    assert any(line.startswith(f'{last}: is') for line in examine(tmp_path / 'run').problems.lines)
+    saved = repair(tmp_path / 'run', tmp_path / 'whole.mcap')
+    assert saved.lost.count or left == -1       # the last byte of the closing magic
+    kept = read(tmp_path / 'whole.mcap')
+    assert kept == written[:len(kept)]
+    assert len(kept) >= (26 if left == -1 else 20)
+
+
 @pytest.mark.parametrize(('text', 'says'), [
+    ('rosbag2_bagfile_information: {relative_file_paths: [a.mcap, b.mcap, a.mcap]}', 'lists a.mcap 2 times'),
     ('', 'relative_file_paths'), ('a: [', 'not YAML'), ('rosbag2_bagfile_information: 3', 'relative_file_paths'),
     ('rosbag2_bagfile_information: {relative_file_paths: [gone.mcap]}', 'not there'),
     ('rosbag2_bagfile_information: {relative_file_paths: [../a.mcap]}', 'in its folder'),

@@ -1,4 +1,5 @@
 from dragon_ros.bags.record.simulation_clock import SimulationClock
+from dragon_ros.core.limits import HELD_BYTES
 
 
 def test_messages_without_a_stamp_get_the_tick_that_was_published_before_them():
@@ -45,3 +46,11 @@ def test_what_waits_longer_than_allowed_belongs_to_the_last_tick():
     clock.unstamped('v', b'', 11, 1)
     clock.flush(age_s=1e-9)
     assert out == [('v', 100)]
+
+
+def test_what_waits_for_the_first_tick_is_bounded_in_bytes_too():
+    clock, large = SimulationClock(lambda *_: None), bytes(2**24)
+    for n in range(12):
+        clock.unstamped('v', large, n, n, latched=n % 2 == 0)
+    assert sum(len(held.data) for held in clock._held) <= HELD_BYTES
+    assert clock.left_out == 12 - HELD_BYTES // 2**24

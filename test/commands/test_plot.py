@@ -6,12 +6,17 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli.figures import style
 from dragon_ros.commands.plot.animation import animate
 from dragon_ros.commands.plot.command import options
 from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 
@@ -91,6 +96,17 @@ def test_a_bag_of_another_namespace_is_found_and_one_without_benches_is_refused(
     path = write_bag(tmp_path / 'bare.mcap', skip=('benches',))
     code, _, err = plot(capsys, 'dragon', '--bag', path, '--output', tmp_path / 'a.png')
     assert (code, '/dragon/benches' in err) == (2, True)
+
+
+def test_a_bag_whose_benches_are_of_other_ticks_has_no_picture(capsys, tmp_path):
+    encode, path = encoders(Scene()), tmp_path / 'a.mcap'
+    with BagWriter(path) as bag:
+        for k, name in enumerate(('handles', 'benches')):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+            bag.write(f'/dragon/{name}', encode[name](tick(Scene(), k)), 20_000_000 * k, 1)
+    for kind in ('speeds', 'dragon'):
+        code, _, err = plot(capsys, kind, '--bag', path, '--output', tmp_path / 'a.png')
+        assert (code, 'has handles but no benches at 0 s' in err, len(err.splitlines())) == (2, True, 1)
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [

@@ -4,11 +4,14 @@ import http.client
 import json
 import re
 import signal
+import socket
 import subprocess
 import sys
 import threading
+import time
 import urllib.error
 import urllib.request
+from base64 import b64encode
 from hashlib import sha256
 
 import browser
@@ -18,6 +21,7 @@ import pytest
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.commands.sources import SceneSource, dragon_in, moment
+from dragon_ros.commands.view import server as server_module
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB, write_page
 from dragon_ros.commands.view.server import ViewServer
@@ -113,18 +117,49 @@ def test_a_single_bench_is_served():
         assert rows(server, run, 0).shape == (51, 10)
 
 
-@pytest.mark.parametrize('path', ['frames/1', 'frames/-1', 'frames/x', 'nothing', '../setup.py', 'frames/', '%2e%2e/'])
+@pytest.mark.parametrize('path', ['frames/1', 'frames/-1', 'frames/x', 'nothing', '../setup.py', 'frames/', '%2e%2e/',
+                                  f'frames/{"1" * 5000}', '/[x/', '/[/run.json'])
 def test_what_is_not_there_is_not_found(server, path):
     with pytest.raises(urllib.error.HTTPError, match='404') as error:
         get(server, path)
     error.value.close()
 
 
-def test_a_foreign_page_cannot_reach_it_by_another_name(server):
+@pytest.mark.parametrize('host', ['example.org', '[', '[::1', '', '127.0.0.1.example.org', '%', 'localhost:x:y'])
+def test_a_foreign_page_cannot_reach_it_by_another_name(server, host):
     connection = http.client.HTTPConnection(*server.server_address)
     with contextlib.closing(connection):
-        connection.request('GET', '/run.json', headers={'Host': 'example.org'})
-        assert connection.getresponse().status == 403
+        connection.request('GET', '/run.json', headers={'Host': host})
+        assert connection.getresponse().status == 403 or host == 'localhost:x:y'
+
+
+@pytest.mark.parametrize(('path', 'status'), [('/', 200), ('/frames/0', 200), ('/nothing', 404)])
+def test_every_answer_forbids_frames_other_origins_and_guessed_types(server, path, status):
+    connection = http.client.HTTPConnection(*server.server_address)
+    with contextlib.closing(connection):
+        connection.request('GET', path)
+        answer = connection.getresponse()
+        assert answer.status == status
+        assert answer.headers['X-Content-Type-Options'] == 'nosniff'
+        assert "frame-ancestors 'none'" in answer.headers['Content-Security-Policy']
+        assert answer.headers['X-Frame-Options'] == 'DENY'
+
+
+def test_connections_are_limited_in_number_and_in_silence(scene, monkeypatch):
+    monkeypatch.setattr(server_module._Handler, 'timeout', 0.5)
+    monkeypatch.setattr(server_module, 'VIEW_CONNECTIONS', 3)
+    with serving(SceneSource('short', scene)) as server, contextlib.ExitStack() as stack:
+        silent = [stack.enter_context(socket.create_connection(server.server_address)) for _ in range(4)]
+        assert silent[3].recv(1) == b''     # there is no room for it
+        assert silent[0].recv(1) == b''     # it said nothing for too long, which makes room
+        silent[1].recv(1)
+        silent[2].recv(1)
+        until = time.monotonic() + 20
+        while True:
+            with contextlib.suppress(OSError, http.client.HTTPException):
+                assert json.loads(get(server, 'run.json'))['name'] == 'short'
+                break
+            assert time.monotonic() < until
 
 
 def test_a_taken_port_is_said_in_one_line(capsys, server):
@@ -139,7 +174,7 @@ def test_the_viewer_library_is_the_one_that_its_note_names():
     assert sha256((WEB / 'plotly-basic.min.js').read_bytes()).hexdigest() in note
 
 
-@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize('number', [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_a_signal_ends_it_cleanly(short, number):
     command = [sys.executable, '-m', 'dragon_ros', 'view', '--no-browser', *short]
     with subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True) as view:
@@ -176,6 +211,18 @@ def test_the_page_plays_in_a_browser(tmp_path, server, scene):
         assert page.run('return performance.getEntriesByType("resource").map((r) => new URL(r.name).host)'
                         '.filter((host) => host !== location.host)') == []
         assert page.log() == []
+
+
+def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, scene):
+    source, path = SceneSource('short', scene), tmp_path / 'run.html'
+    write_page(source, source.ticks_s(412.0, 412.1, 2), 2.0, path, iter)
+    page = path.read_text()
+    policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', page)[1]
+    scripts = re.findall(r'<script>(.*?)</script>', page, re.DOTALL)
+    digests = {f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts}
+    assert len(digests) == 3
+    assert set(re.search('script-src ([^;]*)', policy)[1].split()) == digests
+    assert "default-src 'none'" in policy
 
 
 @needs_browser

@@ -1,9 +1,14 @@
-import numpy as np
+from collections import deque
+from random import Random
 
+import numpy as np
+import pytest
+
+from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.markers import CubesTemplate
 from dragon_ros.messages.observation import read_benches
-from dragon_ros.messages.synchronizer import Synchronizer
+from dragon_ros.messages.synchronizer import Streams, Synchronizer
 
 
 def poses(t_ns, values=7):
@@ -46,8 +51,84 @@ def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
     assert pairs.take_unmatched() == [('benches', 2)]
 
 
-def test_waiting_for_partners_is_bounded():
+def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
     pairs = Synchronizer()
-    for t_ns in range(300):
-        pairs.add_handles(poses(t_ns, 2**20), 0.0)
-    assert len(pairs.take_unmatched()) == 300 - 128
+    room = MONITOR_BYTES // 2**23
+    for t_ns in range(2 * room):
+        pairs.add_handles(poses(t_ns, 2**20), float(t_ns))
+        pairs.add_benches(shown(10**6 + t_ns), t_ns + 0.5)
+        assert pairs.held_bytes <= MONITOR_BYTES
+    dropped = pairs.take_unmatched()
+    assert len(dropped) > room
+    assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # those that have waited longest
+    assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest are still there
+
+
+def test_one_topic_may_run_ahead_by_thousands_of_messages_of_an_ordinary_dragon():
+    pairs = Synchronizer()
+    for t_ns in range(5000):
+        pairs.add_handles(poses(t_ns, 7 * 224), 0.0)
+    assert pairs.take_unmatched() == []
+    assert pairs.add_benches(shown(0), 0.0) is not None
+
+
+def test_memory_that_names_and_layouts_take_counts_as_well():
+    named = Poses(0, 'x' * 10**6, np.zeros(14))
+    assert named.size_bytes > 10**6
+    benches = shown(0).markers
+    assert benches.size_bytes > len(benches.data)
+
+
+def interleaved(rng, rows):
+    """Return (publisher, number, stamp) of several publishers, each in its order, mixed at random."""
+    left = {name: deque(messages) for name, messages in rows.items()}
+    while any(left.values()):
+        name = rng.choice([name for name, messages in left.items() if messages])
+        yield name, *left[name].popleft()
+
+
+@pytest.mark.parametrize('seed', range(20))
+def test_of_several_publishers_the_known_one_is_told_apart_by_numbers_and_stamps(seed):
+    rng, streams = Random(seed), Streams()
+    step = 20_000_000
+    for k in range(1, 6):
+        assert streams.take(k, k * step, alone=True)
+    streams.adopt(5 * step)
+    rows = {'known': [(k, k * step) for k in range(6, 200) if rng.random() < 0.98],
+            'new': [(k, 400 * 10**9 + k * step) for k in range(1, 200)],
+            'seeks': [(5000 + k, (600 if k < 90 else 30) * 10**9 + k * step) for k in range(200)],
+            'level': [(k, (3 * k + 1) * step) for k in range(4, 200)]}
+    for name, number, t_ns in interleaved(rng, rows):
+        assert streams.take(number, t_ns, alone=False) == (name == 'known'), (name, number)
+
+
+def test_a_known_publisher_that_seeks_stays_known_until_it_is_forgotten():
+    streams = Streams()
+    for k in range(1, 10):
+        streams.take(k, 10**9 + k, alone=True)
+    streams.adopt(10**9 + 9)
+    assert not streams.take(500_000, 5, alone=False)
+    assert streams.take(10, 7 * 10**9, alone=False)      # it went to another time
+    assert streams.take(11, 7 * 10**9 + 1, alone=False)
+    assert not streams.take(500_001, 6, alone=False)
+    streams.forget()
+    assert streams.take(500_002, 7, alone=False)
+    streams.adopt(7)
+    assert not streams.take(12, 7 * 10**9 + 2, alone=False)
+
+
+def test_all_publishers_are_taken_until_one_is_adopted_by_its_stamp():
+    streams = Streams()
+    for k in range(1, 5):
+        assert streams.take(k, k * 10**9, alone=False)              # handles alone, perhaps: no dragon
+        assert streams.take(100 + k, (50 + k) * 10**9, alone=False)
+    streams.adopt(54 * 10**9)
+    assert not streams.take(5, 5 * 10**9, alone=False)
+    assert streams.take(105, 55 * 10**9, alone=False)
+
+
+def test_a_publisher_that_is_alone_is_always_taken_whatever_its_numbers():
+    streams = Streams()
+    for number, t_ns in ((1, 1), (2, 2), (9, 3), (1, 0), (0, 0), (0, 7), (5, 5)):
+        assert streams.take(number, t_ns, alone=True)
+        streams.adopt(t_ns)

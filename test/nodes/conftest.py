@@ -5,6 +5,7 @@ import subprocess
 import sys
 import threading
 import time
+from contextlib import contextmanager
 
 import pytest
 
@@ -89,10 +90,11 @@ def domain(monkeypatch):
 def start(domain, tmp_path):
     """Start executables that end with the test."""
     running = []
-    environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log')}
 
-    def run(*arguments):
-        running.append(Process([sys.executable, '-m', 'dragon_ros', *map(str, arguments)], environment, tmp_path))
+    def run(*arguments, under=(), **variables):
+        environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log'), **variables}
+        command = [*under, sys.executable, '-m', 'dragon_ros', *map(str, arguments)]
+        running.append(Process(command, environment, tmp_path))
         return running[-1]
     yield run
     for process in running:
@@ -102,10 +104,23 @@ def start(domain, tmp_path):
 @pytest.fixture
 def node(domain):
     """A node of the test itself."""
+    with made_node('observer') as node:
+        yield node
+
+
+@pytest.fixture
+def other_node(domain):
+    """A second node of the test, as a program of somebody else's."""
+    with made_node('stranger') as node:
+        yield node
+
+
+@contextmanager
+def made_node(name):
     import rclpy
     context = rclpy.Context()
     rclpy.init(context=context)
-    node = rclpy.create_node('observer', context=context, namespace='/dragon')
+    node = rclpy.create_node(name, context=context, namespace='/dragon')
     executor = rclpy.executors.SingleThreadedExecutor(context=context)
     executor.add_node(node)
 

@@ -1,5 +1,7 @@
 """All nodes together, and each node's part."""
+import os
 import signal
+import subprocess
 from pathlib import Path
 
 import pytest
@@ -11,6 +13,7 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics, read_pose_array
 from dragon_ros.scenes.load import load_scene
 
+ROOT = Path(__file__).parents[2]
 READERS = 'wait_subscribers:=[handles=2,benches=2,velocities=1]'
 SHORT = 'run.start_s=412.2', 'run.stop_s=412.7'
 
@@ -359,3 +362,42 @@ def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
         assert 'the same bytes, the same event' in demo.text
     assert {'first_contact.mcap', 'replayed.mcap', 'contact.png', 'contact.svg'} <= {
         path.name for path in (tmp_path / 'demo').iterdir()}
+
+
+def test_security_that_the_wheels_cannot_give_is_refused_in_one_line(start):
+    pytest.importorskip('ros_wheels_bootstrapper')
+    process = start('sim', '--scene', 'minimal', ROS_SECURITY_ENABLE='true')
+    assert process.end() == 2
+    assert process.text.startswith('sim: ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins')
+    assert len(process.text.splitlines()) == 1
+
+
+SOCKETS = """
+import os, rclpy
+rclpy.init()
+node = rclpy.create_node('bound')
+links = [f'/proc/self/fd/{fd}' for fd in os.listdir('/proc/self/fd')]
+own = {os.readlink(link) for link in links if os.path.lexists(link)}
+rows = [line.split() for line in open('/proc/self/net/udp').read().splitlines()[1:]]
+print(sorted({row[1].partition(':')[0] for row in rows if f'socket:[{row[9]}]' in own}))
+"""
+
+
+def by_script(*arguments, **variables):
+    """Return what the script prints, run as from a shell in which nothing of ROS is set but the domain."""
+    kept = {key: os.environ[key] for key in ('PATH', 'HOME', 'ROS_DOMAIN_ID', 'ROS_LOG_DIR') if key in os.environ}
+    return subprocess.run([ROOT / 'dragon', *arguments], env=kept | variables, capture_output=True, text=True,
+                          check=True, timeout=60).stdout
+
+
+@pytest.mark.skipif(not (ROOT / '.venv/installed.txt').exists(), reason='./dragon is not set up here')
+def test_nodes_of_the_script_bind_this_host_alone_unless_told_otherwise(domain):
+    # 127.0.0.1, and the group in which Fast DDS discovers on that interface
+    assert by_script('python', '-c', SOCKETS).strip() == "['0100007F', '0100FFEF']"
+    shown = 'import os; print(os.environ.get("FASTRTPS_DEFAULT_PROFILES_FILE", ""))'
+    assert by_script('python', '-c', shown).strip().endswith('loopback.xml')
+    for arguments, variables in ((('--network', 'python'), {}), (('python', '--network'), {}),
+                                 (('python',), {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST'}),
+                                 (('python',), {'ROS_STATIC_PEERS': '127.0.0.1'}),
+                                 (('python',), {'ROS_DISCOVERY_SERVER': '127.0.0.1:11811'})):
+        assert by_script(*arguments, '-c', shown, **variables).strip() == ''

@@ -16,8 +16,7 @@ from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.scene import Run
 from dragon_ros.messages.cdr import Writer, stamp_of
-from dragon_ros.scenes.load import load_scene
-from dragon_ros.scenes.provenance import scene_in
+from dragon_ros.scenes.load import load_scene, strangers_scene
 
 READERS = 'wait_subscribers:=[handles=1,benches=1,velocities=1,scene=1]'
 LATCHED = '/dragon/scene', '/dragon/track'
@@ -105,14 +104,14 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     assert record.end() == 0, record.text
     bag = tmp_path / 'run' / 'run_0.mcap'
     told = received(bag)
-    scene = scene_in(told['dragon_ros']['scene'])
+    scene = strangers_scene('told', told['dragon_ros']['scene'])
     assert scene == load_scene('first_contact', [*SHORT, 'accuracy=1e-6'])
     assert (told['dragon_ros']['tier'], told['dragon_ros']['about.on_contact']) == ('standard', 'continue')
     assert told['dragon_ros.received']['complete'] == 'true'
     assert told['dragon_ros.received']['/dragon/handles ticks'] == '0-25'
     with bag.open('rb') as file:
         (attachment,) = make_reader(file).iter_attachments()
-    assert (attachment.name, scene_in(attachment.data.decode())) == ('scene.yaml', scene)
+    assert (attachment.name, strangers_scene('attached', attachment.data.decode())) == ('scene.yaml', scene)
     with BagReader(bag) as run:
         assert compare_with_model(run, scene).faults == []
     info = yaml.safe_load((tmp_path / 'run' / 'metadata.yaml').read_text())['rosbag2_bagfile_information']
@@ -203,6 +202,78 @@ def test_a_recorder_that_missed_the_beginning_says_so_and_exits_3(start, tmp_pat
     assert told['complete'] == 'false'
     assert int(told['/dragon/handles missing at the beginning']) > 0
     assert told['/dragon/handles missing ticks'] == 'none'
+
+
+def test_a_closed_terminal_ends_every_node_as_ctrl_c_does_and_bags_are_whole(start, tmp_path):
+    publisher = sim(start, 'run.start_s=400', readers=2)
+    record, kept = (start('record', '--output', tmp_path / f'{name}.mcap', '--flush-s', '0.1', under=under)
+                    for name, under in (('a', []), ('b', ['nohup'])))
+    monitor = start('monitor')
+    for bag in tmp_path / 'a.mcap', tmp_path / 'b.mcap':
+        while not bag.exists() or not [row for row in streamed(bag) if row[0] == '/dragon/benches']:
+            assert publisher.running
+    for process in record, kept:
+        process.signal(signal.SIGHUP)
+    assert record.end() == 0, record.text
+    assert main(['inspect', str(tmp_path / 'a.mcap')]) == 0
+    assert kept.running
+    for process in kept, monitor, publisher:
+        assert process.stop(signal.SIGHUP if process is not kept else signal.SIGINT) == 0, process.text
+
+
+def test_of_a_topic_that_two_publish_nobody_says_what_is_missing_and_both_are_named(start, node, other_node, tmp_path):
+    from diagnostic_msgs.msg import DiagnosticArray
+    from geometry_msgs.msg import PoseArray
+    heard = []
+    node.create_subscription(DiagnosticArray, '/diagnostics', heard.append, 10)
+    outs = [one.create_publisher(PoseArray, 'handles', 100) for one in (node, other_node)]
+    record = start('record', '--output', tmp_path / 'a.mcap', '--keep-going', '--flush-s', '0.1')
+    node.until(lambda: all(out.get_subscription_count() for out in outs))
+    for k in range(5):
+        for n, out in enumerate(outs):
+            out.publish(poses((k + 30 * n) * 10**9))
+    node.until(lambda: heard)
+    (status,) = heard[0].status
+    assert (status.name, status.level) == ('dragon: record: publishers', b'\x01')
+    assert [(pair.key, pair.value) for pair in status.values] == [
+        ('/dragon/handles', '/dragon/observer, /dragon/stranger')]
+    record.stop()
+    assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in record.text
+    assert 'nobody can say what is missing' in record.text
+    assert received(tmp_path / 'a.mcap')['dragon_ros.received']['/dragon/handles lost'] == 'unknown: several publishers'
+
+
+def test_no_scene_on_the_topic_ends_or_blinds_a_recorder(start, node, tmp_path):
+    from geometry_msgs.msg import PoseArray
+    from std_msgs.msg import String
+
+    from dragon_ros.core.limits import RECORDED_SCENES
+    from dragon_ros.core.scene import Scene
+    from dragon_ros.messages.cdr import string_message
+    from dragon_ros.messages.channels import channels
+    from dragon_ros.nodes import qos
+    from dragon_ros.scenes.provenance import scene_file
+    hostile = ['dragon: {kind: [a]}', f'dragon: {{benches: {"9" * 400}}}', '[' * 60_000, '? ' * 30_000,
+               'dragon: {benches: 900000}', 'run: {rate_hz: 1000000, stop_s: 2000000000}', f'a: "{"x" * 3_000_000}"',
+               *(f'about: {{n: {n}}}' for n in range(2 * RECORDED_SCENES))]
+    run = Run(0, 1, 30)
+    scene = node.create_publisher(String, 'scene', qos.of_channel(channels()['scene']))
+    handles = node.create_publisher(PoseArray, 'handles', 100)
+    bag = tmp_path / 'a.mcap'
+    record = start('record', '--output', bag, '--keep-going', '--flush-s', '0.1')
+    node.until(lambda: handles.get_subscription_count() and scene.get_subscription_count())
+    handles.publish(poses(run.time_ns(0)))
+    for n, text in enumerate((*hostile, scene_file(Scene(run=run)))):
+        scene.publish(string_message(text))
+        node.until(lambda n=n: len([row for row in streamed(bag) if row[0] == '/dragon/scene']) > n)
+    for k in (1, 2, 4):
+        handles.publish(poses(run.time_ns(k)))
+    node.until(lambda: len([row for row in streamed(bag) if row[0] == '/dragon/handles']) == 4)
+    assert record.stop() == 3, record.text
+    assert 'Traceback' not in record.text
+    assert '1 ticks are missing: 3' in record.text      # the last scene counts, whatever came before
+    with bag.open('rb') as file:
+        assert 1 <= len(list(make_reader(file).iter_attachments())) <= RECORDED_SCENES
 
 
 @pytest.mark.parametrize(('options', 'says'), [

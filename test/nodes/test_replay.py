@@ -182,3 +182,30 @@ def test_keys_of_a_terminal_control_the_replay(domain, recorded, tmp_path):
     os.write(terminal, b'\x03')
     wait_for('messages published')
     assert os.waitpid(child, 0)[1] == 0
+
+
+def stranger_s_bag(path, schema):
+    """A bag with one message, of a type of that name, or without a schema."""
+    from mcap.writer import Writer
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2', 'a stranger')
+        kind = 0 if schema is None else writer.register_schema(schema, 'ros2msg', b'')
+        writer.add_message(writer.register_channel('/x', 'cdr', kind), 1, bytes(8), 1)
+        writer.finish()
+
+
+@pytest.mark.parametrize('name', [
+    'trap/msg/Trap', 'trap/msg/msg', 'this/msg/s', 'antigravity/msg/x', 'geometry_msgs/msg/Trap', 'rclpy.msg/msg/x',
+    'geometry_msgs/msg/geometry_msgs', '../msg/x', '/msg/', 'Pose', None])
+def test_a_bag_names_message_types_and_nothing_that_is_run(start, tmp_path, name):
+    for folder in ('trap/msg', 'geometry_msgs/msg', 'std_msgs/msg'):
+        (tmp_path / folder).mkdir(parents=True)
+        for path in (tmp_path / folder).parent, tmp_path / folder:
+            (path / '__init__.py').write_text('open("sprung", "w").close()\nTrap = PoseArray = String = object')
+    stranger_s_bag(tmp_path / 'a.mcap', name)
+    replay = start('replay', 'a.mcap', '--rate', '0')
+    assert replay.end() == 2, replay.text
+    assert replay.text.startswith('replay: message type ')
+    assert len(replay.text.splitlines()) == 1
+    assert not (tmp_path / 'sprung').exists()

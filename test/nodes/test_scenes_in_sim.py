@@ -54,3 +54,18 @@ def test_the_clock_effect_brings_the_clock(start, node):
     node.until(lambda: heard)
     assert 7 <= heard[0].clock.sec < 60
     assert sim.stop() == 0, sim.text
+
+
+def test_options_set_follow_the_parameter_set(start):
+    sim = start('sim', '--scene', 'minimal', '--set', 'run.stop_s=1', '--ros-args', '-p',
+                'set:=[run.stop_s=3, run.rate_hz=7]', '-p', 'time_scale:=0.0')
+    assert sim.end() == 0
+    assert 'tick 0 of 8' in sim.text
+
+
+@pytest.mark.parametrize('count', ['99999999999999999999', '1001', '-1', '9' * 5000, '\u0661'])
+def test_a_sim_that_would_wait_for_ever_is_refused(start, count):
+    sim = start('sim', '--scene', 'minimal', '--ros-args', '-p', f'wait_subscribers:=[handles={count}]')
+    assert sim.end() == 2
+    assert 'is not TOPIC=NUMBER with a number up to 1000' in sim.text
+    assert len(sim.text.splitlines()) == 1

@@ -7,7 +7,7 @@ from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels, channels_of, live
-from dragon_ros.scenes.load import load_scene, scene_names, scene_of, scene_values
+from dragon_ros.scenes.load import load_scene, scene_names, scene_of, scene_values, strangers_scene
 from dragon_ros.scenes.yaml import parse_document
 
 
@@ -53,6 +53,15 @@ def test_an_empty_file_is_the_classic_scene():
     ('head: {}\nhead: {}', r'f:2: head: is given twice, first in f:1'),
     ('run: {stop_s: 1, start_s: 2}', r'f:1: run.stop_s: 1'),
     ('track: {kind: circle}', r'f:1: track.kind: .circle. is not known'),
+    ('dragon: {kind: [a]}', r'f:1: dragon.kind: ..a.. is not known'),
+    (f'dragon: {{benches: {"9" * 400}}}', r'f:1: dragon.benches: 9+\.\.\.9+ is not possible, only finite'),
+    (f'track: {{pitch_m: 0x{"f" * 9000}}}', r'f:1: track.pitch_m: a huge int is not possible, only finite'),
+    ('[' * 60_000, r'f:1: is not YAML: it is nested more than 32 deep'),
+    ('? ' * 30_000, r'f:1: is not YAML: it is nested more than 32 deep'),
+    ('\n'.join(' ' * n + 'a:' for n in range(60)), r'f:33: is not YAML: it is nested more than 32 deep'),
+    ('run: !!int ""', r'f: is not YAML: a value does not suit its tag'),
+    ('run: !!bool x', r'f: is not YAML: a value does not suit its tag'),
+    ('run: !!timestamp x', r'f: is not YAML: a value does not suit its tag'),
     ('a: [', r'f:\d: is not YAML'),
     ('- a', r'f: holds no mapping'),
     ('&a [*a]', r'f: '),
@@ -83,7 +92,7 @@ def test_an_empty_file_is_the_classic_scene():
     ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not possible, it is a str'),
     ('head: {lead: middle}', r'f:1: head.lead: .middle.'),
     ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
-])
+], ids=lambda text: text[:40])
 def test_bad_scenes_name_file_line_and_key(text, says):
     with pytest.raises(InputError) as error:
         scene_of(parse_document('f', text))
@@ -139,6 +148,22 @@ def test_a_binary_file_is_no_scene(tmp_path):
     (tmp_path / 's.yaml').write_bytes(b'\xff\xfe\x00')
     with pytest.raises(DragonError, match='UTF-8'):
         load_scene(str(tmp_path / 's.yaml'))
+
+
+def test_a_file_that_is_too_large_is_refused_before_it_is_read(tmp_path):
+    with pytest.raises(InputError, match=r'/dev/zero: is too large; the largest YAML file that is read has \d+ bytes'):
+        load_scene('/dev/zero')
+    with pytest.raises(MissingError, match='cannot be read: embedded null byte'):
+        load_scene('a\0.yaml')
+
+
+@pytest.mark.parametrize(('text', 'says'), [
+    ('# ' + 'x' * 2**16, '65538 characters'), ('dragon: {benches: 20001}', '20001 benches'),
+    ('run: {rate_hz: 1000000, stop_s: 2000}', '432917925 ticks')])
+def test_a_stranger_s_scene_beyond_a_budget_is_read_only_if_it_is_trusted(text, says):
+    with pytest.raises(InputError, match=f'from here: has {says}; .* at most [0-9]+ are taken; give --trust'):
+        strangers_scene('from here', text)
+    assert strangers_scene('from here', text, trust=True) == scene_of(parse_document('f', text))
 
 
 def test_topics_follow_the_effects():

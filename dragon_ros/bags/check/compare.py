@@ -43,10 +43,10 @@ _Instant = tuple[int, dict[str, list[bytes]]]
 _SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
 MOST_FAULTS = 1000      # lines that are kept; all are counted
-_VIEWS: dict[str, Callable[[bytes | bytearray], Array]] = {
-    'handles': lambda data: read_pose_array(data).poses,
+_VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
+    'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
-    'velocities': lambda data: read_multi_array(data)[1]}
+    'velocities': lambda data: [read_multi_array(data)[1]]}
 
 
 @dataclass
@@ -54,7 +54,8 @@ class Comparison:
     """How many messages are equal bit for bit, how many only ``close``, and a line for each range of faults.
 
     ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
-    position difference among them. ``fault_count`` counts messages that are lost, extra or different.
+    position difference among them. ``fault_count`` counts messages that are missing, extra or different;
+    ``missing_count`` those that are missing.
     ``other_version`` is the version that made the bag, where that is another one: then all topics may be close.
     """
 
@@ -63,23 +64,32 @@ class Comparison:
     close: int = 0
     worst_m: float = 0.0
     fault_count: int = 0
+    missing_count: int = 0
     faults: list[str] = field(default_factory=list)
     _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
 
     def note(self, name: str, k: int, what: str) -> None:
         """Count a fault of a tick; consecutive ticks with the same fault share a line."""
-        self.fault_count += 1
+        self._note(name, k, k, what)
+
+    def missing(self, name: str, first: int, last: int) -> None:
+        """Count the messages of ticks ``first`` to ``last``, which are missing, however many they are."""
+        self.missing_count += last - first + 1
+        self._note(name, first, last, 'is missing')
+
+    def _note(self, name: str, first: int, last: int, what: str) -> None:
+        self.fault_count += last - first + 1
         before = self._last.get(name)
-        if before and before[0] == what and before[2] == k - 1:
+        if before and before[0] == what and before[2] == first - 1:
             first, line = before[1], before[3]
-            text = f'ticks {first} to {k}: {name} {what}'
         else:
-            first, line, text = k, len(self.faults), f'tick {k}: {name} {what}'
+            line = len(self.faults)
             if line < MOST_FAULTS:
-                self.faults.append(text)
+                self.faults.append('')
         if line < MOST_FAULTS:
-            self.faults[line] = text
-        self._last[name] = what, first, k, line
+            self.faults[line] = f'tick {last}: {name} {what}' if first == last else (
+                f'ticks {first} to {last}: {name} {what}')
+        self._last[name] = what, first, last, line
 
     def stray(self, name: str, t_ns: int, count: int) -> None:
         """Count messages whose log time is not a tick."""
@@ -97,20 +107,19 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     if scene.is_led:
         _compare_led(result, scene, encode, _whole(instants, bag, namespace), progress)
         return result
-    k = 0
+    ticks, k = compile_scene(scene).last_tick + 1, 0
     for t_ns, recorded in instants:
-        while k <= compile_scene(scene).last_tick and scene.run.time_ns(k) < t_ns:
-            _missing(result, encode, k)
-            k += 1
-        if k > compile_scene(scene).last_tick or scene.run.time_ns(k) != t_ns:
+        here = scene.run.tick_at(t_ns)
+        is_tick = 0 <= here < ticks and scene.run.time_ns(here) == t_ns
+        k = _missing(result, encode, k, min(here if is_tick else here + 1, ticks))
+        if not is_tick:
             for name, found in recorded.items():
                 result.stray(name, t_ns, len(found))
             continue
-        _compare_tick(result, scene, encode, tick(scene, k), recorded)
-        progress(k)
-        k += 1
-    for late in range(k, compile_scene(scene).last_tick + 1):
-        _missing(result, encode, late)
+        _compare_tick(result, scene, encode, tick(scene, here), recorded)
+        progress(here)
+        k = here + 1
+    _missing(result, encode, k, ticks)
     return result
 
 
@@ -180,9 +189,13 @@ def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterato
         yield int(stamps[min(n, len(stamps) - 1)]) if t_ns is None else t_ns, name, message.data
 
 
-def _missing(result: Comparison, names: Iterable[str], k: int) -> None:
+def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
+    """Count the ticks from ``k`` to before ``stop`` as missing; return the next one."""
+    if stop <= k:
+        return k
     for name in names:
-        result.note(name, k, 'is missing')
+        result.missing(name, k, stop - 1)
+    return stop
 
 
 def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: list[bytes], scene: Scene) -> None:
@@ -191,8 +204,10 @@ def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: 
     assert k is not None
     if found == [wanted]:
         result.equal += 1
-    elif len(found) != 1:
-        result.note(name, k, f'is there {len(found)} times' if found else 'is missing')
+    elif not found:
+        result.missing(name, k, k)
+    elif len(found) > 1:
+        result.note(name, k, f'is there {len(found)} times')
     elif (off_m := _off_m(name, wanted, found[0], frame, scene, result.other_version)) <= _allowed_m(frame, scene):
         result.close += 1
         result.worst_m = max(result.worst_m, off_m)
@@ -219,20 +234,28 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, o
         expected, got = _VIEWS[name](ours), _VIEWS[name](theirs)
     except MessageError:
         return inf
-    if expected.shape != got.shape or not np.all(np.abs(got) < _HUGE):
+    if [one.shape for one in expected] != [one.shape for one in got] or not all(
+            np.all(np.abs(one) < _HUGE) for one in got):
         return inf
-    off = np.abs(got - expected)
-    expected[...], got[...] = 0.0, 0.0      # these are views: what remains in the bytes is everything else
+    offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
+    for view in (*expected, *got):
+        view[...] = 0.0         # these are views: what remains in the bytes is everything else
     if ours != theirs:
         return inf
-    if not np.any(off):         # a speed of 0 may be -0
+    if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
         return 0.0
     if name == 'velocities':
         compiled = compile_scene(scene)
         one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                                 conditioning(frame.chain), _speed_m_s(frame, scene))
-        return float(np.max(off)) / one * compiled.promise_m if one else inf
-    turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
+        return float(np.max(offs[0])) / one * compiled.promise_m if one else inf
+    link_m = float(np.min(scene.dragon.link_lengths_m))
+    return max(_farthest_m(off, link_m) for off in offs if off.size)
+
+
+def _farthest_m(off: Array, link_m: float) -> float:
+    """Return the largest of differences of points (K, 3), or of poses (K, 7): quaternions count at a link's end."""
+    turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
 
 
@@ -244,7 +267,8 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
     """Return how far a message of another version is off in metres; inf where anything but its numbers differs.
 
     Accelerations and tensions are second derivatives of places: an error of these counts 1 / link^2 times the square of
-    the leader's speed, and once more for each power of the conditioning that derivatives add.
+    the leader's speed, and once more for each power of the conditioning that derivatives add. A tension sums what all
+    handles up to the free end need, handed on from link to link through directions, which are exact to places / link.
     """
     kind = channels()[name].type
     try:
@@ -263,7 +287,11 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
             return inf
     if name in ('accelerations', 'forces'):
         speed_m_s, link_m = _speed_m_s(frame, scene), float(np.min(scene.dragon.link_lengths_m))
-        scale = (speed_m_s / link_m) ** 2 * conditioning(frame.chain) ** 3
+        condition = conditioning(frame.chain)
+        scale = (speed_m_s / link_m) ** 2 * condition**3
+        if frame.tension_n_kg is not None and name == 'forces':
+            most = float(np.max(np.abs(frame.tension_n_kg), initial=0.0))
+            scale = len(frame.tension_n_kg) * scale + condition * most / link_m
         return off / scale if scale else inf
     return off
 

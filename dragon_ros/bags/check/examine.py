@@ -11,7 +11,7 @@ from mcap.opcode import Opcode
 from mcap.records import DataEnd, Header
 
 from dragon_ros.bags.check.capped_log import CappedLog
-from dragon_ros.bags.read.folder import files_of
+from dragon_ros.bags.read.folder import files_of, unlisted
 from dragon_ros.bags.read.mcap import (
     MAGIC,
     BagError,
@@ -23,6 +23,7 @@ from dragon_ros.bags.read.mcap import (
     scanned_index,
     summary_index,
 )
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Ints
 from dragon_ros.core.scene import NS, Run
 
@@ -62,8 +63,18 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
     """Return the contents of a bag, damaged or not. Raises BagError where it is not a bag, MissingError."""
     contents = Contents(files_of(path))
     for each in contents.files:
-        with closing(McapFile(each)) as file:
+        try:
+            file = McapFile(each)
+        except InputError as error:
+            if len(contents.files) == 1:
+                raise
+            contents.problems.note(error)       # as a killed recorder leaves the part that it just began
+            continue
+        with closing(file):
             _examine(contents, file, progress)
+    for each in unlisted(path):
+        contents.problems.note(f'{each}: is not listed in metadata.yaml, as a recorder that was killed leaves a part: '
+                               '`inspect BAG --repair OUT` writes all parts to a complete bag')
     return contents
 
 

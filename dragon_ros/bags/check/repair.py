@@ -26,7 +26,7 @@ from dragon_ros.bags.read.mcap import (
     summary_index,
 )
 from dragon_ros.bags.write.whole_file import whole_or_none
-from dragon_ros.core.errors import MissingError
+from dragon_ros.core.errors import InputError, MissingError
 
 
 @dataclass
@@ -65,7 +65,14 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
     with _created(output) as out:
         sink = _Sink(out)
         for each in parts:
-            with closing(McapFile(each)) as file:
+            try:
+                file = McapFile(each)
+            except InputError as error:
+                if len(parts) == 1:
+                    raise
+                done.lost.note(error)       # as a killed recorder leaves the part that it just began
+                continue
+            with closing(file):
                 _save(done, sink, file, progress)
         sink.writer.finish()    # type: ignore[no-untyped-call]
     return done

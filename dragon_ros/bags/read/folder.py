@@ -3,42 +3,63 @@ import re
 from pathlib import Path
 
 from dragon_ros.bags.read.mcap import BagError
-from dragon_ros.core.errors import MissingError
+from dragon_ros.core.errors import MissingError, shown
+from dragon_ros.core.limits import FOLDER_BYTES, FOLDER_FILES
 from dragon_ros.scenes.yaml import read_document
 
 METADATA = 'metadata.yaml'
 _ROOT = 'rosbag2_bagfile_information'
-_LARGEST = 2**20        # bytes of metadata.yaml that are parsed
+_PART = re.compile(r'(.*)_(\d{1,9})')
 
 
 def files_of(path: Path) -> list[Path]:
     """Return the .mcap files of a bag in their order. Raises MissingError or BagError.
 
-    ``path`` is a file, a folder, or the metadata.yaml in it. A folder without metadata.yaml, as a
-    killed recorder leaves it, consists of the parts in it.
+    ``path`` is a file, a folder, or the metadata.yaml in it. A recorder that is killed leaves parts that metadata.yaml
+    does not list, or no metadata.yaml: they belong to the bag all the same.
     """
-    folder = path.parent if path.name == METADATA else path
-    if not folder.is_dir():
+    folder = _folder_of(path)
+    if folder is None:
         return [path]
-    listed = folder / METADATA
-    parts = _listed(listed) if listed.is_file() else _found(folder)
-    if not parts:
+    listed, others = _parts(folder)
+    if not listed and not others:
         raise BagError(f'{folder}: is a folder without .mcap files; give a bag (rosbag2 folders in sqlite3 can be '
                        'turned into MCAP with `ros2 bag convert`)')
-    return parts
+    if len(listed) + len(others) > FOLDER_FILES:
+        raise BagError(f'{folder}: has {len(listed) + len(others)} files; the most that are read are {FOLDER_FILES}')
+    return listed + others
 
 
-def _found(folder: Path) -> list[Path]:
-    def number(path: Path) -> tuple[int, str]:
-        digits = re.search(r'_(\d+)$', path.stem)
-        return int(digits[1]) if digits else -1, path.name
-    return sorted(folder.glob('*.mcap'), key=number)
+def unlisted(path: Path) -> list[Path]:
+    """Return the parts of a bag that its metadata.yaml, if there is one, does not list. Raises BagError."""
+    folder = _folder_of(path)
+    return [] if folder is None or not (folder / METADATA).is_file() else _parts(folder)[1]
+
+
+def _folder_of(path: Path) -> Path | None:
+    folder = path.parent if path.name == METADATA else path
+    return folder if folder.is_dir() else None
+
+
+def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
+    """Return the parts that metadata.yaml lists, and the others: named alike, or all where nothing is listed."""
+    listed = _listed(folder / METADATA) if (folder / METADATA).is_file() else None
+    stems = {_number(part)[0] for part in listed or ()}
+    others = [part for part in folder.glob('*.mcap')
+              if listed is None or (part not in listed and _number(part)[0] in stems - {''})]
+    return listed or [], sorted(others, key=lambda part: (_number(part)[1], part.name))
+
+
+def _number(part: Path) -> tuple[str, int]:
+    """Return the name of a part without its number, and its number."""
+    found = _PART.fullmatch(part.stem)
+    return (found[1], int(found[2])) if found else ('', -1)
 
 
 def _listed(path: Path) -> list[Path]:
-    """Return what metadata.yaml lists; paths outside its folder are rejected."""
-    if path.stat().st_size > _LARGEST:
-        raise BagError(f'{path}: has {path.stat().st_size} bytes; the largest that is read has {_LARGEST}')
+    """Return what metadata.yaml lists; paths outside its folder are rejected, and so is one that is listed twice."""
+    if path.stat().st_size > FOLDER_BYTES:
+        raise BagError(f'{path}: has {path.stat().st_size} bytes; the largest that is read has {FOLDER_BYTES}')
     section = read_document(path).values.get(_ROOT)
     section = section if isinstance(section, dict) else {}
     names = section.get('relative_file_paths')
@@ -49,7 +70,10 @@ def _listed(path: Path) -> list[Path]:
                        'instead (`ros2 bag convert`)')
     for name in names:
         if not name.endswith('.mcap') or Path(name).name != name:
-            raise BagError(f'{path}: lists {name!r}; expected the names of .mcap files in its folder')
+            raise BagError(f'{path}: lists {shown(name)}; expected the names of .mcap files in its folder')
+    if len(set(names)) != len(names):
+        twice = next(name for name in names if names.count(name) > 1)
+        raise BagError(f'{path}: lists {twice} {names.count(twice)} times; a file is a part of a bag once')
     for name in names:
         if not (path.parent / name).exists():
             raise MissingError(f'{path}: lists {name}, which is not there')

@@ -15,6 +15,7 @@ from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
+from dragon_ros.core.limits import SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.decode import (
@@ -26,12 +27,10 @@ from dragon_ros.messages.decode import (
     read_string,
 )
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
-from dragon_ros.scenes.load import ABOUT, scene_of
+from dragon_ros.scenes.load import ABOUT, strangers_scene
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
-from dragon_ros.scenes.yaml import Document, parse_document
+from dragon_ros.scenes.yaml import parse_document
 
-_LONGEST_SCENE = 2**16          # characters of a scene that are parsed
-_MOST_WAITING = 128             # handles that wait for their benches at most
 _TOPICS = ('handles', 'benches', 'velocities')
 FRAME_ID = 'dragon'
 
@@ -81,30 +80,30 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
                      'geometry_msgs/msg/PoseArray')
 
 
-def scene_of_bag(bag: BagReader, namespace: str | None = None) -> Scene | None:
-    """Return the scene that is stored in a bag, or was published in it; None if there is none. Raises InputError."""
-    document = _scene_document(bag, namespace)
-    return None if document is None else scene_of(document)
+def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
+    """Return the scene that is stored in a bag, or was published in it; None if there is none.
+
+    Raises InputError, also beyond its budgets.
+    """
+    text = _scene_text(bag, namespace)
+    return None if text is None else strangers_scene(f'{bag.path}: scene', text, trust)
 
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
-    """Return the frame of the messages in a bag, as its scene says. Raises InputError."""
-    document = _scene_document(bag, namespace)
-    return str(document.section(ABOUT).get('frame_id', FRAME_ID) if document else FRAME_ID)
+    """Return the frame of the messages in a bag, as its scene says; the default where it says none."""
+    text = _scene_text(bag, namespace)
+    if text is None or len(text) > SCENE_CHARACTERS:
+        return FRAME_ID
+    return str(parse_document(f'{bag.path}: scene', text).section(ABOUT).get('frame_id', FRAME_ID))
 
 
-def _scene_document(bag: BagReader, namespace: str | None) -> Document | None:
+def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
     """Return the scene file in a bag: of its metadata, its attachment, or the latched topic ``scene``."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
         text = _published_scene(bag, namespace) if attached is None else attached.decode(errors='replace')
-    if text is None:
-        return None
-    if len(text) > _LONGEST_SCENE:
-        raise InputError(f'{bag.path}: its scene has {len(text)} characters; the largest that is read has '
-                         f'{_LONGEST_SCENE}')
-    return parse_document(f'{bag.path}: scene', text)
+    return text
 
 
 def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
@@ -209,7 +208,7 @@ class _Ticks:
             self._waiting[shown.t_ns].shown = shown
             return
         self._early[shown.t_ns] = shown
-        if len(self._early) > _MOST_WAITING:
+        if len(self._early) > WAITING_TICKS:
             self._early.popitem(last=False)
 
     def _add_speeds(self, log_ns: int, velocity: Floats) -> None:
@@ -222,7 +221,7 @@ class _Ticks:
         """Yield, in order, the ticks that are complete at log time ``now_ns``."""
         while self._waiting:
             first = next(iter(self._waiting.values()))
-            hopeless = now_ns == END_OF_TIME_NS or len(self._waiting) > _MOST_WAITING
+            hopeless = now_ns == END_OF_TIME_NS or len(self._waiting) > WAITING_TICKS
             if first.log_ns >= now_ns or not (first.shown or self._alone or hopeless or self._overtaken()):
                 return
             yield self._waiting.popitem(last=False)[1]

@@ -23,7 +23,7 @@ from mcap.data_stream import ReadDataStream
 from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, MetadataIndex, Schema, Statistics
 
-from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.errors import InputError, MissingError, shown
 
 MAGIC = b'\x89MCAP0\r\n'
 HEAD = struct.Struct('<BQ')
@@ -68,7 +68,11 @@ class McapFile:
         """Open it and check its beginning. Raises MissingError or BagError."""
         self.path = path
         self._file = _open(path)
-        self.size = self._file.seek(0, SEEK_END)
+        try:
+            self.size = self._file.seek(0, SEEK_END)
+        except OSError as error:
+            self.close()
+            raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
         if self.read(0, min(self.size, len(MAGIC))) != MAGIC:
             self.close()
             raise BagError(f'{path}: is {f"not an MCAP file ({self.size} bytes)" if self.size else "empty (0 bytes)"}')
@@ -169,8 +173,8 @@ def _open(path: Path) -> IO[bytes]:
         if path.exists() and not path.is_file():    # opening a pipe would block forever
             raise MissingError(f'{path}: is not a file')
         return path.open('rb')
-    except OSError as error:
-        raise MissingError(f'{path}: cannot be read: {error.strerror}') from None
+    except (OSError, ValueError) as error:      # a ValueError of a path with a NUL in it
+        raise MissingError(f'{shown(str(path))}: cannot be read: {getattr(error, "strerror", error)}') from None
 
 
 @dataclass(frozen=True)

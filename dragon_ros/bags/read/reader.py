@@ -3,7 +3,7 @@ from array import array
 from bisect import bisect_left
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import suppress
+from contextlib import nullcontext, suppress
 from dataclasses import dataclass
 from heapq import heappop, heappush
 from pathlib import Path
@@ -62,8 +62,10 @@ class BagReader:
         self.path, self._damaged = path, damaged
         self._indexes: list[Index] = []
         try:
-            for each in files_of(path):
-                self._indexes.append((_readable if damaged else _index_of)(McapFile(each)))
+            files = files_of(path)
+            for each in files:
+                with suppress(BagError) if damaged and len(files) > 1 else nullcontext():
+                    self._indexes.append((_readable if damaged else _index_of)(_opened(each, path)))
             self._take()
         except BaseException:
             self.close()
@@ -141,6 +143,16 @@ class BagReader:
     def __exit__(self, *_: object) -> None:
         """Close at the end of the block."""
         self.close()
+
+
+def _opened(file: Path, bag: Path) -> McapFile:
+    """Return a file of a bag. Raises MissingError or BagError."""
+    try:
+        return McapFile(file)
+    except BagError as error:
+        if file == bag:
+            raise
+        raise BagError(f'{error}; `inspect BAG --repair OUT` writes the other parts to a complete bag') from None
 
 
 def _index_of(file: McapFile) -> Index:

@@ -83,16 +83,21 @@ class LossAccount:
         """
         run = None if scene is None else scene.run
         self._each_tick = {f'{namespace}/{row.name}' for row in (() if scene is None else live(scene.effects))}
-        for topic, row in self.topics.items():
+        for row in self.topics.values():
             if run != self._run:
                 row.ticks, row.off_ticks = IntervalSet(), 0
-            for t_ns in row.scene_came():
-                if run is not None and topic in self._each_tick:
-                    row.tick(run, t_ns)
         self._run = run
+        self.scene_again()
+
+    def scene_again(self) -> None:
+        """Count what came just before the scene, which may be that of the run before."""
+        for topic, row in self.topics.items():
+            for t_ns in row.scene_came():
+                if self._run is not None and topic in self._each_tick:
+                    row.tick(self._run, t_ns)
 
     def share(self, topics: Iterable[str]) -> None:
-        """Mark topics that have several publishers at a time."""
+        """Mark topics that have several publishers at a time: nobody can say what of them is missing."""
         for topic in topics:
             self._row(topic).shared = True
 
@@ -120,7 +125,8 @@ class LossAccount:
 
         Where the run has ``ended``, its last tick is that of any topic: what others lack at the end is missing too.
         """
-        ticks = {topic: row.ticks for topic, row in self.topics.items() if row.ticks.last is not None}
+        ticks = {topic: row.ticks for topic, row in self.topics.items()
+                 if row.ticks.last is not None and not row.shared}
         last = max((row.last or 0 for row in ticks.values()), default=None) if ended else None
         found = {topic: row.gaps(last) for topic, row in ticks.items()}
         return {topic: gaps for topic, gaps in found.items() if gaps}
@@ -143,7 +149,7 @@ class LossAccount:
         return sorted(self._each_tick - heard) if heard & self._each_tick else []
 
     def complete(self, ended: bool) -> bool:
-        """Return whether nothing is missing."""
+        """Return whether nothing is missing, as far as anybody can say."""
         lost = any(row.lost_on_the_way for row in self.topics.values())
         return not (self.missing(ended) or self.beginnings() or self.unheard() or lost)
 
@@ -163,7 +169,8 @@ class LossAccount:
             out[f'{topic} missing at the beginning'] = str(beginnings.get(topic, 0))
             if row.ticks.last is not None:
                 out[f'{topic} ticks'] = f'{row.ticks.first}-{row.ticks.last}'
-                out[f'{topic} missing ticks'] = interval_set.text(missing.get(topic, [])) or 'none'
+                out[f'{topic} missing ticks'] = 'unknown: several publishers' if row.shared else (
+                    interval_set.text(missing.get(topic, [])) or 'none')
                 out[f'{topic} off ticks'] = str(row.off_ticks)
         return out
 
@@ -178,6 +185,8 @@ class LossAccount:
         out += [f'{topic}: {row.lost_on_the_way} messages were lost on the way, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
+        out += [f'{topic}: several published on it at a time, so nobody can say what is missing'
+                for topic, row in self.topics.items() if row.shared]
         return out
 
     def spacing(self) -> str:

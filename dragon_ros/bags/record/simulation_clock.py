@@ -8,6 +8,8 @@ from bisect import bisect_right
 from collections.abc import Callable
 from typing import NamedTuple
 
+from dragon_ros.core.limits import HELD_BYTES
+
 Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
 
@@ -30,6 +32,7 @@ class SimulationClock:
         self._sources: list[int] = []
         self._stamps: list[int] = []
         self._held: list[_Held] = []
+        self._held_bytes = 0
         self.left_out = 0       # messages from before the first tick
 
     def mark(self, source_ns: int, t_ns: int) -> None:
@@ -47,8 +50,11 @@ class SimulationClock:
         Of messages from before the first tick only latched ones are kept, logged at that tick.
         """
         self._held.append(_Held(source_ns, topic, data, sequence, latched, time.monotonic()))
-        if not self._sources and len(self._held) > _KEEP:       # the wait for a run may be long
-            self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
+        self._held_bytes += len(data)
+        while not self._sources and (len(self._held) > _KEEP or self._held_bytes > HELD_BYTES):
+            # The wait for a run may be long.
+            left = self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
+            self._held_bytes -= len(left.data)
             self.left_out += 1
         self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
 
@@ -62,6 +68,7 @@ class SimulationClock:
         ready = [held for held in self._held if known(held)]
         if ready:
             self._held = [held for held in self._held if not known(held)]
+            self._held_bytes = sum(len(held.data) for held in self._held)
         for held in ready:
             at = bisect_right(self._sources, held.source_ns) - 1
             if at < 0 and self._sources and not held.latched:

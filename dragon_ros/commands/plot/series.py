@@ -58,7 +58,10 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
     check_times(source, times_s)
     figure = Figure(figsize=(8.4, 5))
     axes = figure.subplots()
-    for number, one in enumerate(source.moments(np.array(sorted(times_s)))):
+    moments = list(source.moments(np.array(sorted(times_s))))
+    if not moments:
+        raise InputError(f'{source.name}: has handles but no benches at {times_s[0]:g} s')
+    for number, one in enumerate(moments):
         colour = LINES[number % len(LINES)]
         speed = speeds_of(source, one)
         axes.plot(np.arange(speed.size), speed, color=colour)

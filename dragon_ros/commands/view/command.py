@@ -9,6 +9,7 @@ from argparse import Namespace
 from functools import partial
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import FieldError
 
 
@@ -40,7 +41,7 @@ def _run(arguments: Namespace) -> int:
     stop = threading.Event()
     shown = partial(tqdm, desc='view', unit=' ticks', disable=None, leave=False, delay=0.5)
     with opened(arguments) as source, ViewServer(ViewData(source, shown), arguments.port) as server:
-        for number in (signal.SIGINT, signal.SIGTERM):
+        for number in ending():
             signal.signal(number, lambda *_: stop.set())
         serving = threading.Thread(target=server.serve_forever)
         serving.start()

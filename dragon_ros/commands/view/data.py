@@ -6,9 +6,9 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearances, moment, thinned
+from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats, Ints
 
-MOST_TICKS = 100_000
 MOST_BENCHES = 2000         # benches drawn as rectangles, from the head on; the rest is a line
 MOST_POINTS = 1500          # points of a line
 _CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed: this takes some seconds
@@ -21,7 +21,7 @@ class ViewData:
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
         """Describe a source; it is shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
-        self.times_s = source.ticks_s(*source.span_s, MOST_TICKS) if times_s is None else times_s
+        self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
         self._touch: Touch | None = source.first_touch(progress)
         benches, handles = len(self._first.benches.centre), len(self._first.p)
@@ -91,6 +91,6 @@ class ViewData:
         notes = []
         if self._rest.size:
             notes.append(f'benches from {self._drawn} on are drawn as a line')
-        if len(self.times_s) == MOST_TICKS:
-            notes.append(f'only {MOST_TICKS} ticks of the run are shown')
+        if len(self.times_s) == VIEW_TICKS:
+            notes.append(f'only {VIEW_TICKS} ticks of the run are shown')
         return '; '.join(notes)

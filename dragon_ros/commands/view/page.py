@@ -1,6 +1,7 @@
 """The web view of a run as a single file, which needs neither a server nor a network."""
 import json
 from base64 import b64encode
+from hashlib import sha256
 from pathlib import Path
 
 from dragon_ros.commands.sources import Progress, Source
@@ -26,14 +27,25 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
 
 
 def _page(data: str) -> str:
-    """Return the page with everything that it refers to inlined; scripts are last, since they are not deferred."""
-    def web(name: str) -> str:
-        return (WEB / name).read_text(encoding='utf-8')
-    scripts = ''.join(f'<script>{script}</script>\n' for script in (data, web('plotly-basic.min.js'), web('view.js')))
+    """Return the page with everything that it refers to inlined; scripts are last, since they are not deferred.
+
+    Its policy allows these scripts by their digests, and nothing from anywhere else.
+    """
+    scripts = [data, _web('plotly-basic.min.js'), _web('view.js')]
+    inlined = ''.join(f'<script>{script}</script>\n' for script in scripts)
+    digests = ' '.join(f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts)
+    policy = (f"default-src 'none'; script-src {digests}; style-src 'unsafe-inline'; img-src data: blob:; "
+              "base-uri 'none'; form-action 'none'")
     replaced = {'<link rel="icon" href="icon.svg">\n': '', '<script src="plotly.js" defer></script>\n': '',
-                '<script src="view.js" defer></script>\n': '', '</body>': f'{scripts}</body>',
-                '<link rel="stylesheet" href="view.css">': f'<style>\n{web("view.css")}</style>'}
-    page = web('index.html')
+                '<script src="view.js" defer></script>\n': '', '</body>': f'{inlined}</body>',
+                '<link rel="stylesheet" href="view.css">': f'<style>\n{_web("view.css")}</style>',
+                '<meta charset="utf-8">': '<meta charset="utf-8">\n'
+                                          f'<meta http-equiv="Content-Security-Policy" content="{policy}">'}
+    page = _web('index.html')
     for old, new in replaced.items():
-        page = page.replace(old, new)
+        page = page.replace(old, new, 1)
     return page
+
+
+def _web(name: str) -> str:
+    return (WEB / name).read_text(encoding='utf-8')

@@ -1,22 +1,30 @@
 """The server of the web view: a page, a plotting library and data, on this host only."""
 import json
+import re
 import sys
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
+from threading import BoundedSemaphore
+from typing import Any
 from urllib.parse import urlsplit
 
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB
 from dragon_ros.core.errors import DragonError, MissingError
+from dragon_ros.core.limits import VIEW_CONNECTIONS, VIEW_IDLE_S
 
 HOST = '127.0.0.1'
 _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js', 'text/javascript; charset=utf-8'),
           '/view.css': ('view.css', 'text/css; charset=utf-8'),
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
+_CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may only use what this server sends; plotly.js writes styles into it.
-_POLICY = "default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'"
+_POLICY = ("default-src 'self'; style-src 'self' 'unsafe-inline'; img-src 'self' data: blob:; form-action 'none'; "
+           "frame-ancestors 'none'; base-uri 'none'; object-src 'none'")
+_HEADERS = {'Content-Security-Policy': _POLICY, 'X-Content-Type-Options': 'nosniff', 'X-Frame-Options': 'DENY',
+            'Referrer-Policy': 'no-referrer', 'Cache-Control': 'no-store'}
 
 
 class ViewServer(ThreadingHTTPServer):
@@ -27,15 +35,27 @@ class ViewServer(ThreadingHTTPServer):
     def __init__(self, data: ViewData, port: int = 0) -> None:
         """Bind to this host."""
         self.data = data
+        self._room = BoundedSemaphore(VIEW_CONNECTIONS)
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
             reason = getattr(error, 'strerror', None) or error
             raise MissingError(f'--port {port}: cannot be used: {reason}; leave it out to take any free one') from None
 
+    def verify_request(self, request: object, client_address: object) -> bool:
+        """Accept a connection while there is room; others are closed at once."""
+        return self._room.acquire(blocking=False)
+
+    def process_request_thread(self, request: Any, client_address: Any) -> None:
+        """Serve a connection and make room for another."""
+        try:
+            super().process_request_thread(request, client_address)
+        finally:
+            self._room.release()
+
     def handle_error(self, request: object, client_address: object) -> None:
-        """Ignore a page that was closed during its request."""
-        if not isinstance(sys.exc_info()[1], ConnectionError):
+        """Ignore a page that was closed during its request, or that does not read its answer."""
+        if not isinstance(sys.exc_info()[1], (ConnectionError, TimeoutError)):
             super().handle_error(request, client_address)  # type: ignore[arg-type]
 
     @property
@@ -49,15 +69,15 @@ class _Handler(BaseHTTPRequestHandler):
 
     server: ViewServer
     protocol_version = 'HTTP/1.1'
+    timeout = VIEW_IDLE_S
 
     def do_GET(self) -> None:
         """Answer, with an error as text where that fails."""
-        host = urlsplit(f'//{self.headers.get("Host", "")}').hostname
-        if host not in (HOST, 'localhost'):     # a foreign page that gave this host a name of its own
+        if not self._is_for_us():       # a foreign page that gave this host a name of its own
             self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
             return
         try:
-            found = self._found(urlsplit(self.path).path)
+            found = self._found(self.path.partition('?')[0])
         except DragonError as error:
             self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR, ' '.join(str(error).split()))
             return
@@ -65,6 +85,12 @@ class _Handler(BaseHTTPRequestHandler):
             self.send_error(HTTPStatus.NOT_FOUND)
         else:
             self._send(*found)
+
+    def _is_for_us(self) -> bool:
+        try:
+            return urlsplit(f'//{self.headers.get("Host", "")}').hostname in (HOST, 'localhost')
+        except ValueError:      # such as [
+            return False
 
     def _found(self, path: str) -> tuple[bytes, str] | None:
         data = self.server.data
@@ -77,7 +103,7 @@ class _Handler(BaseHTTPRequestHandler):
         folder, _, name = path.lstrip('/').partition('/')
         if folder == 'frames' and name == 'contact':
             return data.contact_frame(), _BINARY
-        if folder == 'frames' and name.isdecimal() and int(name) < data.chunks:
+        if folder == 'frames' and _CHUNK.fullmatch(name) and int(name) < data.chunks:
             return data.frames(int(name)), _BINARY
         return None
 
@@ -85,10 +111,14 @@ class _Handler(BaseHTTPRequestHandler):
         self.send_response(HTTPStatus.OK)
         self.send_header('Content-Type', kind)
         self.send_header('Content-Length', str(len(body)))
-        self.send_header('Content-Security-Policy', _POLICY)
-        self.send_header('Cache-Control', 'no-store')
         self.end_headers()
         self.wfile.write(body)
+
+    def end_headers(self) -> None:
+        """Send what every answer carries, errors too."""
+        for name, value in _HEADERS.items():
+            self.send_header(name, value)
+        super().end_headers()
 
     def log_message(self, *args: object) -> None:
         """Log nothing: the terminal is for messages to the user."""

@@ -1,0 +1,85 @@
+"""Budgets: the most that is taken of anything that comes from outside. ``docs/limits.md`` is made from this table.
+
+A scene *from a stranger* is one that stands in a bag or arrives on a topic. What exceeds a budget is refused in one
+line that names it. The checker of certificates shares nothing with the rest, so its budgets are its own
+(``verify/reading.py``).
+"""
+from typing import NamedTuple
+
+KB, MB = 2**10, 2**20
+
+# Scenes
+SCENE_FILE_BYTES = 2 * MB
+SCENE_CHARACTERS = 64 * KB
+YAML_DEPTH = 32
+YAML_VALUES = 100_000
+SCENE_BENCHES = 20_000
+SCENE_TICKS = 10_000_000
+SEARCHED_BENCHES = 2000
+SEARCH_WORK = 50_000_000
+
+# Bags
+CHUNK_BYTES = 128 * MB
+RECORD_BYTES = 16 * MB
+SUMMARY_BYTES = 64 * MB
+OPEN_CHUNKS_BYTES = 64 * MB
+FOLDER_BYTES = MB
+FOLDER_FILES = 10_000
+QOS_CHARACTERS = 16 * KB
+WAITING_TICKS = 128
+CHECKED_TIMES = 10_000_000
+
+# Messages and nodes
+MARKER_RUNS = 10_000
+MONITOR_BYTES = 256 * MB
+HELD_BYTES = 64 * MB
+RECORDED_SCENES = 16
+SUBSCRIBERS = 1000
+
+# The web view
+VIEW_CONNECTIONS = 32
+VIEW_IDLE_S = 10.0
+VIEW_TICKS = 100_000
+
+
+class Limit(NamedTuple):
+    """One budget: the name of its constant, what it bounds, its unit, and what happens beyond it."""
+
+    name: str
+    bounds: str
+    unit: str
+    beyond: str
+
+
+LIMITS = (
+    Limit('SCENE_FILE_BYTES', 'a scene file, and any other YAML file', 'bytes', 'refused'),
+    Limit('SCENE_CHARACTERS', 'the text of a scene from a stranger', 'characters',
+          'not read without `--trust`; a recorder stores it unread'),
+    Limit('YAML_DEPTH', 'how deep a YAML document is nested', 'levels', 'refused'),
+    Limit('YAML_VALUES', 'the values of a YAML document, its aliases expanded', 'values', 'refused'),
+    Limit('SCENE_BENCHES', 'the benches of a scene from a stranger', 'benches', 'not computed without `--trust`'),
+    Limit('SCENE_TICKS', 'the ticks of a scene from a stranger', 'ticks', 'not computed without `--trust`'),
+    Limit('SEARCHED_BENCHES', 'the benches of such a scene whose first contact is searched', 'benches',
+          'reported as unknown without `--trust`'),
+    Limit('SEARCH_WORK', 'the work of that search', 'states times benches', 'given up without `--trust`'),
+    Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside of chunks', 'bytes', 'refused'),
+    Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'refused'),
+    Limit('SUMMARY_BYTES', 'the summary of a bag, and all its schemas and channels', 'bytes', 'refused'),
+    Limit('OPEN_CHUNKS_BYTES', 'the chunks that a reader holds open', 'bytes', 'the least recently used is closed'),
+    Limit('FOLDER_BYTES', 'the `metadata.yaml` of a bag', 'bytes', 'refused'),
+    Limit('FOLDER_FILES', 'the files of a bag', 'files', 'refused'),
+    Limit('QOS_CHARACTERS', 'the QoS profile of a recorded topic', 'characters', 'the default profile is used'),
+    Limit('WAITING_TICKS', 'recorded handles that wait for their benches', 'ticks', 'the oldest is read without'),
+    Limit('CHECKED_TIMES', 'messages whose times `inspect` holds to find gaps', 'messages', 'the rest is only counted'),
+    Limit('MARKER_RUNS', 'the markers of a message that differ in layout from the one before', 'markers', 'refused'),
+    Limit('MONITOR_BYTES', 'messages that the monitor holds until their partner arrives', 'bytes',
+          'the oldest is dropped, with a warning'),
+    Limit('HELD_BYTES', 'messages without a stamp that the recorder holds until there is a tick', 'bytes',
+          'the oldest is left out, and counted'),
+    Limit('RECORDED_SCENES', 'different scenes that a recorder reads and attaches to one bag', 'scenes',
+          'only stored as messages, with a warning'),
+    Limit('SUBSCRIBERS', 'subscribers that `wait_subscribers` can ask for', 'subscribers', 'refused'),
+    Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections', 'closed at once'),
+    Limit('VIEW_IDLE_S', 'how long `view` waits for a request on a connection', 'seconds', 'closed'),
+    Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
+)

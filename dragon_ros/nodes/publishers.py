@@ -1,0 +1,66 @@
+"""Who publishes a topic: one dragon a topic, so where there are several one is kept and all are named."""
+from collections import Counter
+from collections.abc import Iterable
+
+from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
+
+from dragon_ros.messages.synchronizer import Streams
+from dragon_ros.nodes.base import DragonNode
+
+
+class Publishers:
+    """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message.
+
+    It has to ``look`` now and then to notice who has left.
+    """
+
+    def __init__(self, node: DragonNode, topic: str) -> None:
+        """``topic`` is a full name."""
+        self.topic, self.streams = topic, Streams()
+        self._node = node
+        self._there: dict[bytes, str] = {}
+        self._known: bytes | None = None        # None while nobody can tell which of several it is
+
+    def look(self) -> list[str]:
+        """Look who is there; return the names where there are several, else nothing."""
+        before = self._there
+        self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+                       for one in self._node.get_publishers_info_by_topic(self.topic)}
+        gone = before.keys() - self._there.keys()
+        if len(self._there) > 1 and (self._known in gone or (self._known is None and gone)):
+            self._known = None
+            self.streams.forget()
+        if len(self._there) == 1:
+            self._known, = self._there
+        return _distinct(self._there) if len(self._there) > 1 else []
+
+    def keeps(self, sequence: int, t_ns: int) -> bool:
+        """Return whether a message with this number and stamp is of the publisher that the node stays with, if any."""
+        if len(self._there) < 2 and not self.streams.follows(sequence):
+            self.look()
+        return self.streams.take(sequence, t_ns, len(self._there) < 2)
+
+
+def _distinct(there: dict[bytes, str]) -> list[str]:
+    """Return names in order; equal ones with their GID, as ``ros2 topic info --verbose`` shows it."""
+    times = Counter(there.values())
+    return sorted(name if times[name] == 1 else f'{name} ({gid.hex(".")})' for gid, name in there.items())
+
+
+def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStatus]:
+    """Return a WARN that names the topics with several publishers, and all of these; nothing where there are none."""
+    if not several:
+        return []
+    return [DiagnosticStatus(
+        level=DiagnosticStatus.WARN, name=f'{name}: publishers', hardware_id='dragon',
+        message=f'several publish on {" and ".join(several)}: one dragon a topic; give each a namespace of its own',
+        values=[KeyValue(key=topic, value=', '.join(names)) for topic, names in several.items()])]
+
+
+def several_of(node: DragonNode, each: Iterable[Publishers], before: dict[str, list[str]]) -> dict[str, list[str]]:
+    """Return the names of the publishers of topics that have several; log them unless they are those ``before``."""
+    found = {one.topic: names for one in each if (names := one.look())}
+    if found and found != before:
+        node.get_logger().warning('several publish on one topic: ' + '; '.join(
+            f'{topic}: {" and ".join(names)}' for topic, names in found.items()))
+    return found

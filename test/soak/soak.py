@@ -1,0 +1,176 @@
+"""A soak: a live dragon for many minutes, while recorders are killed and stalled, monitors restarted, bags replayed.
+
+Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60``. It says each minute where it
+is, and at the end what was lost, how far stamps drifted from the clock, and how memory grew; the exit code is 1 where
+a tick was lost.
+"""
+import argparse
+import json
+import os
+import random
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dragon_ros.bags.check.repair import repair
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli.dds_domain import free_domain, local_environment
+
+RATE_HZ = 100
+_EVERY_S = 5.0          # between two acts, and between two looks at the memory
+_SETTLED_S = 120.0      # growth of memory is counted from here on
+_NS = 10**9
+
+
+@dataclass
+class Soak:
+    """One soak: its processes, and what it has seen."""
+
+    folder: Path
+    domain: int = field(default_factory=free_domain)
+    began_s: float = field(default_factory=time.monotonic)
+    memory_mb: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
+    counts: dict[str, int] = field(default_factory=dict)
+    faults: list[str] = field(default_factory=list)
+
+    def start(self, name: str, *arguments: object, domain: int | None = None) -> subprocess.Popen[bytes]:
+        """Start an executable; what it says goes to a file."""
+        environment = {**local_environment(domain or self.domain), 'PYTHONUNBUFFERED': '1'}
+        with (self.folder / f'{name}.log').open('ab') as log:
+            return subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *map(str, arguments)], env=environment,
+                                    stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+
+    def count(self, what: str, by: int = 1) -> None:
+        """Count an act."""
+        self.counts[what] = self.counts.get(what, 0) + by
+
+    def look(self, **processes: subprocess.Popen[bytes]) -> None:
+        """Note how much memory the processes have."""
+        for name, process in processes.items():
+            if process.poll() is not None:
+                self.faults.append(f'{name} ended with {process.returncode}')
+                continue
+            pages = int(Path(f'/proc/{process.pid}/statm').read_text().split()[1])
+            now_s = time.monotonic() - self.began_s
+            self.memory_mb.setdefault(name, []).append((now_s, pages * os.sysconf('SC_PAGE_SIZE') / 1e6))
+
+
+def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
+    """Signal a process and return its exit code."""
+    process.send_signal(number)
+    return process.wait(timeout=60)
+
+
+def soak(folder: Path, minutes: float, seed: int) -> Soak:
+    """Run one and return what it saw."""
+    run, rng = Soak(folder), random.Random(seed)
+    whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
+    monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
+    stop_s = 60 * minutes
+    sim = run.start('sim', '--scene', 'unwinding', '--set', f'run.stop_s={stop_s}', '--set', f'run.rate_hz={RATE_HZ}',
+                    '--ros-args', '-p', 'wait_subscribers:=[handles=3,benches=3,scene=2]')
+    until = time.monotonic() + stop_s
+    acts = 0
+    while time.monotonic() < until - 2 * _EVERY_S and sim.poll() is None:
+        time.sleep(_EVERY_S)
+        run.look(sim=sim, recorder=whole)
+        act = ('kill', 'stall', 'monitor', 'join', 'look')[acts % 5]
+        acts += 1
+        if act == 'kill':       # a recorder, and what is left is repaired and replayed elsewhere
+            ended(extra, signal.SIGKILL)
+            killed(run, folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap', rng)
+            run.count('recorders killed')
+            extra = run.start('record', '--output', folder / f'extra_{run.counts["recorders killed"]}.mcap')
+        elif act == 'stall':    # the recorder that must lose nothing
+            whole.send_signal(signal.SIGSTOP)
+            time.sleep(rng.uniform(0.1, 1.0))
+            whole.send_signal(signal.SIGCONT)
+            run.count('stalls of the recorder')
+        elif act == 'monitor':
+            if ended(monitor):
+                run.faults.append(f'monitor ended with {monitor.returncode}')
+            monitor = run.start('monitor')
+            run.count('monitors restarted')
+        elif act == 'join':     # a late one that leaves again
+            late = run.start('record', '--output', folder / 'late.mcap', '--force')
+            time.sleep(_EVERY_S)
+            if ended(late) != 0:
+                run.faults.append('a late recorder lacks something; see record.log')
+            run.count('late recorders')
+        if acts % 12 == 0:
+            print(f'{(time.monotonic() - run.began_s) / 60:.0f} of {minutes:g} minutes: {run.counts}, '
+                  f'{len(run.faults)} faults', file=sys.stderr, flush=True)
+    sim.wait(timeout=120)
+    for process in extra, monitor:
+        ended(process)
+    run.count('exit code of the recorder', whole.wait(timeout=120))
+    return run
+
+
+def killed(run: Soak, bag: Path, rng: random.Random) -> None:
+    """Repair what a killed recorder left, hold its ticks for gaps, and replay it to another recorder, lossless."""
+    saved, again = bag.with_name('saved.mcap'), bag.with_name('again.mcap')
+    saved.unlink(missing_ok=True)
+    repair(bag, saved)
+    bag.unlink()
+    with BagReader(saved) as reader:
+        before = [(m.topic, m.data) for m in reader.messages(['/dragon/handles', '/dragon/benches'])]
+        stamps = np.array([m.t_ns for m in reader.messages(['/dragon/handles'])])
+    holes = int(np.sum(np.round(np.diff(stamps) * RATE_HZ / _NS) - 1)) if stamps.size > 1 else 0
+    if holes:
+        run.faults.append(f'{holes} ticks are missing within a bag that a kill left')
+    run.count('ticks in killed bags', int(stamps.size))
+    domain = free_domain()
+    record = run.start('record', '--output', again, '--force', domain=domain)
+    replay = run.start('replay', saved, '--rate', 0, '--wait-subscribers', '/dragon/handles=1,/dragon/benches=1',
+                       domain=domain)
+    if replay.wait(timeout=120) or record.wait(timeout=120) not in (0, 3):
+        run.faults.append(f'a replay ended with {replay.returncode}, its recorder with {record.returncode}')
+    with BagReader(again) as reader:
+        after = [(m.topic, m.data) for m in reader.messages(['/dragon/handles', '/dragon/benches'])]
+    if sorted(before) != sorted(after):
+        run.faults.append(f'a replay of {len(before)} messages was recorded as {len(after)}')
+    run.count('replays')
+    run.count('messages replayed', len(after))
+
+
+def results(run: Soak) -> dict[str, object]:
+    """Return what was lost, how stamps drifted, and how memory grew."""
+    with BagReader(run.folder / 'whole') as reader:
+        rows = np.array([(m.t_ns, m.publish_ns) for m in reader.messages(['/dragon/handles'])], dtype=np.int64)
+        account = reader.metadata('dragon_ros.received')
+    missing = int(np.sum(np.round(np.diff(rows[:, 0]) * RATE_HZ / _NS) - 1))
+    off_ms = (rows[:, 1] - rows[:, 0] - (rows[0, 1] - rows[0, 0])) / 1e6
+    tenth = max(1, len(off_ms) // 10)
+    growth = {}
+    for name, seen in run.memory_mb.items():
+        t_s, mb = np.array([row for row in seen if row[0] >= min(_SETTLED_S, seen[-1][0] / 2)]).T
+        growth[name] = {'at_first_mb': round(float(mb[0]), 1), 'at_last_mb': round(float(mb[-1]), 1),
+                        'kb_a_minute': round(float(np.polyfit(t_s / 60, mb * 1000, 1)[0]), 1)}
+    return {'ticks': len(rows), 'missing_ticks': missing, 'account': account.get('complete'),
+            'drift_ms': round(float(np.median(off_ms[-tenth:]) - np.median(off_ms[:tenth])), 3),
+            'late_ms_99th_percentile': round(float(np.quantile(off_ms - np.min(off_ms), 0.99)), 3),
+            'late_ms_worst': round(float(np.max(off_ms) - np.min(off_ms)), 3), 'memory': growth, **run.counts,
+            'faults': run.faults}
+
+
+def main(argv: list[str]) -> int:
+    """Soak, and print the results as JSON."""
+    options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
+    options.add_argument('--minutes', type=float, default=60.0, help='how long (60)')
+    options.add_argument('--folder', type=Path, default=Path('soak'), help='for bags and logs; it must not exist')
+    options.add_argument('--seed', type=int, default=1, help='of the lengths of the stalls (1)')
+    arguments = options.parse_args(argv)
+    arguments.folder.mkdir(parents=True)
+    found = results(soak(arguments.folder, arguments.minutes, arguments.seed))
+    print(json.dumps(found, indent=1))
+    return int(bool(found['missing_ticks'] or found['faults']))
+
+
+if __name__ == '__main__':
+    sys.exit(main(sys.argv[1:]))
