@@ -26,10 +26,10 @@ from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.tiers import EXACT, PAPER, Tier, tier_for
-from dragon_ros.core.tracks.composite import Place, Track, spiral_track, track_of
+from dragon_ros.core.tracks.composite import Place, Track, track_of
 from dragon_ros.core.tracks.polyline import SAG_M, polyline
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, SpiralSegment
-from dragon_ros.core.tracks.spec import Spiral, TrackSpec
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.spec import TrackSpec
 
 _LAST_FLOAT = 1.7976931348623157e308    # a time that is no end
 _MOST_SIMULATIONS = 64              # kept compiled
@@ -63,9 +63,7 @@ class Model:
     @cached_property
     def track(self) -> Track:
         """The track in the plane; behind a tail, a spiral ends where the head starts. Raises FieldError."""
-        if isinstance(self.spec, Spiral) and self.direction == AHEAD:
-            return spiral_track(self.spec, self.spec.start.hi)
-        return track_of(self.spec)
+        return track_of(self.spec, self.direction)
 
     @cached_property
     def links_m(self) -> Floats:
@@ -80,8 +78,7 @@ class Model:
     @cached_property
     def leader(self) -> Leader:
         """The leader on the track. Raises FieldError for bends that are too tight and a start without track."""
-        start_m = 0.0 if isinstance(self.spec, Spiral) else self.spec.start_m
-        return Leader(self.track, self.links_m, start_m, self.direction)
+        return Leader(self.track, self.links_m, self.spec.start_m, self.direction)
 
     @cached_property
     def effort(self) -> Effort:
@@ -104,9 +101,8 @@ class Model:
 
     def _series_m(self, fore: Place) -> Callable[[Floats], Floats]:
         """Return where the series of a tile are cut, by size; ``effort`` tells why some are as exact as floats."""
-        spiral = self.track.segments[0]
-        near = (self.effort.near_m and isinstance(spiral, SpiralSegment)
-                and fore.u.hi * spiral.curve.b_m <= self.effort.near_m)
+        near_m, segment = self.effort.near_m, self.track.segments[fore.segment]
+        near = near_m and segment.near_centre(fore.u.hi, near_m)
         return (EXACT if near else self.tier).series_m
 
     @property

@@ -17,6 +17,7 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.messages.cdr import NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
+_MOST_LISTS = 2         # markers of a message that shows all benches in lists: faces and edges
 _SMALLEST_MARKER = 180
 _MARKER_BYTES, _RUN_BYTES = 200, 4096       # memory of a marker in columns, and of the layout of a run, at most
 
@@ -239,10 +240,10 @@ class Markers:
         return len(self.data) + _MARKER_BYTES * self.type.size + _RUN_BYTES * len(self.runs) + 4 * names
 
     @property
-    def geometry(self) -> Floats:
-        """All coordinates: the poses, or the points of the first marker where it is a list."""
-        points = self.points_of(0) if self.type.size else np.empty((0, 3))
-        return points if points.size else self.poses
+    def geometry(self) -> list[Floats]:
+        """All coordinates: the poses, or the points of each marker where these are lists of faces and of edges."""
+        points = [self.points_of(marker) for marker in range(self.type.size)] if self.type.size <= _MOST_LISTS else []
+        return points if any(some.size for some in points) else [self.poses]
 
 
 def read_marker_array(data: bytes | bytearray) -> Markers:

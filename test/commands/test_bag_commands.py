@@ -18,7 +18,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
 from dragon_ros.messages.cdr import PoseArrayTemplate
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import read_multi_array, read_pose_array
+from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
 
 CORPUS = Path(__file__).parents[1] / 'data' / 'corpus'
@@ -194,6 +194,21 @@ def test_check_distinguishes_other_bits_within_the_promise_from_wrong_values(cap
     code, out, _ = run(capsys, 'inspect', far, '--check')
     assert code == 1
     assert 'tick 5: handles differs' in out
+
+
+@pytest.mark.parametrize(('by_m', 'code', 'said'), [(1e-13, 0, '1 keep the promise'), (1e-9, 1, 'benches differs')])
+def test_check_holds_edges_of_benches_in_lists_to_the_promise_as_their_faces(capsys, tmp_path, by_m, code, said):
+    def move(m):
+        data = bytearray(m.data)
+        if m.topic == '/dragon/benches' and m.t_ns == 100_000_000:
+            read_marker_array(data).geometry[1][5, 0] += by_m
+        return [bytes(data)]
+    lists, other = tmp_path / 'lists.mcap', tmp_path / 'other.mcap'
+    scene = ('--scene', 'winding', '--set', 'dragon.benches=5', '--set', 'markers=triangles', '--set', 'run.stop_s=0.2')
+    assert main(['simulate', *scene, '--output', str(lists)]) == 0
+    status, out, _ = run(capsys, 'inspect', changed(lists, other, move), '--check')
+    assert status == code
+    assert said in out
 
 
 def test_check_holds_a_bag_of_another_version_to_twice_the_promise_on_every_topic_and_says_so(capsys):

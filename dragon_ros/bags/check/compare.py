@@ -29,10 +29,10 @@ _HUGE = 1e100
 _SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
 MOST_FAULTS = 1000      # lines that are kept; all are counted
-_VIEWS: dict[str, Callable[[bytes | bytearray], Array]] = {
-    'handles': lambda data: read_pose_array(data).poses,
+_VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
+    'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
-    'velocities': lambda data: read_multi_array(data)[1]}
+    'velocities': lambda data: [read_multi_array(data)[1]]}
 
 
 @dataclass
@@ -162,20 +162,28 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, o
         expected, got = _VIEWS[name](ours), _VIEWS[name](theirs)
     except MessageError:
         return inf
-    if expected.shape != got.shape or not np.all(np.abs(got) < _HUGE):
+    if [one.shape for one in expected] != [one.shape for one in got] or not all(
+            np.all(np.abs(one) < _HUGE) for one in got):
         return inf
-    off = np.abs(got - expected)
-    expected[...], got[...] = 0.0, 0.0      # these are views: what remains in the bytes is everything else
+    offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
+    for view in (*expected, *got):
+        view[...] = 0.0         # these are views: what remains in the bytes is everything else
     if ours != theirs:
         return inf
-    if not np.any(off):         # a speed of 0 may be -0
+    if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
         return 0.0
     if name == 'velocities':
         compiled = compile_scene(scene)
         one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                                 conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
-        return float(np.max(off)) / one * compiled.promise_m if one else inf
-    turned = float(np.max(off[:, 3:])) * float(np.min(scene.dragon.link_lengths_m))
+        return float(np.max(offs[0])) / one * compiled.promise_m if one else inf
+    link_m = float(np.min(scene.dragon.link_lengths_m))
+    return max(_farthest_m(off, link_m) for off in offs if off.size)
+
+
+def _farthest_m(off: Array, link_m: float) -> float:
+    """Return the largest of differences of points (K, 3), or of poses (K, 7): quaternions count at a link's end."""
+    turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
 
 
@@ -183,7 +191,8 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
     """Return how far a message of another version is off in metres; inf where anything but its numbers differs.
 
     Accelerations and tensions are second derivatives of places: an error of these counts 1 / link^2 times the square of
-    the leader's speed, and once more for each power of the conditioning that derivatives add.
+    the leader's speed, and once more for each power of the conditioning that derivatives add. A tension sums what all
+    handles up to the free end need, handed on from link to link through directions, which are exact to places / link.
     """
     kind = channels()[name].type
     try:
@@ -202,7 +211,11 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
             return inf
     if name in ('accelerations', 'forces'):
         speed_m_s, link_m = scene.head.speed_at_m_s(frame.t_ns / NS), float(np.min(scene.dragon.link_lengths_m))
-        scale = (speed_m_s / link_m) ** 2 * conditioning(frame.chain) ** 3
+        condition = conditioning(frame.chain)
+        scale = (speed_m_s / link_m) ** 2 * condition**3
+        if frame.tension_n_kg is not None and name == 'forces':
+            most = float(np.max(np.abs(frame.tension_n_kg), initial=0.0))
+            scale = len(frame.tension_n_kg) * scale + condition * most / link_m
         return off / scale if scale else inf
     return off
 

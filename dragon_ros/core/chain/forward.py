@@ -11,7 +11,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort, Past, SpiralSegment
+from dragon_ros.core.tracks.segments import BEHIND, Effort, Past
 
 
 class Block(NamedTuple):
@@ -144,7 +144,7 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
     """Return ``next_places`` of places on one segment."""
     segment, (number, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
     newton = effort.newton
-    if effort.near_m and isinstance(segment, SpiralSegment) and np.min(u) * segment.curve.b_m <= effort.near_m:
+    if effort.near_m and segment.near_centre(u, effort.near_m):
         newton = min(newton, TIGHT)
     shift, spent = segment.shifts(u, chord_m, direction, newton, past)
     if edge == inf:         # outwards without end: all stay

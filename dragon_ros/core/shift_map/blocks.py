@@ -18,6 +18,7 @@ from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 FEWEST = 8              # links, below which marching is faster than a table
 _MOST_MAPS = 4          # shift maps of one dragon: of the lengths of its longest blocks
+_SHORTEST_LEAD = 0.05   # of a block's link: the direction of a shorter one has too few digits for a series
 _FARTHEST = 1e300       # a coordinate that no place has: none was found
 _TRIES = 8              # links of a block that are marched in search of its table
 
@@ -196,7 +197,8 @@ class Placement:
         if len(self.blocks) < 2:
             return None
         (first, own), (second, shift) = self.blocks[:2]
-        return (first.link_m, second.stop, shift) if shift and not own and first.stop == 1 and first.link_m else None
+        leads = shift and not own and first.stop == 1 and first.link_m >= _SHORTEST_LEAD * second.link_m
+        return (first.link_m, second.stop, shift) if shift and leads else None
 
     def place(self, leader: Place) -> Chain:
         """Return the chain of a leader.

@@ -12,7 +12,7 @@ from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transf
 from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
-from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 
 NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
@@ -21,7 +21,6 @@ _MOST_BYTES = 256_000_000   # of the series of one table
 _ROUNDS = 5                 # of cutting parts in two
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
-WIDEST_RAD = 1.3           # about what a link may span on a spiral from afar: further in it is marched
 
 
 @dataclass(frozen=True, eq=False)

@@ -5,7 +5,7 @@ rows. But while the first handle is in one cell, at u in [-1, 1], the leader is 
 coordinate, place and motion have series in u as all rows have, and the coordinate's inverse gives u without a look for
 the first handle: one product then fills the whole chain, its leader included.
 """
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -16,10 +16,10 @@ from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transform
 from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
-from dragon_ros.core.shift_map.build import NODES, NOISE, WIDEST_RAD, Table, scaled
-from dragon_ros.core.tracks.chord import LARGEST_BEND, TIGHT, reach_m
+from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
+from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 _NOWHERE = -1           # segment of a cell without a chart
 
@@ -76,7 +76,7 @@ class LeadIn:
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
     """Return the place of a leader whose follower at a link in ``direction`` is at ``place``; None where none is."""
-    tame = _tame(track, link_m)
+    tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
     return tame.next(place, link_m, -direction, TIGHT)[0]
@@ -87,7 +87,7 @@ def lead_in(track: Track, table: Table, link_m: float, direction: int, stretch_m
 
     None where none of them has a leader.
     """
-    tame, rows = _tame(track, link_m), _rows_on(track, table, stretch_m)
+    tame, rows = track.without_locks(link_m), _rows_on(track, table, stretch_m)
     if tame is None or not rows.size:
         return None
     followers, p, motion = _followers(track, table, rows)
@@ -101,16 +101,6 @@ def lead_in(track: Track, table: Table, link_m: float, direction: int, stretch_m
     except (TrackEndError, ChainLockError):
         return None
     return _fitted(track, table, rows, np.flatnonzero(found), leaders, (p[found], motion[found]), link_m)
-
-
-def _tame(track: Track, link_m: float) -> Track | None:
-    """Return a track on which no such link locks: what of a spiral is nearer to its centre is left to marching."""
-    if track.bend * link_m <= LARGEST_BEND:
-        return track
-    segment = track.segments[0]
-    if len(track.segments) > 1 or not isinstance(segment, SpiralSegment):
-        return None
-    return Track((replace(segment, last=link_m / (WIDEST_RAD * segment.curve.b_m)),), track.origins_m)
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:

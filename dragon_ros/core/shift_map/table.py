@@ -17,7 +17,6 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
-from itertools import pairwise
 from math import acos, floor, inf
 from typing import NamedTuple
 
@@ -260,12 +259,17 @@ class Tile:
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
         """Fill ``out`` (S, n, 2) as ``fill`` does; states of one row and part share a product."""
-        flat, table = out.reshape(out.shape[0], 2 * out.shape[1]), self.table
-        series = table.motions if motions else table.places
-        for some, cell in _same_cells(first * table.parts + spots.part):
-            row, part = divmod(cell, table.parts)
-            terms = int(table.terms[part, row])
-            np.matmul(spots.basis[some, :terms], series[part, :terms, 2 * row:2 * row + flat.shape[1]], out=flat[some])
+        flat, table, basis = out.reshape(out.shape[0], 2 * out.shape[1]), self.table, spots.basis
+        series, width = table.motions if motions else table.places, flat.shape[1]
+        cell = first * table.parts + spots.part
+        begins = np.concatenate(([0], np.flatnonzero(np.diff(cell)) + 1)) if cell.size else np.empty(0, dtype=np.int64)
+        row, part = np.divmod(cell[begins], table.parts)
+        for low, end, k, start, terms in zip(begins.tolist(), [*begins[1:].tolist(), cell.size], part.tolist(),
+                                             (2 * row).tolist(), table.terms[part, row].tolist(), strict=False):
+            of_cell = series[k, :terms, start:start + width]
+            for at in range(low, end, _BATCH) if end - low > _BATCH else (low,):
+                stop = min(at + _BATCH, end)
+                np.matmul(basis[at:stop, :terms], of_cell, flat[at:stop])
 
     def paces(self, spots: Spots) -> Floats:
         """Return the speeds of many handles for unit speed in row 0."""
@@ -282,13 +286,6 @@ def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
     out[:len(leader), :2 if head else None][:, None if head else -2:] = leader
     out[:len(block), 2 if head else 0:None if head else -2] = block
     return out
-
-
-def _same_cells(cell: Ints) -> list[tuple[slice, int]]:
-    """Return runs of states in one cell, as (slice, cell), none longer than a batch."""
-    ends = [0, *(np.flatnonzero(np.diff(cell)) + 1).tolist(), cell.size]
-    return [(slice(low, min(low + _BATCH, end)), int(cell[start])) for start, end in pairwise(ends)
-            for low in range(start, end, _BATCH)]
 
 
 def links_of_tile(links: int) -> int:

@@ -10,7 +10,7 @@ lock and followers may turn back: ``may_lock`` says so.
 import cmath
 from bisect import bisect_right
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import degrees, hypot, inf, pi, radians, remainder
 from typing import Any, NamedTuple
@@ -30,6 +30,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
 _SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
+WIDEST_RAD = 1.3    # about what a link may span on a spiral from afar: further in it may come near its lock
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
 
 Places = tuple[Ints, Floats, Floats]        # numbers of the segments, and the coordinates on them as (hi, lo)
@@ -80,6 +81,15 @@ class Track:
         """The first segment, where it is a spiral that winds in from afar: all that reaches it stays on it."""
         first = self.segments[0]
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
+
+    def without_locks(self, link_m: float) -> 'Track | None':
+        """Return the part of the track on which links of a length do not lock; None where that is not a stretch."""
+        first = self.segments[0]
+        if self.bend * link_m <= LARGEST_BEND:
+            return self
+        if len(self.segments) > 1 or not isinstance(first, SpiralSegment):
+            return None
+        return Track((replace(first, last=link_m / (WIDEST_RAD * first.curve.b_m)),), self.origins_m)
 
     @property
     def lap_m(self) -> float:
@@ -311,14 +321,14 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
     return plus(near, 0.0, sense * x), spent
 
 
-def track_of(spec: TrackSpec) -> Track:
+def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     """Return the track of a spec in the plane. Raises FieldError for pieces that do not join, naming the joint.
 
-    A single spiral goes to its centre; distances count from where the head starts, of an S-turn from its entry, of a
-    composite track from the first piece's beginning.
+    A single spiral goes to its centre, and behind a tail (``direction`` AHEAD) ends where the head starts. Distances
+    count from there, of an S-turn from its entry, of a composite track from the first piece's beginning.
     """
     if isinstance(spec, Spiral):
-        return spiral_track(spec, 0.0, may_lock=True)
+        return spiral_track(spec, 0.0, may_lock=True) if direction == BEHIND else spiral_track(spec, spec.start.hi)
     if isinstance(spec, STurn):
         return Track(*s_turn_segments(spec))
     track = _composite(spec)

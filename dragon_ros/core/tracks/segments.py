@@ -111,6 +111,10 @@ class Segment(Protocol):
         """Return the nearest place at a chord, on this curve however long, and evaluations; infinite if none."""
         ...
 
+    def near_centre(self, u: Any, radius_m: float) -> bool:
+        """Return whether any place is within a radius of a spiral's centre; False on any other curve."""
+        ...
+
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return the speed of the handle at ``to`` for unit speed at ``u``: both ends of a link on this segment."""
         ...
@@ -185,6 +189,10 @@ class LineSegment:
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
+
+    def near_centre(self, u: Any, radius_m: float) -> bool:
+        """Return False."""
+        return False
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return 1: both ends of a link have the same speed."""
@@ -262,6 +270,10 @@ class ArcSegment:
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
+
+    def near_centre(self, u: Any, radius_m: float) -> bool:
+        """Return False."""
+        return False
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return 1: both ends of a link have the same speed."""
@@ -385,6 +397,10 @@ class SpiralSegment:
             return DoubleDouble(outer, more - (outer - theta)) if delta < inf else _NOWHERE_OUT, spent
         delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m), tolerance)
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
+
+    def near_centre(self, u: Any, radius_m: float) -> bool:
+        """Return whether any place is within a radius of the centre."""
+        return bool(np.min(u) * self.curve.b_m <= radius_m)
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return the speed of the handle at ``to`` for unit speed at ``u``: cos alpha / cos beta of their link.

@@ -36,6 +36,11 @@ class Spiral:
         """Polar angle of the head's front handle at t = 0, in radians."""
         return from_turns(self.start_turns)
 
+    @property
+    def start_m(self) -> float:
+        """Distance of the head along the track at t = 0, from where distances count."""
+        return 0.0
+
 
 @dataclass(frozen=True)
 class STurn:
