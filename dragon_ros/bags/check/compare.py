@@ -113,7 +113,8 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[
     for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):
         recorded: dict[str, list[bytes]] = {}
         for message in group:
-            recorded.setdefault(message.topic.removeprefix(f'{namespace}/'), []).append(message.data)
+            found = recorded.setdefault(message.topic.removeprefix(f'{namespace}/'), [])
+            found.append(message.data if not found else b'')        # of several only their number counts
         yield t_ns, recorded
 
 
