@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from dragon_ros import configuration  # noqa: E402
+from dragon_ros.core import limits as budgets  # noqa: E402
 from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
 from dragon_ros.core.model import compile_scene  # noqa: E402
 from dragon_ros.core.scene import Scene  # noqa: E402
@@ -23,8 +24,9 @@ from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
 from dragon_ros.scenes.load import PARTS, scene_names  # noqa: E402
 from dragon_ros.scenes.schema import scene_schema  # noqa: E402
+from dragon_ros.verify import reading  # noqa: E402
 
-DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md')
+DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md', ROOT / 'docs' / 'limits.md')
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
 _GONE = '-'
 
@@ -163,9 +165,27 @@ def _tier_row(tier: Tier, scene: Scene) -> tuple[str, str, str, str]:
             f'{tier.effort(compile_scene(scene).size_m, compile_scene(scene).model.length_m).newton:.1e} of its angle')
 
 
+def limits() -> str:
+    """Return the budgets of what comes from outside."""
+    rows = [(one.bounds, _amount(getattr(budgets, one.name), one.unit), one.beyond) for one in budgets.LIMITS]
+    checked = [('a certificate', _amount(reading.MOST_BYTES, 'bytes'), 'refused'),
+               ('the intervals of a certificate', _amount(reading.MOST_ROWS, 'intervals'), 'refused'),
+               ('the benches of a certificate', _amount(reading.MOST_BENCHES, 'benches'), 'refused')]
+    return table('of | at most | beyond it', [*rows, *checked])
+
+
+def _amount(value: float, unit: str) -> str:
+    """Return a number with its unit; whole multiples of a power of two of bytes as such."""
+    if unit == 'bytes':
+        power, name = next((power, name) for power, name in ((2**20, 'MiB'), (2**10, 'KiB'), (1, 'bytes'))
+                           if not value % power)
+        return f'{int(value // power)} {name}'
+    return f'{value:,g} {unit}' if isinstance(value, float) else f'{value:,} {unit}'
+
+
 TABLES: dict[str, Callable[[], str]] = {
     'executables': executables, 'topics': topics, 'qualities': qualities, 'scenes': scenes, 'keys': keys,
-    'effects': effects, 'tiers': tiers, 'sim': lambda: parameters(params.SIM),
+    'effects': effects, 'tiers': tiers, 'limits': limits, 'sim': lambda: parameters(params.SIM),
     'monitor': lambda: parameters(params.MONITOR), 'replay': lambda: parameters(params.REPLAY)}
 
 if __name__ == '__main__':

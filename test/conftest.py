@@ -3,6 +3,11 @@ import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
 
+
+def pytest_addoption(parser):
+    parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
+
+
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,
                           suppress_health_check=[HealthCheck.too_slow])
 settings.load_profile('repeatable')

@@ -21,7 +21,7 @@ PACKAGE = ROOT / 'dragon_ros'
 BELOW_NODES = ('core', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES, 'cost': BELOW_NODES,
-         'verify': ()}
+         'api': (*BELOW_NODES, 'commands'), 'verify': ()}
 # The rooms and modules of the core, from the bottom: each may import those before it.
 CORE = ('numerics', 'tracks', 'chain', 'shift_map', 'model', 'contact', 'effects', 'step')
 CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'design': CORE[:CORE.index('contact') + 1]}

@@ -18,6 +18,8 @@ LONGEST_S = 50
 # What a document's command begins with, what is run in its place (None: nothing), and why. Longer ones come first.
 SUBSTITUTES = {
     './dragon demo': (None, 'ten seconds and four processes; test/nodes/test_graph.py runs it'),
+    './dragon python test/bags/crash.py': (None, 'twenty minutes; test/bags/test_crash.py kills some'),
+    './dragon python test/soak/soak.py': (None, 'an hour'),
     './dragon test': (None, 'these are the tests'),
     './dragon check': (None, 'these are the tests'),
     './dragon python docs/make_tables.py': (None, 'it would write; a test below checks the tables'),

@@ -5,6 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain as joined
+from itertools import islice
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -20,6 +21,7 @@ from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import Witness, gaps, witness
 from dragon_ros.core.contact.tracker import ContactTracker, Observation
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import PICTURE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
@@ -179,7 +181,11 @@ class BagSource:
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
         """Stamp and log time of each tick, in ns, in order of stamps."""
-        rows = {read_stamp_ns(one.data): one.t_ns for one in self.bag.messages([f'{self.namespace}/handles'])}
+        handles = f'{self.namespace}/handles'
+        count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
+        if count > PICTURE_TICKS:
+            raise InputError(f'{self.bag.path}: has {count} ticks; pictures are drawn of {PICTURE_TICKS} at most')
+        rows = {read_stamp_ns(one.data): one.t_ns for one in islice(self.bag.messages([handles]), PICTURE_TICKS)}
         return sorted(rows.items())
 
     @cached_property

@@ -28,11 +28,13 @@ FOLDER_FILES = 10_000
 QOS_CHARACTERS = 16 * KB
 WAITING_TICKS = 128
 CHECKED_TIMES = 10_000_000
+PICTURE_TICKS = 2_000_000
 
 # Messages and nodes
 MARKER_RUNS = 10_000
 MONITOR_BYTES = 256 * MB
 HELD_BYTES = 64 * MB
+REPLAYED_BYTES = 64 * MB
 RECORDED_SCENES = 16
 SUBSCRIBERS = 1000
 
@@ -71,11 +73,13 @@ LIMITS = (
     Limit('QOS_CHARACTERS', 'the QoS profile of a recorded topic', 'characters', 'the default profile is used'),
     Limit('WAITING_TICKS', 'recorded handles that wait for their benches', 'ticks', 'the oldest is read without'),
     Limit('CHECKED_TIMES', 'messages whose times `inspect` holds to find gaps', 'messages', 'the rest is only counted'),
+    Limit('PICTURE_TICKS', 'the ticks of a bag that `plot` and `view` look at', 'ticks', 'refused'),
     Limit('MARKER_RUNS', 'the markers of a message that differ in layout from the one before', 'markers', 'refused'),
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their partner arrives', 'bytes',
           'the oldest is dropped, with a warning'),
     Limit('HELD_BYTES', 'messages without a stamp that the recorder holds until there is a tick', 'bytes',
           'the oldest is left out, and counted'),
+    Limit('REPLAYED_BYTES', 'messages of one log time that `replay` holds', 'bytes', 'published part by part'),
     Limit('RECORDED_SCENES', 'different scenes that a recorder reads and attaches to one bag', 'scenes',
           'only stored as messages, with a warning'),
     Limit('SUBSCRIBERS', 'subscribers that `wait_subscribers` can ask for', 'subscribers', 'refused'),

@@ -7,8 +7,11 @@ from rclpy.qos import DurabilityPolicy
 
 from dragon_ros.bags.read.reader import BagReader, Message
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.limits import REPLAYED_BYTES
 from dragon_ros.core.scene import NS
 from dragon_ros.nodes import publisher_queue
+
+_EACH_BYTES = 256       # of a message beside its data
 
 
 class ReplaySource:
@@ -91,11 +94,12 @@ class ReplaySource:
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
-        """Return the messages of the next log time."""
+        """Return the messages of the next log time, or as many as may be held at a time."""
         assert self._next is not None
-        frame, t_ns = [], self._next.t_ns
-        while self._next is not None and self._next.t_ns == t_ns:
+        frame, t_ns, size = [], self._next.t_ns, 0
+        while self._next is not None and self._next.t_ns == t_ns and size <= REPLAYED_BYTES:
             frame.append(self._next)
+            size += len(self._next.data) + _EACH_BYTES
             self._next = next(self._messages, None)
         return frame
 

@@ -1,5 +1,5 @@
 """Scene files: YAML to a core Scene, with errors that name file, line and key."""
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, fields
 from pathlib import Path
@@ -52,6 +52,31 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     if document.section('head').get('kind') == PLUGIN:
         document.values['head'] = _values(plugged(document), SECTIONS['head'])
     return scene_of(document)
+
+
+def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
+    """Return the scene of a name or file with the values of a mapping like a scene file's on top.
+
+    A section's keys are changed one by one; where another kind is chosen, the section's other keys go.
+    Raises InputError with the key.
+    """
+    document = read_document(_find(name_or_file))
+    for key, value in changes.items():
+        old = document.values.get(key, {})
+        if isinstance(value, Mapping) and isinstance(old, dict):
+            kinds = [section.get('kind', next(iter(SECTIONS.get(key, {'': None})))) for section in (old, value)]
+            kept = old if 'kind' not in value or kinds[0] == kinds[1] else {}
+            document.places |= {f'{key}.{name}': 'changes' for name in value}
+            value = {**kept, **value}
+        document.values[key], document.places[key] = _as_lists(value), 'changes'
+    return scene_of(document)
+
+
+def _as_lists(value: Any) -> Any:
+    """Return tuples and arrays as lists, as YAML has them."""
+    if isinstance(value, Mapping):
+        return {key: _as_lists(one) for key, one in value.items()}
+    return [_as_lists(one) for one in value] if isinstance(value, (tuple, list)) else value
 
 
 def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:

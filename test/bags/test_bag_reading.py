@@ -56,7 +56,7 @@ def test_messages_come_by_time_and_then_by_place_however_chunks_overlap(tmp_path
 
 
 def test_order_holds_where_chunks_are_closed_and_opened_again(tmp_path, monkeypatch):
-    monkeypatch.setattr(reader, '_KEEP', 1)
+    monkeypatch.setattr(reader, 'OPEN_CHUNKS_BYTES', 1)
     written = write(tmp_path / 'a.mcap', [*range(0, 26, 2), *range(1, 26, 2)], chunk=13)
     assert read(tmp_path / 'a.mcap') == sorted(written)
 

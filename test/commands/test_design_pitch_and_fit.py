@@ -35,7 +35,8 @@ def test_fit_says_whether_it_does(capsys, side, says):
 
 
 @pytest.mark.parametrize(('arguments', 'says'), [
-    (['min-pitch', '--largest', '0.1'], '--largest: 0.1 '), (['min-pitch', '--diameter', 'nan'], '--diameter: nan '),
+    (['min-pitch', '--largest', '0.1'], '--largest: 0.1 '),
+    (['min-pitch', '--diameter', 'nan'], "--diameter: 'nan' is not a finite number"),
     (['min-pitch', '--within', '0'], '--within: 0.0 '),
     (['min-pitch', '--set', 'track.start_turns=5'], 'track.start_turns: 5'),
     (['fit', '--square', '-3'], '--square'), (['fit', '--set', 'head.speed_m_s=-1'], 'run.stop_s'),

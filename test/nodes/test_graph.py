@@ -390,7 +390,7 @@ def by_script(*arguments, **variables):
                           check=True, timeout=60).stdout
 
 
-@pytest.mark.skipif(not (ROOT / '.venv/installed.txt').exists(), reason='./dragon is not set up here')
+@pytest.mark.skipif(not (ROOT / '.venv/requirements.installed').exists(), reason='./dragon is not set up here')
 def test_nodes_of_the_script_bind_this_host_alone_unless_told_otherwise(domain):
     # 127.0.0.1, and the group in which Fast DDS discovers on that interface
     assert by_script('python', '-c', SOCKETS).strip() == "['0100007F', '0100FFEF']"

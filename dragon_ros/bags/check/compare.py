@@ -131,13 +131,21 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
     """
     law = None
     for k, (t_ns, recorded) in enumerate(instants):
-        speeds = [speed for stamp, speed in map(read_odometry, recorded.get('leader', [])) if stamp == t_ns]
-        if t_ns != scene.run.time_ns(k) or len(speeds) != 1:
+        speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
+        if t_ns != scene.run.time_ns(k) or speed_m_s is None:
             result.note('leader', k, 'is not there once: what was walked from there on is unknown')
             return
-        law = law_on(scene, law, t_ns, speeds[0])
+        law = law_on(scene, law, t_ns, speed_m_s)
         _compare_tick(result, scene, encode, led_tick(compile_scene(scene), law, k), recorded)
         progress(k)
+
+
+def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
+    """Return the speed that the only message of a tick records; None where it is not the only one, or not of it."""
+    if len(found) != 1:
+        return None
+    stamp_ns, speed_m_s = read_odometry(found[0])
+    return speed_m_s if stamp_ns == t_ns else None
 
 
 def _whole(instants: Iterable[_Instant], bag: BagReader, namespace: str) -> Iterator[_Instant]:
@@ -174,7 +182,8 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[
     for t_ns, group in groupby(rows, lambda row: row[0]):
         recorded: dict[str, list[bytes]] = {}
         for _, name, data in group:
-            recorded.setdefault(name, []).append(data)
+            found = recorded.setdefault(name, [])
+            found.append(data if not found else b'')        # of several only their number counts
         yield t_ns, recorded
 
 

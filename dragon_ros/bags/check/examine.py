@@ -24,10 +24,10 @@ from dragon_ros.bags.read.mcap import (
     summary_index,
 )
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import CHECKED_TIMES
 from dragon_ros.core.numerics.types import Ints
 from dragon_ros.core.scene import NS, Run
 
-MOST_TIMES = 10_000_000     # messages whose times are kept, for rates and gaps
 _BLOCK = 2**20
 _MOST_RANGES = 20
 _REGULAR = 0.8      # a topic has ticks if this part of its steps lies within a tenth of the median
@@ -126,7 +126,7 @@ def _count(contents: Contents, index: Index, row: StoredMessage) -> None:
         contents.topics[channel.topic] = seen
     seen.messages += 1
     seen.size += row.end - row.start
-    if contents.kept_times < MOST_TIMES:
+    if contents.kept_times < CHECKED_TIMES:
         contents.kept_times += 1
         seen.times_ns.append(row.t_ns)
 

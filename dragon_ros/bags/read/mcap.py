@@ -24,17 +24,15 @@ from mcap.opcode import Opcode
 from mcap.records import Channel, ChunkIndex, Footer, MetadataIndex, Schema, Statistics
 
 from dragon_ros.core.errors import InputError, MissingError, shown
+from dragon_ros.core.limits import CHUNK_BYTES, RECORD_BYTES, SUMMARY_BYTES
 
 MAGIC = b'\x89MCAP0\r\n'
 HEAD = struct.Struct('<BQ')
 FOOTER_BYTES = HEAD.size + 20
-MOST_RECORD = 16 * 2**20        # bytes of records that are read whole: schemas, indexes, metadata
 T = TypeVar('T')
-MOST_CHUNK = 128 * 2**20        # bytes of a chunk after decompression, and of a message
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
 _LONGEST_NAME = 32              # of the name of a compression
-MOST_SUMMARY = 64 * 2**20   # bytes, and as many for all schemas and channels
 _RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
 
 
@@ -117,9 +115,9 @@ class McapFile:
 
     def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
         """Return the fields of a small record, read by ``parse``, one of the ``mcap.records`` readers."""
-        if place.length > MOST_RECORD:
+        if place.length > RECORD_BYTES:
             raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
-                             f'the largest that is read is {MOST_RECORD}')
+                             f'the largest that is read is {RECORD_BYTES}')
         try:
             return parse_fields(self.read(place.content, place.length), parse)
         except ValueError as error:
@@ -227,9 +225,9 @@ def chunk_head(file: McapFile, place: Location) -> ChunkHead:
 def chunk_data(file: McapFile, place: Location) -> bytes:
     """Return a chunk's records, decompressed and checked against size and CRC. Raises BagError."""
     head = chunk_head(file, place)
-    if max(head.size, head.length) > MOST_CHUNK:
+    if max(head.size, head.length) > CHUNK_BYTES:
         raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the largest that is read has '
-                         f'{MOST_CHUNK}')
+                         f'{CHUNK_BYTES}')
     unpack = _UNPACK.get(head.compression)
     if unpack is None:
         raise file.fault(place.offset, f'a chunk with compression {head.compression!r}; supported are zstd, lz4 and '
@@ -281,19 +279,19 @@ def row_of(data: bytes, start: int, end: int) -> StoredMessage:
 
 
 def first_bytes(data: bytes, compression: str) -> bytes:
-    """Return what can be decompressed of a truncated chunk, at most MOST_CHUNK bytes."""
+    """Return what can be decompressed of a truncated chunk, at most CHUNK_BYTES bytes."""
     if compression == 'zstd':
         return _first_of_zstd(data)
     if compression == 'lz4':
         return _first_of_lz4(data)
-    return data[:MOST_CHUNK] if compression == '' else b''
+    return data[:CHUNK_BYTES] if compression == '' else b''
 
 
 def _first_of_zstd(data: bytes) -> bytes:
     # In small steps: what was decompressed before the damage is kept.
-    reader, out = zstandard.ZstdDecompressor(max_window_size=MOST_CHUNK).stream_reader(data), bytearray()
+    reader, out = zstandard.ZstdDecompressor(max_window_size=CHUNK_BYTES).stream_reader(data), bytearray()
     try:
-        while len(out) < MOST_CHUNK and (part := reader.read(2**17)):
+        while len(out) < CHUNK_BYTES and (part := reader.read(2**17)):
             out += part
     except zstandard.ZstdError:
         pass
@@ -304,9 +302,9 @@ def _first_of_lz4(data: bytes) -> bytes:
     out, reader = bytearray(), lz4.frame.LZ4FrameDecompressor()
     try:
         for start in range(0, len(data), 2**12):
-            if len(out) >= MOST_CHUNK or reader.eof:
+            if len(out) >= CHUNK_BYTES or reader.eof:
                 break
-            out += reader.decompress(data[start:start + 2**12], max_length=MOST_CHUNK - len(out))
+            out += reader.decompress(data[start:start + 2**12], max_length=CHUNK_BYTES - len(out))
     except (RuntimeError, EOFError):
         pass
     return bytes(out)
@@ -382,8 +380,8 @@ class Index:
     def learn(self, opcode: int, content: bytes) -> None:
         """Register a schema or a channel. Raises ValueError where it is malformed, or where they exceed their limit."""
         self._learned += len(content) if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) else 0
-        if self._learned > MOST_SUMMARY:
-            raise ValueError(f'its schemas and channels are more than {MOST_SUMMARY} bytes')
+        if self._learned > SUMMARY_BYTES:
+            raise ValueError(f'its schemas and channels are more than {SUMMARY_BYTES} bytes')
         if opcode == Opcode.SCHEMA:
             schema = parse_fields(content, Schema.read)
             self.schemas.setdefault(schema.id, schema)
@@ -413,8 +411,8 @@ def summary_index(file: McapFile) -> Index | None:
     if not len(MAGIC) <= footer.summary_start <= at.offset:
         raise file.fault(at.offset, f'the footer puts the summary at {footer.summary_start}')
     length = at.offset - footer.summary_start
-    if length > MOST_SUMMARY:
-        raise file.fault(at.offset, f'a summary of {length} bytes; the largest that is read has {MOST_SUMMARY}')
+    if length > SUMMARY_BYTES:
+        raise file.fault(at.offset, f'a summary of {length} bytes; the largest that is read has {SUMMARY_BYTES}')
     data = file.read(footer.summary_start, length)
     crc = zlib.crc32(file.read(at.offset, HEAD.size + 16), zlib.crc32(data))
     if footer.summary_crc and footer.summary_crc != crc:
@@ -515,9 +513,9 @@ def _note(index: Index, place: Location) -> None:
 
 def _grow(index: Index, run: list[tuple[Location, int]], place: Location) -> list[tuple[Location, int]]:
     """Add a message to the batch before it, or end that batch and start another."""
-    if place.length > MOST_CHUNK:
+    if place.length > CHUNK_BYTES:
         raise index.file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
-                               f'{MOST_CHUNK}')
+                               f'{CHUNK_BYTES}')
     t_ns = message_time_ns(index.file, place)
     if run and (run[-1][0].end != place.offset or place.end - run[0][0].offset > _RUN):
         _end_run(index, run)

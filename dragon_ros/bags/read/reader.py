@@ -24,12 +24,11 @@ from dragon_ros.bags.read.mcap import (
     scanned_index,
     summary_index,
 )
+from dragon_ros.core.limits import OPEN_CHUNKS_BYTES, QOS_CHARACTERS
 from dragon_ros.scenes.yaml import values_of
 
 __all__ = ['BagError', 'BagReader', 'Message', 'Topic']
 END_OF_TIME_NS = 2**64
-_LONGEST_QOS = 2**14        # characters of a QoS profile that are parsed
-_KEEP = 64 * 2**20      # bytes of open chunks; beyond them the least recently used one is closed
 
 
 @dataclass(frozen=True)
@@ -214,7 +213,7 @@ def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
     """Return the first QoS profile of a channel; {} if there is no readable one."""
     text = metadata.get('offered_qos_profiles', '')
     try:
-        profiles = values_of(text) if len(text) <= _LONGEST_QOS else None
+        profiles = values_of(text) if len(text) <= QOS_CHARACTERS else None
         return dict(profiles[0]) if profiles else {}
     except (yaml.YAMLError, TypeError, ValueError, KeyError, RecursionError):
         return {}
@@ -276,7 +275,7 @@ class TimeOrder:
             self._open.move_to_end(number)
             return self._open[number]
         opened = self._open[number] = self._read(self._pieces[number])
-        while len(self._open) > 1 and sum(one.size for one in self._open.values()) > _KEEP:
+        while len(self._open) > 1 and sum(one.size for one in self._open.values()) > OPEN_CHUNKS_BYTES:
             self._open.popitem(last=False)
         return opened
 

@@ -1,0 +1,260 @@
+"""The public Python API: ``import dragon_ros as dr``, and scenes, states, contacts, bags and pictures in a line each.
+
+Lengths are in metres, angles in radians, times in seconds, and arrays are numpy's. Handle 0 is the head's front handle.
+Errors are those of ``dragon_ros.core.errors``: DragonError, and below it InputError for what is asked wrongly.
+"""
+import sys
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from os import PathLike, fspath
+from pathlib import Path
+from types import TracebackType
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of, scene_of_bag
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import Simulation, compile_scene
+from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import state, states, tick, velocity_of
+from dragon_ros.scenes.load import changed_scene
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+_COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
+_DPI = 72       # of a scene that draws itself
+
+
+def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
+    """Return a scene of the package by its name, or of a file, with changes on top.
+
+    Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
+    frozen, compare by value and pickle. Raises InputError naming the key, MissingError for a scene that is not there.
+    """
+    return changed_scene(fspath(name_or_path), changes)
+
+
+def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the word of the field; only ever used as dr.compile
+    """Return what answers questions about a scene. Scenes that share their geometry share one compiled model."""
+    return Simulated(compile_scene(scene))
+
+
+@dataclass(frozen=True, eq=False)
+class Motion:
+    """All handles at one time or at many (then arrays have a leading axis): read-only.
+
+    ``t_s`` (...), ``handles_m`` (..., N+1, 2), ``velocity_m_s`` (..., N+1, 2), and ``promise_m``, the largest error
+    that a position may have in this run away from a lock.
+    """
+
+    t_s: Floats
+    handles_m: Floats
+    velocity_m_s: Floats
+    promise_m: float
+
+    @property
+    def speed_m_s(self) -> Floats:
+        """Speeds (..., N+1)."""
+        return read_only(np.hypot(self.velocity_m_s[..., 0], self.velocity_m_s[..., 1]))
+
+    def frame(self) -> Any:
+        """Return a pandas DataFrame with a row for each time and handle. Raises MissingError without pandas."""
+        try:
+            import pandas as pd  # type: ignore[import-untyped]
+        except ImportError:
+            raise MissingError('frame: pandas is not installed: pip install pandas') from None
+        times, handles = np.atleast_1d(self.t_s), self.handles_m.shape[-2]
+        rows = np.concatenate((self.handles_m, self.velocity_m_s, self.speed_m_s[..., None]), axis=-1).reshape(-1, 5)
+        return pd.DataFrame({'t_s': np.repeat(times, handles), 'handle': np.tile(np.arange(handles), times.size),
+                             **dict(zip(_COLUMNS[2:], rows.T, strict=True))})
+
+
+@dataclass(frozen=True, eq=False)
+class Simulated:
+    """A scene that can be asked: where all handles are at a time, what touches first, what a tick publishes."""
+
+    simulation: Simulation
+
+    @property
+    def scene(self) -> Scene:
+        """The scene."""
+        return self.simulation.scene
+
+    @property
+    def span_s(self) -> tuple[float, float]:
+        """When the run starts and ends."""
+        return self.scene.run.start_s, self.simulation.end.t_s
+
+    @property
+    def ends(self) -> str:
+        """Why the run ends: 'stop', 'lock' or 'track'."""
+        return self.simulation.end.reason
+
+    @property
+    def ticks(self) -> int:
+        """Number of ticks of the run."""
+        return self.simulation.last_tick + 1
+
+    def state(self, t_s: float) -> Motion:
+        """Return all handles at any time up to the end of the model. Raises ModelEnd beyond it."""
+        chain = state(self.scene, t_s)
+        return Motion(np.array(t_s), chain.p, velocity_of(self.scene, chain, t_s), self.simulation.promise_m)
+
+    def states(self, times_s: Sequence[float] | Floats) -> Motion:
+        """Return all handles at many times in one go, several times faster than one by one."""
+        times = np.asarray(times_s, dtype=np.float64).tolist()
+        chain = states(self.scene, times)
+        return Motion(np.array(times), chain.p, velocity_of(self.scene, chain, times), self.simulation.promise_m)
+
+    def frame(self, k: int) -> Frame:
+        """Return tick k with every effect that the scene calls for, as the node ``sim`` publishes it."""
+        return tick(self.scene, k)
+
+    def contact(self, **options: Any) -> Contact | NoContact:
+        """Return the first contact of the run with its proof, or that there is none (``contact.first_contact``)."""
+        return first_contact(self.scene, **options)
+
+    def track_m(self, sag_m: float = 1e-4) -> Floats:
+        """Return points (P, 2) along the track where handles are in the run, ``sag_m`` off at most."""
+        return self.simulation.track_line(sag_m)
+
+    def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
+        """Draw the dragon at a time (the end of the run) into Matplotlib axes, and return them."""
+        return plot(self, t_s, ax)
+
+    def _repr_svg_(self) -> str:
+        """Draw itself in Jupyter."""
+        return _svg(self)
+
+
+class Bag:
+    """A recorded run: its ticks, read lazily, and its scene. Use it in a ``with`` block, or close it."""
+
+    def __init__(self, path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> None:
+        """Open a bag (.mcap, or a folder of rosbag2). Raises InputError where it holds no dragon, or several."""
+        self._reader, self._trust = BagReader(Path(path)), trust
+        try:
+            self.namespace = namespace_of(self._reader, namespace)
+        except InputError:
+            self._reader.close()
+            raise
+
+    def __enter__(self) -> 'Bag':
+        """Return the bag."""
+        return self
+
+    def __exit__(self, kind: type[BaseException] | None, error: BaseException | None,
+                 trace: TracebackType | None) -> None:
+        """Close it."""
+        self.close()
+
+    def close(self) -> None:
+        """Close the file."""
+        self._reader.close()
+
+    @cached_property
+    def scene(self) -> Scene | None:
+        """The scene that made it, None where none is stored. Raises InputError beyond its budgets without trust."""
+        return scene_of_bag(self._reader, self._trust)
+
+    @property
+    def reader(self) -> BagReader:
+        """The reader below, for topics other than the dragon's."""
+        return self._reader
+
+    def __iter__(self) -> Iterator[BagFrame]:
+        """Yield the ticks in order: stamp, handles, benches, velocities."""
+        return frames(self._reader, self.namespace)
+
+    def arrays(self) -> Motion:
+        """Return all ticks as one; velocities that were not recorded are nan. Raises InputError without ticks."""
+        rows = list(self)
+        if not rows:
+            raise InputError(f'{self._reader.path}: has no ticks')
+        blank = np.full_like(rows[0].handles_m, np.nan)
+        velocity = np.array([blank if one.velocity_m_s is None else one.velocity_m_s for one in rows])
+        promise_m = compile_scene(self.scene).promise_m if self.scene else np.nan
+        return Motion(read_only(np.array([one.t_ns for one in rows]) / NS),
+                      read_only(np.array([one.handles_m for one in rows])), read_only(velocity), float(promise_m))
+
+
+def read_bag(path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> Bag:
+    """Return a recorded run; ``namespace`` chooses among several dragons. ``trust`` lifts the budgets of its scene."""
+    return Bag(path, namespace, trust)
+
+
+def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
+    """Draw a dragon at a time (the last one) on its track into Matplotlib axes (new ones), and return them."""
+    from matplotlib import pyplot as plt
+
+    from dragon_ros.commands.plot.dragon import draw, extent, frame
+    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment
+    source: Source
+    if isinstance(of, Bag):
+        source = BagSource(of.reader, of.namespace)
+    else:
+        source = SceneSource('dragon', of.scene if isinstance(of, Simulated) else of)
+    axes = plt.subplots(figsize=(7.2, 7.2))[1] if ax is None else ax
+    one = moment(source, source.span_s[1] if t_s is None else t_s)
+    draw(axes, source.track, one)
+    frame(axes, extent(one))
+    axes.set_title(f'{len(one.benches.centre)} benches at {one.t_s:g} s')
+    return axes
+
+
+def _svg(of: 'Simulated | Scene') -> str:
+    """Return the picture of a scene at its end."""
+    from io import StringIO
+
+    from matplotlib.figure import Figure
+
+    from dragon_ros.cli.figures import style
+    out = StringIO()
+    with style():
+        figure = Figure(figsize=(5.6, 5.6))
+        plot(of, ax=figure.add_subplot())
+        figure.savefig(out, format='svg', dpi=_DPI)
+    return out.getvalue()
+
+
+class _Design:
+    """Questions of design: the smallest pitch, the room that a run takes, the largest speed."""
+
+    @staticmethod
+    def min_pitch(dragon: Any = None, **options: Any) -> Any:
+        """Return the smallest pitch at which the head reaches a circle without contact (``core.design.min_pitch``)."""
+        from dragon_ros.core.design.min_pitch import min_pitch
+        return min_pitch(dragon.dragon if isinstance(dragon, Scene) else dragon, **options)
+
+    @staticmethod
+    def fit(scene: Scene, **options: Any) -> Any:
+        """Return how far the benches reach in a run (``core.design.bounding_box``)."""
+        from dragon_ros.core.design.bounding_box import bounding_box
+        return bounding_box(scene, **options)
+
+    @staticmethod
+    def max_speed(scene: Scene, **options: Any) -> Any:
+        """Return the fastest handle of a run, over the leader's largest speed (``core.design.max_speed``)."""
+        from dragon_ros.core.design.max_speed import max_speed
+        return max_speed(scene, **options)
+
+
+design = _Design()
+
+
+def _draw_in_jupyter() -> None:
+    """Let plain scenes draw themselves where IPython runs; they import nothing that draws."""
+    shell = sys.modules['IPython'].get_ipython() if 'IPython' in sys.modules else None
+    if shell is not None:
+        shell.display_formatter.formatters['image/svg+xml'].for_type(Scene, _svg)
+
+
+_draw_in_jupyter()

@@ -1,0 +1,10 @@
+"""The domain of nodes that are fuzzed, as in the tests of the nodes."""
+import pytest
+
+from dragon_ros.cli.dds_domain import free_domain, local_environment
+
+
+@pytest.fixture
+def domain(monkeypatch):
+    for key, value in local_environment(free_domain()).items():
+        monkeypatch.setenv(key, value)

@@ -1,0 +1,291 @@
+"""What is fuzzed: each target takes bytes as a stranger would send them, and lets only the package's own errors out."""
+import contextlib
+import io
+import json
+import os
+import socket
+import struct
+import threading
+import zlib
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import suppress
+from dataclasses import dataclass, field
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from dragon_ros.bags.check.examine import examine
+from dragon_ros.bags.check.repair import repair
+from dragon_ros.bags.read.frames import frames, scene_of_bag
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene, scene_names, strangers_scene
+from dragon_ros.scenes.provenance import run_metadata, scene_file
+
+ROOT = Path(__file__).parents[2]
+_HEAD = struct.Struct('<BQ')
+_MAGIC = 8
+SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
+
+
+@dataclass(frozen=True)
+class Target:
+    """Seeds to mutate, words to mix in, and what takes the bytes; ``run`` raises what escapes."""
+
+    seeds: list[bytes]
+    run: Callable[[bytes], object]
+    words: tuple[bytes, ...] = ()
+    close: list[Callable[[], object]] = field(default_factory=list)
+
+
+def bag(folder: Path) -> Target:
+    """Bags with wrong lengths, counts and offsets, whose CRCs hold all the same."""
+    def run(data: bytes) -> None:
+        path, out = folder / 'a.mcap', folder / 'out.mcap'
+        path.write_bytes(with_crcs(data))
+        read_in_every_way(path, out)
+    seeds = [path.read_bytes() for path in sorted((ROOT / 'test/data/corpus').glob('*.mcap'))
+             if path.stat().st_size < 20_000 and not path.name.startswith('bomb')]
+    words = (*(opcode.to_bytes(1, 'little') for opcode in range(1, 16)), bytes(8), b'\xff' * 8, b'\0\0\0\0\1\0\0\0')
+    return Target([*seeds, small_bag(folder / 'seed.mcap')], run, words)
+
+
+def read_in_every_way(path: Path, out: Path) -> None:
+    """Read a bag as every tool does; only errors of the package may come out."""
+    with suppress(DragonError):
+        examine(path)
+    with suppress(DragonError):
+        repair(path, out)
+    out.unlink(missing_ok=True)
+    with suppress(DragonError), BagReader(path, damaged=True) as reader:
+        deque(reader.messages(), maxlen=0)
+    with suppress(DragonError), BagReader(path) as reader:
+        deque(reader.messages(), maxlen=0)
+        with suppress(DragonError):
+            scene_of_bag(reader)
+        for frame in frames(reader):
+            assert frame.clearance_m is None or frame.clearance_m == frame.clearance_m
+
+
+def small_bag(path: Path) -> bytes:
+    """Return a bag of a small dragon with its scene."""
+    encode, text = encoders(SCENE), scene_file(SCENE)
+    with BagWriter(path, True, BagOptions('none')) as writer:
+        for name in encode:
+            writer.add_channel(f'/dragon/{name}', channels()[name])
+        writer.describe('dragon_ros', run_metadata(text, SCENE, {}))
+        for k in range(compile_scene(SCENE).last_tick + 1):
+            for name in encode:
+                writer.write(f'/dragon/{name}', encode[name](tick(SCENE, k)), SCENE.run.time_ns(k), k + 1)
+    return path.read_bytes()
+
+
+def with_crcs(data: bytes) -> bytes:
+    """Return an MCAP file with the CRCs of its uncompressed chunks and of its summary as they should be."""
+    out, at, summary = bytearray(data), _MAGIC, None
+    while at + _HEAD.size <= len(out):
+        opcode, length = _HEAD.unpack_from(out, at)
+        start, end = at + _HEAD.size, at + _HEAD.size + length
+        if end > len(out):
+            break
+        if opcode == Opcode.CHUNK and length > 40:
+            name = int.from_bytes(out[start + 28:start + 32], 'little')
+            if name == 0:
+                out[start + 24:start + 28] = zlib.crc32(out[start + 40:end]).to_bytes(4, 'little')
+        elif opcode == Opcode.DATA_END:
+            summary = end
+        elif opcode == Opcode.FOOTER and length == 20 and summary is not None:
+            out[start + 16:end] = zlib.crc32(out[summary:start + 16]).to_bytes(4, 'little')
+        at = end
+    return bytes(out)
+
+
+def folder_of_parts(folder: Path) -> Target:
+    """Folders whose metadata.yaml says anything."""
+    bag_folder = folder / 'run'
+    options = BagOptions('none', split_duration_s=0.03)
+    with BagWriter(bag_folder, True, options) as writer:
+        writer.add_channel('/dragon/handles', channels()['handles'])
+        for k in range(4):
+            data = encoders(SCENE)['handles'](tick(SCENE, k))
+            writer.write('/dragon/handles', data, SCENE.run.time_ns(k), k + 1)
+    listed = bag_folder / 'metadata.yaml'
+    seed = listed.read_bytes()
+
+    def run(data: bytes) -> None:
+        listed.write_bytes(data)
+        read_in_every_way(bag_folder, folder / 'out.mcap')
+    return Target([seed], run, (b'../', b'run_0.mcap', b'\0', b'[', b'&a ', b'*a', b'!!int ""', b'/dev/zero'))
+
+
+def scene(folder: Path) -> Target:
+    """Texts on the topic scene, and in bags."""
+    def run(data: bytes) -> None:
+        with suppress(DragonError):
+            text = data.decode(errors='replace')
+            run_metadata(text, strangers_scene('scene', text), {})
+    seeds = [(ROOT / 'msg_configs/scenes' / f'{name}.yaml').read_bytes() for name in scene_names()]
+    kinds = ('head: {kind: profile, knots: [[0, 1], [60, -1]], ramps: smooth}', 'track: {kind: joined, pieces: '
+             '[{kind: line, length_m: 5}, {kind: arc, radius_m: 5, angle_deg: 30}]}', 'effects: [noise, trails]',
+             'dragon: {kind: mixed, groups: [{length_m: 3.4}, {count: 20, length_m: 2.2}]}')
+    return Target([*seeds, scene_file(SCENE).encode(), *(text.encode() for text in kinds)], run, _YAML)
+
+
+_YAML = (b'[', b'{', b'? ', b'- ', b'!!int ""', b'!!binary x', b'&a ', b'*a', b'<<: *a', b'1e400', b'.nan', b'-.inf',
+         b'9' * 400, b'0x' + b'f' * 5000, b'2001-01-01', b'null', b'~', b': ', b'\xff', b'\0', b'[a]', b'{a: b}',
+         b'1e308', b'20000', b'-0.0', b'kind: mixed', b'kind: turn', b'lead: tail', b'accuracy: paper', b'about: ')
+
+
+def override(folder: Path) -> Target:
+    """Texts of --set and of the parameter set, one a line."""
+    def run(data: bytes) -> None:
+        with suppress(DragonError):
+            load_scene('winding', data.decode(errors='replace').split('\n')[:8])
+    seeds = [b'track.pitch_m=0.5', b'dragon.benches=20\nrun.rate_hz=10', b'head={kind: profile, knots: [[0, 1]]}',
+             b'effects=[velocity, benches]', b'accuracy=1e-6\nsolver=march', b'run.stop_s=10\nrun.start_s=1']
+    return Target(seeds, run, (b'=', b'.', b'\n', *_YAML))
+
+
+def certificate(folder: Path) -> Target:
+    """Certificates, for the checker that stands alone."""
+    from dragon_ros.commands.certificate import as_values
+    from dragon_ros.core.contact.first_contact import first_contact
+    from dragon_ros.verify.errors import Refused
+    from dragon_ros.verify.proof import prove
+    from dragon_ros.verify.reading import claims_of
+    changes = ['dragon.benches=9', 'run.start_s=399', 'run.stop_s=400']
+    seeds = [load_scene('winding', changes), load_scene('turning', ['dragon.benches=4', 'run.stop_s=1'])]
+
+    def run(data: bytes) -> None:
+        with suppress(Refused, ArithmeticError, ValueError, RecursionError, MemoryError):   # as its command line does
+            prove(claims_of(data), 0.01, lambda done_m, whole_m: None)
+    return Target([json.dumps(as_values(one, first_contact(one))).encode() for one in seeds], run,
+                  (b'1e400', b'NaN', b'9' * 500, b'[' * 2000, b'"', b'{}', b'null', b'true', b'-1', b'{"kind": 1}'))
+
+
+def request(folder: Path) -> Target:
+    """Requests to the web view, as bytes on a socket."""
+    from dragon_ros.commands.sources import SceneSource
+    from dragon_ros.commands.view.data import ViewData
+    from dragon_ros.commands.view.server import ViewServer
+    escaped: list[BaseException] = []
+
+    class Server(ViewServer):
+        def handle_error(self, request: object, client_address: object) -> None:
+            import sys
+            error = sys.exc_info()[1]
+            if error is not None and not isinstance(error, (ConnectionError, TimeoutError)):
+                escaped.append(error)
+    server = Server(ViewData(SceneSource('seed', SCENE), iter))
+    thread = threading.Thread(target=server.serve_forever, kwargs={'poll_interval': 0.01})
+    thread.start()
+
+    def run(data: bytes) -> None:
+        with socket.create_connection(server.server_address, timeout=20) as stream, suppress(ConnectionError):
+            stream.sendall(data)
+            stream.shutdown(socket.SHUT_WR)
+            while stream.recv(2**16):
+                pass
+        if escaped:
+            raise escaped.pop()
+
+    def close() -> None:
+        server.shutdown()
+        server.server_close()
+        thread.join()
+    paths = ('/', '/run.json', '/clearance.json', '/frames/0', '/frames/contact', '/view.js')
+    seeds = [f'GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n'.encode() for path in paths]
+    return Target(seeds, run, (b'\r\n', b'[', b'Host: [', b'HEAD', b'POST', b'9' * 5000, b'%2e%2e/', b'\0', b'HTTP/9.9',
+                               b'//', b'?', b'#', b'Content-Length: -1', b'Expect: 100-continue'), [close])
+
+
+def command_line(folder: Path) -> Target:
+    """Command lines of what needs no ROS and writes nothing, one argument a line."""
+    from dragon_ros.__main__ import main
+    small_bag(folder / 'a.mcap')
+
+    def run(data: bytes) -> None:
+        arguments = data.decode(errors='replace').split('\n')
+        if arguments[0] not in ('table', 'inspect', 'design', 'plot') or any('output' in one for one in arguments):
+            return
+        before = os.getcwd()
+        os.chdir(folder)
+        try:
+            with contextlib.redirect_stdout(io.StringIO()), contextlib.redirect_stderr(said := io.StringIO()):
+                code = main(arguments)
+        except SystemExit as end:
+            code = end.code
+        finally:
+            os.chdir(before)
+        assert code in (0, 1, 2, 3), code
+        assert 'Traceback' not in said.getvalue()
+    seeds = ['table\n--times\n0,60\n--handles\n0,1', 'table\na.mcap\n--times\n412.02', 'table\n--set\ndragon.benches=5',
+             'inspect\na.mcap', 'inspect\na.mcap\n--check\n--format\njson', 'inspect\na.mcap\n--looks\n3',
+             'design\nturn', 'plot\nspeeds\n--bag\na.mcap\n--time\n9', 'table\n--accuracy\n1e-6']
+    return Target([one.encode() for one in seeds], run, (
+        b'--help', b'inf', b'nan', b'-1', b'1e400', b'9' * 400, b'\0', b'\n', b'--', b'--trust', b'\xff', b'/dev/zero',
+        b'/proc/self/mem', b',', b'--json', b'--scene', b'..', b'--check', b'--bag', b'paper'))
+
+
+def message(folder: Path) -> Target:
+    """Messages to the callbacks of recorder and monitor: a byte that selects the topic, then the message."""
+    import rclpy
+
+    from dragon_ros.bags.write.writer import BagWriter
+    from dragon_ros.nodes.monitor import Monitor
+    from dragon_ros.nodes.record import Recorder
+    context_was = rclpy.ok()
+    if not context_was:
+        rclpy.init()
+    monitor, recorder = Monitor(), Recorder(BagWriter(folder / 'messages.mcap', True))
+    names = list(channels())
+    take = {name: recorder._take(recorder._names[name], channels()[name]) for name in names}
+    numbers = iter(range(1, 10**9))
+
+    def run(data: bytes) -> None:
+        name, n = names[data[0] % len(names)] if data else names[0], next(numbers)
+        info = {'source_timestamp': n, 'received_timestamp': n, 'publication_sequence_number': n}
+        take[name](data[1:], info)
+        recorder.poll(True)
+        if name in ('handles', 'benches'):
+            (monitor._on_handles if name == 'handles' else monitor._on_benches)(data[1:], info)
+
+    def close() -> None:
+        recorder.close()
+        for node in monitor, recorder:
+            node.destroy_node()
+        if not context_was:
+            rclpy.shutdown()
+    every = Scene(dragon=Dragon(3), run=Run(412, 412.1))
+    triangles = Scene(dragon=Dragon(3), run=Run(412, 412.1), markers='triangles')
+    made = [(name, encode(tick(one, k))) for one in (every, triangles) for k in (0, 1)
+            for name, encode in encoders(one).items()]
+    made += [('scene', string_message(scene_file(SCENE))), ('track', bytes(60)), ('collision', b'\0\1\0\0' + bytes(20))]
+    seeds = [bytes([names.index(name)]) + data for name, data in made]
+    return Target(seeds, run, (bytes(4), b'\xff' * 4, b'\0\0\0\x80', b'\1\0\0\0', b'\0\0\0\0\0\0\xf8\x7f', b'bench\0',
+                               *(bytes([n]) for n in range(len(names)))), [close])
+
+
+TARGETS: dict[str, Callable[[Path], Target]] = {
+    'bag': bag, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
+    'request': request, 'command_line': command_line, 'message': message}
+
+
+@contextlib.contextmanager
+def opened(name: str, folder: Path) -> Iterator[Target]:
+    """Make a target, and close what it opened."""
+    target = TARGETS[name](folder)
+    try:
+        yield target
+    finally:
+        for close in target.close:
+            close()

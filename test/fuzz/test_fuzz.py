@@ -1,0 +1,123 @@
+"""Whatever a stranger sends, only the package's own errors come out: seeded and short here, long by --minutes.
+
+``./dragon test test/fuzz -n0 -s --minutes 60`` goes on with new seeds, says where it is, keeps each input that lets
+another error out in ``corpus/TARGET``, where the next run begins with it, and sums up at the end.
+"""
+import resource
+import signal
+import sys
+import time
+from collections.abc import Iterator
+from contextlib import contextmanager
+from hashlib import sha256
+from pathlib import Path
+
+import pytest
+from hypothesis import HealthCheck, Phase, given, seed, settings
+from hypothesis import strategies as st
+from targets import TARGETS, Target, opened
+
+CORPUS = Path(__file__).with_name('corpus')
+_SHORT, _ROUND = 40, 500        # inputs of the short form, and of one round of the long one
+_STUCK_S = 60               # an input that takes so long is a finding
+
+
+class StuckError(Exception):
+    """An input took far longer than any budget allows."""
+
+
+def mutated(target: Target) -> st.SearchStrategy[bytes]:
+    """Return inputs: a seed with a few changes."""
+    words = st.one_of(st.binary(min_size=1, max_size=9), st.sampled_from(target.words or (b'\0',)))
+    kinds = st.sampled_from(['replace', 'insert', 'delete', 'repeat', 'cut', 'swap'])
+    change = st.tuples(kinds, st.floats(0, 1), words)
+    return st.builds(changed, st.sampled_from(target.seeds), st.lists(change, max_size=6))
+
+
+def changed(data: bytes, changes: list[tuple[str, float, bytes]]) -> bytes:
+    """Return bytes with changes at places given as shares of their length."""
+    for what, share, word in changes:
+        at, size = int(share * len(data)), len(word)
+        before, after = data[:at], data[at:]
+        data = {'replace': before + word + after[size:], 'insert': before + word + after,
+                'delete': before + after[size:], 'repeat': before + after[:64 * size] + after, 'cut': before,
+                'swap': after + before}[what]
+    return data
+
+
+@contextmanager
+def not_stuck() -> Iterator[None]:
+    """Raise StuckError where the block takes a minute."""
+    def stuck(*_: object) -> None:
+        raise StuckError(f'not done after {_STUCK_S} s')
+    before = signal.signal(signal.SIGALRM, stuck)
+    signal.setitimer(signal.ITIMER_REAL, _STUCK_S)
+    try:
+        yield
+    finally:
+        signal.setitimer(signal.ITIMER_REAL, 0)
+        signal.signal(signal.SIGALRM, before)
+
+
+def fuzz(target: Target, inputs: int, number: int | None = None) -> tuple[bytes, BaseException] | None:
+    """Try inputs; return the simplest one that lets another error out, and that error."""
+    worst: list[bytes] = []
+
+    @settings(max_examples=inputs, derandomize=number is None, database=None, deadline=None,
+              phases=(Phase.generate, Phase.shrink), suppress_health_check=list(HealthCheck))
+    @given(mutated(target))
+    def check(data: bytes) -> None:
+        worst[:] = [data]
+        with not_stuck():
+            target.run(data)
+    try:
+        (check if number is None else seed(number)(check))()
+    except Exception as error:  # noqa: BLE001 - whatever escapes is what is looked for
+        return worst[0], error
+    return None
+
+
+def kept(name: str) -> list[Path]:
+    """Return what earlier runs found."""
+    return sorted((CORPUS / name).glob('*')) if (CORPUS / name).is_dir() else []
+
+
+@pytest.mark.parametrize('name', TARGETS)
+def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
+    if name == 'message':
+        pytest.importorskip('rclpy')
+        request.getfixturevalue('domain')
+    if name == 'certificate':
+        pytest.importorskip('flint')
+    minutes = request.config.getoption('minutes')
+    with opened(name, tmp_path) as target:
+        for path in kept(name):
+            with not_stuck():
+                target.run(path.read_bytes())
+        target.seeds.extend(path.read_bytes() for path in kept(name))
+        found = [fuzz(target, _SHORT)] if minutes is None else long(name, target, 60 * minutes / len(TARGETS))
+    for one in filter(None, found):
+        raise one[1]
+
+
+def long(name: str, target: Target, for_s: float) -> list[tuple[bytes, BaseException] | None]:
+    """Fuzz with one seed after the other until the time is over; say each minute where it is, and sum up."""
+    until, told, number, found = time.monotonic() + for_s, time.monotonic(), 0, {}
+    while time.monotonic() < until:
+        number += 1
+        one = fuzz(target, _ROUND, number)
+        if one:
+            key = f'{type(one[1]).__name__}: {one[1]}'[:100]
+            found.setdefault(key, one)
+            (CORPUS / name).mkdir(parents=True, exist_ok=True)
+            (CORPUS / name / sha256(one[0]).hexdigest()[:16]).write_bytes(one[0])
+        if time.monotonic() - told > 60:
+            told = time.monotonic()
+            say(f'{name}: {number * _ROUND} inputs, {until - told:.0f} s left, {len(found)} findings')
+    peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
+    say(f'{name}: {number * _ROUND} inputs, {len(found)} findings, {peak_mb:.0f} MB at most', *found)
+    return list(found.values())
+
+
+def say(*lines: str) -> None:
+    print('', *lines, sep='\n  ', file=sys.stderr, flush=True)

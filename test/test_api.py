@@ -1,0 +1,98 @@
+"""The public Python API: what ``import dragon_ros as dr`` offers, and the examples of its page."""
+import pickle
+import re
+import subprocess
+import sys
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import dragon_ros as dr
+from dragon_ros.__main__ import main
+from dragon_ros.core.errors import InputError, MissingError, ModelEnd
+from dragon_ros.core.step import state
+from dragon_ros.scenes.load import load_scene
+
+PAGE = (Path(__file__).parents[1] / 'docs' / 'python.md').read_text()
+
+
+@pytest.fixture
+def bag(tmp_path):
+    path = tmp_path / 'run.mcap'
+    settings = [part for one in ('dragon.benches=12', 'run.stop_s=0.2') for part in ('--set', one)]
+    assert main(['simulate', '--scene', 'winding', *settings, '--output', str(path)]) == 0
+    return path
+
+
+def test_every_example_of_its_page_runs(bag, monkeypatch):
+    monkeypatch.chdir(bag.parent)
+    monkeypatch.setattr('matplotlib.rcParams', __import__('matplotlib').rcParams)
+    __import__('matplotlib').use('agg')
+    names: dict = {}
+    for block in re.findall(r'```python\n(.*?)```', PAGE, re.S):
+        exec(compile(block, 'docs/python.md', 'exec'), names)
+    assert names['found'].benches == (0, 8)
+    assert names['found'].t_s == pytest.approx(412.473837682115, abs=1e-9)
+    assert names['motion'].handles_m.shape == (11, 13, 2)
+
+
+def test_importing_the_package_imports_nothing_else():
+    code = 'import sys, dragon_ros; print([n for n in sys.modules if n.startswith(("dragon_ros.", "numpy"))])'
+    assert subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True).stdout == '[]\n'
+    assert set(dr.__all__) <= set(dir(dr))
+    with pytest.raises(AttributeError, match='no attribute'):
+        _ = dr.nothing
+
+
+def test_changes_are_those_of_a_scene_file():
+    assert dr.scene('winding', track={'pitch_m': 0.5}) == load_scene('winding', ['track.pitch_m=0.5'])
+    line = {'kind': 'joined', 'pieces': ({'kind': 'line', 'length_m': 500},), 'start_m': 400}
+    straight = dr.scene('winding', track=line, dragon={'benches': 5}, accuracy='fine', run={'stop_s': 10})
+    assert (straight.dragon.benches, straight.accuracy) == (5, 'fine')
+    assert pickle.loads(pickle.dumps(straight)) == straight
+    assert dr.compile(straight).state(1.0).handles_m[0] == pytest.approx((401, 0))
+
+
+@pytest.mark.parametrize(('changes', 'said'), [
+    ({'track': {'pitch_m': -1}}, 'track.pitch_m'), ({'track': {'pich_m': 1}}, 'did you mean pitch_m'),
+    ({'trak': {}}, 'did you mean track'), ({'track': 5}, 'write a mapping')])
+def test_a_wrong_change_is_refused_by_its_key(changes, said):
+    with pytest.raises(InputError, match=said):
+        dr.scene('winding', **changes)
+
+
+def test_a_scene_that_is_not_there_is_named():
+    with pytest.raises(MissingError, match='nowhere'):
+        dr.scene('nowhere')
+
+
+def test_states_are_those_of_the_model():
+    run = dr.compile(dr.scene('winding'))
+    one, many = run.state(300.0), run.states(np.array([299.0, 300.0]))
+    np.testing.assert_array_equal(one.handles_m, state(run.scene, 300.0).p)
+    np.testing.assert_allclose(many.handles_m[1], one.handles_m, rtol=0, atol=2 * one.promise_m)
+    np.testing.assert_allclose(many.speed_m_s[1], one.speed_m_s, rtol=0, atol=1e-11)
+    assert not one.handles_m.flags.writeable
+    assert run.frame(3).k == 3
+    with pytest.raises(ModelEnd):
+        run.state(1e4)
+
+
+def test_a_table_needs_pandas_and_says_so(monkeypatch):
+    monkeypatch.setitem(sys.modules, 'pandas', None)
+    with pytest.raises(MissingError, match='pip install pandas'):
+        dr.compile(dr.scene('winding')).state(0.0).frame()
+
+
+def test_a_bag_is_its_ticks_and_its_scene(bag):
+    with dr.read_bag(bag) as recorded:
+        assert recorded.scene.dragon.benches == 12
+        motion = recorded.arrays()
+    np.testing.assert_array_equal(motion.handles_m[3], dr.compile(recorded.scene).frame(3).chain.p)
+
+
+def test_a_scene_draws_itself():
+    run = dr.compile(dr.scene('winding', dragon={'benches': 20}, run={'stop_s': 5}))
+    assert run._repr_svg_().lstrip().startswith('<?xml')
+    assert 'svg' in run._repr_svg_()
