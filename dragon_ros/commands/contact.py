@@ -28,6 +28,8 @@ def main(argv: list[str]) -> int:
     command_line.add_scene_options(options)
     options.add_argument('--trust', action='store_true', help='take the scene in the bag however large it is')
     command_line.add_namespace_option(options)
+    options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '
+                         '(budgets: docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses, the smallest gaps of two benches below this')
     options.add_argument('--certificate', type=Path, metavar='FILE',

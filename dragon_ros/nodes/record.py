@@ -163,6 +163,8 @@ class Recorder(DragonNode):
         if text != self._scene:
             self._scene = text
             self._scenes.read(text)
+        elif not self._scenes.busy:
+            self.losses.scene_again()
 
     def _take_scene(self, wait: bool = False) -> None:
         """Account for the ticks of a scene that has been read, and keep it in the bag."""

@@ -95,7 +95,7 @@ def test_a_rosbag2_recording_with_its_scene_is_checked_bit_for_bit(capsys, of_ro
 def test_what_is_not_published_each_tick_is_not_missing(capsys, tmp_path):
     scene, path = Scene(run=Run(0, 2), effects=Effect.NONE), tmp_path / 'a.mcap'
     with BagWriter(path) as bag:
-        bag.describe(RECORD, run_metadata(scene_file(scene), {}))
+        bag.describe(RECORD, run_metadata(scene_file(scene), scene, {}))
         for name, every in (('handles', 1), ('clearance/marker', 5), ('clearance', 1)):
             bag.add_channel(f'/dragon/{name}', channels()[name])
             for k in range(0, 101, every):

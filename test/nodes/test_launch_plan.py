@@ -31,7 +31,7 @@ def watched(tmp_path):
     with BagWriter(path) as bag:
         for name in (*encode, 'clearance'):
             bag.add_channel(f'/dragon/{name}', channels()[name])
-        bag.describe(RECORD, run_metadata(scene_file(SCENE, {'frame_id': 'sea'}), {}))
+        bag.describe(RECORD, run_metadata(scene_file(SCENE, {'frame_id': 'sea'}), SCENE, {}))
         for k in range(26):
             frame = tick(SCENE, k)
             for name in encode:
@@ -63,10 +63,10 @@ def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_t
     what = planned(replay=str(watched), namespace='red', use_sim_time='true', record='again.mcap')
     assert (what.frame_id, what.namespace) == ('sea', '/red')
     ran = launched(what)
-    node.until(lambda: node.count_publishers('/red/handles') == 1)
+    node.until(lambda: node.count_publishers('/red/handles') == node.count_publishers('/red/clearance') == 1)
+    node.until(lambda: times[-1:] == [SCENE.run.time_ns(25)])       # it holds, and repeats the time
     assert node.count_publishers('/red/clearance') == 1
     assert node.count_publishers('/dragon/handles') == 0
-    node.until(lambda: times[-1:] == [SCENE.run.time_ns(25)])       # it holds, and repeats the time
     assert ran['replay'].stop() == 0, ran['replay'].text
     assert ran['record'].end() == 0, ran['record'].text
     assert ran['monitor'].stop() == 0

@@ -102,35 +102,6 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     assert float(values(last)['clearance_m']) > 0.001
 
 
-def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_names_both(start, node, other_node):
-    monitor = start('monitor')
-    heard = Listener(node, 'collision', '/diagnostics', 'clearance')
-    known = Publisher(node)
-    known.show(412.40, 412.42)
-    node.until(lambda: len(heard.got['clearance']) == 2)
-    second = Publisher(other_node, 430)
-    for n in range(20):
-        known.show(412.44 + 0.02 * n)
-        second.show(430 + 0.02 * n)
-    node.until(lambda: len(heard.got['clearance']) >= 22)
-    node.until(lambda: [status for status in heard.statuses('/diagnostics')
-                        if status.name == 'dragon: monitor: publishers'])
-    warned = next(status for status in heard.statuses('/diagnostics') if status.name == 'dragon: monitor: publishers')
-    assert warned.level == b'\x01'
-    assert values(warned) == dict.fromkeys(('/dragon/handles', '/dragon/benches'), '/dragon/observer, /dragon/stranger')
-    assert len(heard.got['clearance']) == 22        # nothing of the second
-    assert [values(status)['phase'] for status in heard.statuses()] == ['begin']      # it never started afresh
-    for out in known.out.values():
-        node.destroy_publisher(out)
-    node.until(lambda: node.count_publishers('/dragon/handles') == 1)
-    before = len(heard.got['clearance'])
-    shown = iter(range(20, 4000))
-
-    def taken():
-        second.show(430 + 0.02 * next(shown))
-        return len(heard.got['clearance']) > before
-    node.until(taken)       # the known one is gone: now the other is known
-    assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 def test_the_shortest_vector_is_published_with_its_stamp_where_it_is_asked_for(start, node):
     start('monitor', '--ros-args', '-p', 'clearance_vector:=true')
     heard, source = Listener(node, 'clearance', 'clearance/vector'), Publisher(node, 412.0)
@@ -167,6 +138,37 @@ def test_the_limit_of_a_warning_is_set_live_and_the_hardware_is_the_namespace(st
     last = heard.statuses('/diagnostics')[-1]
     assert (last.hardware_id, last.name) == ('red', 'red: clearance')
     assert values(last)['warn_below_m'] == '3'
+
+
+def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_names_both(start, node, other_node):
+    monitor = start('monitor')
+    heard = Listener(node, 'collision', '/diagnostics', 'clearance')
+    known = Publisher(node)
+    known.show(412.40, 412.42)
+    node.until(lambda: len(heard.got['clearance']) == 2)
+    second = Publisher(other_node, 430)
+    for n in range(20):
+        known.show(412.44 + 0.02 * n)
+        second.show(430 + 0.02 * n)
+    node.until(lambda: len(heard.got['clearance']) >= 22)
+    node.until(lambda: [status for status in heard.statuses('/diagnostics')
+                        if status.name == 'dragon: monitor: publishers'])
+    warned = next(status for status in heard.statuses('/diagnostics') if status.name == 'dragon: monitor: publishers')
+    assert warned.level == b'\x01'
+    assert values(warned) == dict.fromkeys(('/dragon/handles', '/dragon/benches'), '/dragon/observer, /dragon/stranger')
+    assert len(heard.got['clearance']) == 22        # nothing of the second
+    assert [values(status)['phase'] for status in heard.statuses()] == ['begin']      # it never started afresh
+    for out in known.out.values():
+        node.destroy_publisher(out)
+    node.until(lambda: node.count_publishers('/dragon/handles') == 1)
+    before = len(heard.got['clearance'])
+    shown = iter(range(20, 4000))
+
+    def taken():
+        second.show(430 + 0.02 * next(shown))
+        return len(heard.got['clearance']) > before
+    node.until(taken)       # the known one is gone: now the other is known
+    assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in monitor.text
 
 
 def test_health_is_repeated_without_a_message(start, node):

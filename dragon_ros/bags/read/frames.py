@@ -15,7 +15,7 @@ from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
-from dragon_ros.core.limits import WAITING_TICKS
+from dragon_ros.core.limits import SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.decode import (
@@ -83,16 +83,16 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
 def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
     """Return the scene that is stored in a bag, or was published in it; None if there is none.
 
-    Raises InputError, also beyond the budgets of a stranger's scene unless it is trusted.
+    Raises InputError, also beyond its budgets.
     """
     text = _scene_text(bag, namespace)
     return None if text is None else strangers_scene(f'{bag.path}: scene', text, trust)
 
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
-    """Return the frame of the messages in a bag, as its scene says. Raises InputError."""
+    """Return the frame of the messages in a bag, as its scene says; the default where it says none."""
     text = _scene_text(bag, namespace)
-    if text is None:
+    if text is None or len(text) > SCENE_CHARACTERS:
         return FRAME_ID
     return str(parse_document(f'{bag.path}: scene', text).section(ABOUT).get('frame_id', FRAME_ID))
 
@@ -100,10 +100,10 @@ def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
 def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
     """Return the scene file in a bag: of its metadata, its attachment, or the latched topic ``scene``."""
     text = bag.metadata(RECORD).get('scene')
-    if text is not None:
-        return text
-    attached = bag.attachment(ATTACHMENT)
-    return _published_scene(bag, namespace) if attached is None else attached.decode(errors='replace')
+    if text is None:
+        attached = bag.attachment(ATTACHMENT)
+        text = _published_scene(bag, namespace) if attached is None else attached.decode(errors='replace')
+    return text
 
 
 def _published_scene(bag: BagReader, namespace: str | None) -> str | None:

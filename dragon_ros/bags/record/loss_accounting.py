@@ -83,13 +83,18 @@ class LossAccount:
         """
         run = None if scene is None else scene.run
         self._each_tick = {f'{namespace}/{row.name}' for row in (() if scene is None else live(scene.effects))}
-        for topic, row in self.topics.items():
+        for row in self.topics.values():
             if run != self._run:
                 row.ticks, row.off_ticks = IntervalSet(), 0
-            for t_ns in row.scene_came():
-                if run is not None and topic in self._each_tick:
-                    row.tick(run, t_ns)
         self._run = run
+        self.scene_again()
+
+    def scene_again(self) -> None:
+        """Count what came just before the scene, which may be that of the run before."""
+        for topic, row in self.topics.items():
+            for t_ns in row.scene_came():
+                if self._run is not None and topic in self._each_tick:
+                    row.tick(self._run, t_ns)
 
     def share(self, topics: Iterable[str]) -> None:
         """Mark topics that have several publishers at a time: nobody can say what of them is missing."""
