@@ -26,7 +26,6 @@ def main(argv: list[str]) -> int:
     options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
                          help='take the scene of a bag, and what a led dragon has walked in it (no scene options)')
     command_line.add_scene_options(options)
-    options.add_argument('--trust', action='store_true', help='take the scene in the bag however large it is')
     command_line.add_namespace_option(options)
     options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '
                          '(budgets: docs/limits.md)')
