@@ -67,8 +67,9 @@ def _run(arguments: Namespace) -> int:
 def _scene_of(arguments: Namespace) -> 'Scene':
     """Return the scene to search: by options, or from a bag."""
     if not arguments.bag:
-        if arguments.namespace is not None:
-            raise InputError('--namespace: belongs to a BAG; a scene has no topics')
+        if arguments.namespace is not None or arguments.trust:
+            option = '--trust' if arguments.trust else '--namespace'
+            raise InputError(f'{option}: belongs to a BAG; a scene has no topics')
         return command_line.scene_from(arguments)
     if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
         raise InputError('BAG: brings its scene; leave out --scene, --set and --accuracy')

@@ -49,6 +49,11 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     document = read_document(_find(name_or_file))
     for override in overrides:
         _override(document, override)
+    return _scene_with_plugin(document)
+
+
+def _scene_with_plugin(document: Document) -> Scene:
+    """Return the scene of a document from the user, whose head law may be one of their own."""
     if document.section('head').get('kind') == PLUGIN:
         document.values['head'] = _values(plugged(document), SECTIONS['head'])
     return scene_of(document)
@@ -69,7 +74,7 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
             document.places |= {f'{key}.{name}': 'changes' for name in value}
             value = {**kept, **value}
         document.values[key], document.places[key] = _as_lists(value), 'changes'
-    return scene_of(document)
+    return _scene_with_plugin(document)
 
 
 def _as_lists(value: Any) -> Any:
@@ -119,7 +124,7 @@ def _check_compiled(document: Document, scene: Scene) -> None:
 
 
 def _settings(document: Document) -> Scene:
-    """Return a document's scene as settings alone, nothing compiled; a law of one's own is none, wherever it is."""
+    """Return a document's scene as settings alone, nothing compiled; a law of one's own is none of it."""
     if document.section('head').get('kind') == PLUGIN:
         document.refuse('head.kind', 'a head law of your own is loaded for a scene file, never for a bag or topic')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))

@@ -220,3 +220,14 @@ def test_poses_are_views_of_the_bytes():
     data = encoders(scene)['handles'](tick(scene, 0))
     assert np.shares_memory(read_pose_array(data).poses, np.frombuffer(data, 'u1'))
     assert np.shares_memory(decode('geometry_msgs/msg/PoseArray', data)['poses'], np.frombuffer(data, 'u1'))
+
+
+def test_markers_that_change_their_layout_without_end_are_refused(monkeypatch):
+    serialization = pytest.importorskip('rclpy.serialization')
+    from visualization_msgs.msg import Marker, MarkerArray
+    markers = [Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(12)]
+    data = serialization.serialize_message(MarkerArray(markers=markers))
+    assert len(read_marker_array(data).runs) == 12
+    monkeypatch.setattr(decoder, 'MARKER_RUNS', 11)
+    with pytest.raises(MessageError, match='more than 11 layouts'):
+        read_marker_array(data)

@@ -38,7 +38,10 @@ def unlisted(path: Path) -> list[Path]:
 
 def _folder_of(path: Path) -> Path | None:
     folder = path.parent if path.name == METADATA else path
-    return folder if folder.is_dir() else None
+    try:
+        return folder if folder.is_dir() else None
+    except OSError as error:        # such as a name that is too long
+        raise MissingError(f'{shown(str(path))}: cannot be read: {error.strerror}') from None
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
