@@ -77,7 +77,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
     from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
-        scene = scene_of_bag(bag, arguments.trust, namespace)
+        scene = scene_of_bag(bag, namespace, arguments.trust)
         if scene is None:
             raise InputError(f'{arguments.bag}: does not contain its scene')
         return walked_scene(bag, scene, namespace)

@@ -93,7 +93,7 @@ def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
     namespace = None
     with suppress(InputError):
         namespace = namespace_of(bag, arguments.namespace)
-    scene = scene_of_bag(bag, arguments.trust, namespace)
+    scene = scene_of_bag(bag, namespace, arguments.trust)
     ticked = namespace is None or log_times_are_ticks(bag, namespace)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
     out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
@@ -122,7 +122,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
-        scene, frame_id = scene_of_bag(bag, arguments.trust, namespace), frame_of_bag(bag, namespace)
+        scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
         if scene is None:
             raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
                            'topic scene); it cannot be recomputed')

@@ -80,7 +80,7 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
                      'geometry_msgs/msg/PoseArray')
 
 
-def scene_of_bag(bag: BagReader, trust: bool = False, namespace: str | None = None) -> Scene | None:
+def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
     """Return the scene that is stored in a bag, or was published in it; None if there is none.
 
     Raises InputError, also beyond its budgets.
