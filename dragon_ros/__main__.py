@@ -9,7 +9,7 @@ import importlib
 import os
 import sys
 
-from dragon_ros.executables import EXECUTABLES
+from dragon_ros.executables import EXECUTABLES, NODES
 
 
 def main(argv: list[str]) -> int:
@@ -26,13 +26,13 @@ def main(argv: list[str]) -> int:
         hint = f'did you mean {near[0]}?' if near else f'the names are {", ".join(EXECUTABLES)}'
         print(f'dragon_ros: unknown executable {name!r}; {hint}', file=sys.stderr)
         return 2
+    executable = EXECUTABLES[name]
     try:
         if signal.getsignal(signal.SIGINT) is signal.SIG_DFL:
             signal.signal(signal.SIGINT, signal.default_int_handler)
-        executable = EXECUTABLES[name]
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
-    except KeyboardInterrupt:
-        return 1
+    except KeyboardInterrupt:       # a node that is interrupted while it starts ends as one that runs
+        return 0 if executable.module == NODES else 1
     return code
 
 

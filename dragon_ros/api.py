@@ -163,7 +163,7 @@ class Bag:
     @cached_property
     def scene(self) -> Scene | None:
         """The scene that made it, None where none is stored. Raises InputError beyond its budgets without trust."""
-        return scene_of_bag(self._reader, self._trust)
+        return scene_of_bag(self._reader, self.namespace, self._trust)
 
     @property
     def reader(self) -> BagReader:

@@ -10,12 +10,13 @@ class Executable(NamedTuple):
     function: str = 'main'
 
 
+NODES = 'dragon_ros.nodes.command_lines'
 EXECUTABLES = {
-    'sim': Executable('dragon_ros.nodes.command_lines', 'simulate a scene and publish it', 'sim'),
-    'monitor': Executable('dragon_ros.nodes.command_lines', 'watch a published dragon and report its contacts',
+    'sim': Executable(NODES, 'simulate a scene and publish it', 'sim'),
+    'monitor': Executable(NODES, 'watch a published dragon and report its contacts',
                           'monitor'),
-    'record': Executable('dragon_ros.nodes.command_lines', 'record the topics of a dragon as an MCAP bag', 'record'),
-    'replay': Executable('dragon_ros.nodes.command_lines', 'publish a bag as it was recorded', 'replay'),
+    'record': Executable(NODES, 'record the topics of a dragon as an MCAP bag', 'record'),
+    'replay': Executable(NODES, 'publish a bag as it was recorded', 'replay'),
     'table': Executable('dragon_ros.commands.table', 'print positions and velocities, without ROS'),
     'contact': Executable('dragon_ros.commands.contact', 'find the first contact of a scene, without ROS'),
     'inspect': Executable('dragon_ros.commands.inspect', 'show what is in a bag, check or repair it'),

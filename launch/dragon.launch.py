@@ -15,9 +15,7 @@ from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
 from launch_ros.actions import Node
 
-from dragon_ros.core.errors import DragonError
-from dragon_ros.messages.channels import live
-from dragon_ros.scenes.load import load_scene
+from dragon_ros.nodes.launch_plan import Plan, Start, plan
 
 YES_NO = ['true', 'false']
 ARGUMENTS = (
@@ -33,13 +31,16 @@ ARGUMENTS = (
     DeclareLaunchArgument('on_contact', default_value='continue', choices=['continue', 'hold', 'stop'],
                           description='at the first contact: continue, hold or stop there'),
     DeclareLaunchArgument('namespace', default_value='dragon', description='namespace of all nodes and topics'),
-    DeclareLaunchArgument('frame_id', default_value='', description='frame of all messages; empty: as the namespace'),
-    DeclareLaunchArgument('use_sim_time', default_value='false', choices=YES_NO, description='the sim publishes '
-                          '/clock, which the other nodes follow'),
+    DeclareLaunchArgument('frame_id', default_value='', description='frame of all messages; empty: as the namespace, '
+                          'or that of the bag'),
+    DeclareLaunchArgument('use_sim_time', default_value='false', choices=YES_NO, description='the sim or replay '
+                          'publishes /clock, which the other nodes follow'),
     DeclareLaunchArgument('publish_tf', default_value='false', choices=YES_NO, description='head and tail on /tf'),
     DeclareLaunchArgument('monitor', default_value='true', choices=YES_NO, description='report contacts and clearance'),
     DeclareLaunchArgument('warn_below', default_value='0.02', description='clearance in m below which the monitor '
                           'warns'),
+    DeclareLaunchArgument('clearance_vector', default_value='false', choices=YES_NO, description='publish the shortest '
+                          'vector between the closest benches'),
     DeclareLaunchArgument('record', default_value='', description='bag to write (.mcap); empty: none'),
     DeclareLaunchArgument('replay', default_value='', description='bag to replay in place of a sim; empty: none'),
     DeclareLaunchArgument('rviz', default_value='true', choices=YES_NO, description='show it in RViz'),
@@ -57,74 +58,40 @@ def generate_launch_description() -> LaunchDescription:
 def actions(context: LaunchContext) -> list[Any]:
     """Return the actions for the given arguments."""
     given = {argument.name: context.launch_configurations[argument.name] for argument in ARGUMENTS}
-    given['namespace'] = '/' + given['namespace'].strip('/')
-    given['frame_id'] = given['frame_id'] or given['namespace'].strip('/').replace('/', '_')
-    source = replay(given) if given['replay'] else sim(given)
-    recorder = [node(given, 'record', ['--output', given['record']])] if given['record'] else []
-    watch = [node(given, 'monitor', [], warn_below_m=float(given['warn_below']))] if on(given, 'monitor') else []
+    what = plan(given)
+    nodes = {start.executable: node(what.namespace, start) for start in (*what.readers, what.source)}
     # A recorder ends by itself once the source has left and everything has been written.
-    last = RegisterEventHandler(OnProcessExit(target_action=[*recorder, source][0], on_exit=[EmitEvent(
-        event=Shutdown(reason='the run has ended'))]))
-    return [*watch, *recorder, source, last, *view(given)]
+    last = RegisterEventHandler(OnProcessExit(target_action=nodes[(what.recorder or what.source).executable], on_exit=[
+        EmitEvent(event=Shutdown(reason='the run has ended'))]))
+    return [*nodes.values(), last, *view(given, what)]
 
 
-def on(given: dict[str, str], name: str) -> bool:
-    """Return whether a yes-or-no argument is on."""
-    return given[name] == 'true'
-
-
-def node(given: dict[str, str], name: str, arguments: list[str], **parameters: Any) -> Node:
+def node(namespace: str, start: Start) -> Node:
     """Return one executable of the package as a node."""
-    return Node(package='dragon_ros', executable=name, name=name, namespace=given['namespace'], output='screen',
-                arguments=[*arguments, *(['--json'] if on(given, 'json') else [])],
-                parameters=[{'use_sim_time': on(given, 'use_sim_time'), **parameters}])
+    return Node(package='dragon_ros', executable=start.executable, name=start.executable, namespace=namespace,
+                output='screen', arguments=start.arguments, parameters=[start.parameters])
 
 
-def sim(given: dict[str, str]) -> Node:
-    """Return the simulator; it starts when the monitor and the recorder have subscribed."""
-    optional: dict[str, Any] = {'rate_hz': float(given['rate'])} if given['rate'] else {}
-    return node(given, 'sim', [], scene=given['scene'], accuracy=given['accuracy'], at_end=given['at_end'],
-                time_scale=float(given['time_scale']), on_contact=given['on_contact'], frame_id=given['frame_id'],
-                publish_clock=on(given, 'use_sim_time'), publish_tf=on(given, 'publish_tf'),
-                wait_subscribers=readers(given), **optional)
-
-
-def readers(given: dict[str, str]) -> list[str]:
-    """Return how many subscribers each topic of the scene will have."""
-    try:
-        topics = [channel.name for channel in live(load_scene(given['scene']).effects)]
-    except DragonError:
-        return ['']     # the sim reports what is wrong with the scene
-    watched = {'handles', 'benches'} if on(given, 'monitor') else set()
-    return [f'{name}={(name in watched) + bool(given["record"])}' for name in topics]
-
-
-def replay(given: dict[str, str]) -> Node:
-    """Return the replay of a bag."""
-    again = ['--loop'] if given['at_end'] == 'loop' else []
-    return node(given, 'replay', [given['replay'], '--rate', given['time_scale'], *again])
-
-
-def view(given: dict[str, str]) -> Iterator[Any]:
+def view(given: dict[str, str], what: Plan) -> Iterator[Any]:
     """Yield RViz, or the reason why it is missing."""
-    if not on(given, 'rviz') or on(given, 'headless'):
+    if given['rviz'] != 'true' or given['headless'] == 'true':
         return
     try:
         get_package_prefix('rviz2')
     except PackageNotFoundError:
         yield LogInfo(msg='rviz2 is not installed, so nothing is shown; install it, or give headless:=true')
         return
-    yield Node(package='rviz2', executable='rviz2', namespace=given['namespace'], arguments=['-d', view_file(given)],
-               parameters=[{'use_sim_time': on(given, 'use_sim_time')}])
+    yield Node(package='rviz2', executable='rviz2', namespace=what.namespace, arguments=['-d', view_file(what)],
+               parameters=[{'use_sim_time': given['use_sim_time'] == 'true'}])
 
 
-def view_file(given: dict[str, str]) -> str:
+def view_file(what: Plan) -> str:
     """Return the RViz configuration, a modified copy where namespace or frame are not /dragon and dragon."""
     share = Path(get_package_share_directory('dragon_ros'))
     path = share / 'msg_configs' / 'rviz' / 'dragon.rviz'
     text = path.read_text(encoding='utf-8')
-    mine = text.replace('Value: /dragon/', f'Value: {given["namespace"]}/').replace(
-        'Fixed Frame: dragon\n', f'Fixed Frame: {given["frame_id"]}\n')
+    mine = text.replace('Value: /dragon/', f'Value: {what.namespace}/').replace(
+        'Fixed Frame: dragon\n', f'Fixed Frame: {what.frame_id}\n')
     if mine == text:
         return str(path)
     handle, name = tempfile.mkstemp(prefix='dragon_', suffix='.rviz')

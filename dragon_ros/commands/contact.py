@@ -11,9 +11,11 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dragon_ros.cli import command_line
+from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:       # --verify starts without the solver
     from dragon_ros.core.contact.certificate import Contact, NoContact
+    from dragon_ros.core.scene import Scene
 
 
 def main(argv: list[str]) -> int:
@@ -21,7 +23,12 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
                                   'in the chain.',
                                   'python -m dragon_ros contact --scene winding --format json')
+    options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
+                         help='take the scene of a bag, and what a led dragon has walked in it (no scene options)')
     command_line.add_scene_options(options)
+    command_line.add_namespace_option(options)
+    options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '
+                         '(budgets: docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses, the smallest gaps of two benches below this')
     options.add_argument('--certificate', type=Path, metavar='FILE',
@@ -40,7 +47,7 @@ def _run(arguments: Namespace) -> int:
     from dragon_ros.commands import certificate
     from dragon_ros.core.contact.first_contact import first_contact
     from dragon_ros.core.contact.near_misses import near_misses
-    scene = command_line.scene_from(arguments)
+    scene = _scene_of(arguments)
     start = time.perf_counter()
     with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
         found = first_contact(scene, bar.update)
@@ -55,6 +62,25 @@ def _run(arguments: Namespace) -> int:
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
+
+
+def _scene_of(arguments: Namespace) -> 'Scene':
+    """Return the scene to search: by options, or from a bag."""
+    if not arguments.bag:
+        if arguments.namespace is not None or arguments.trust:
+            option = '--trust' if arguments.trust else '--namespace'
+            raise InputError(f'{option}: belongs to a BAG; a scene has no topics')
+        return command_line.scene_from(arguments)
+    if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
+        raise InputError('BAG: brings its scene; leave out --scene, --set and --accuracy')
+    from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
+    from dragon_ros.bags.read.reader import BagReader
+    with BagReader(arguments.bag) as bag:
+        namespace = namespace_of(bag, arguments.namespace)
+        scene = scene_of_bag(bag, namespace, arguments.trust)
+        if scene is None:
+            raise InputError(f'{arguments.bag}: does not contain its scene')
+        return walked_scene(bag, scene, namespace)
 
 
 def _verify(certificate_file: Path, output: Path | None) -> int:

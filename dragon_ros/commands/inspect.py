@@ -14,7 +14,7 @@ from dragon_ros.bags.check.compare import Comparison, compare_with_model
 from dragon_ros.bags.check.examine import Contents, examine, gaps_of
 from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.frames import namespace_of, scene_of_bag
+from dragon_ros.bags.read.frames import frame_of_bag, log_times_are_ticks, namespace_of, scene_of_bag, walked_scene
 from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
@@ -22,6 +22,7 @@ from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
+from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
 
@@ -89,25 +90,29 @@ def _dragon(arguments: Namespace, damaged: bool = False) -> dict[str, Any]:
 
 
 def _about_dragon(bag: BagReader, arguments: Namespace) -> dict[str, Any]:
-    scene = scene_of_bag(bag, arguments.trust)
+    namespace = None
+    with suppress(InputError):
+        namespace = namespace_of(bag, arguments.namespace)
+    scene = scene_of_bag(bag, namespace, arguments.trust)
+    ticked = namespace is None or log_times_are_ticks(bag, namespace)
     about = {key: value for key, value in bag.metadata(RECORD).items() if key != 'scene'}
     out: dict[str, Any] = {'about': about, 'scene': scene_values(scene) if scene else None,
-                           'run': scene.run if scene else None}
+                           'run': scene.run if scene and ticked else None}
     if bag.empty:
         return out
     out |= {'start_s': bag.start_ns / NS, 'end_s': bag.end_ns / NS}
-    try:
-        namespace = namespace_of(bag, arguments.namespace)
-    except InputError:
+    if namespace is None:
         return out
-    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, scene, arguments.trust),
+    walked = scene and walked_scene(bag, scene, namespace)
+    return {**out, 'namespace': namespace, 'first_contact': first_contact_in(bag, namespace, walked, arguments.trust),
             'clearance': asdict(clearance_in(bag, namespace, arguments.looks))}
 
 
 def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
     out = []
     for name, seen in contents.topics.items():
-        gaps = gaps_of(seen.times_ns, run)
+        channel = channel_of(name)
+        gaps = gaps_of(seen.times_ns, run, channel is None or channel.each_tick)
         out.append({'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size,
                     'rate_hz': gaps.rate_hz, 'first_tick': gaps.first, 'last_tick': gaps.last,
                     'missing': gaps.missing, 'doubled': gaps.doubled, 'missing_ranges': gaps.ranges})
@@ -116,12 +121,11 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     with BagReader(arguments.bag) as bag:
-        scene = scene_of_bag(bag, arguments.trust)
-        if scene is None:
-            raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene); '
-                           'it cannot be recomputed')
         namespace = namespace_of(bag, arguments.namespace)
-        frame_id = bag.metadata(RECORD).get('about.frame_id', 'dragon')
+        scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
+        if scene is None:
+            raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
+                           'topic scene); it cannot be recomputed')
         ticks = compile_scene(scene).last_tick + 1
         with tqdm(desc='check', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
             found = compare_with_model(bag, scene, namespace, lambda k: bar.update(k + 1 - bar.n), frame_id)

@@ -22,6 +22,8 @@ class Effect(Flag):
     TRAILS = auto()
     CLOCK = auto()
     DIAGNOSTICS = auto()
+    LEADER = auto()
+    CLOUD = auto()
 
     @property
     def names(self) -> list[str]:
@@ -30,7 +32,7 @@ class Effect(Flag):
 
 
 NEEDS = {Effect.CLEARANCE: Effect.BENCHES, Effect.CONTACT: Effect.CLEARANCE, Effect.MARKERS: Effect.CONTACT,
-         Effect.FORCES: Effect.ACCELERATIONS}
+         Effect.FORCES: Effect.ACCELERATIONS, Effect.CLOUD: Effect.VELOCITY}
 
 MEANINGS = {
     Effect.VELOCITY: 'velocities of all handles',
@@ -44,6 +46,8 @@ MEANINGS = {
     Effect.TRAILS: 'the way that the head has come lately; the scene section trails says how far back',
     Effect.CLOCK: '/clock, the simulation time for other nodes',
     Effect.DIAGNOSTICS: 'how well each tick was solved',
+    Effect.LEADER: 'place, way and speed of the leading handle; always on where the head law is commanded',
+    Effect.CLOUD: 'the handles with their velocities as one stamped cloud of points, which viewers colour by speed',
 }
 
 

@@ -57,6 +57,19 @@ class Health:
 
 
 @dataclass(frozen=True)
+class Leading:
+    """The leading handle: its place (2,) in metres, the unit direction (2,) of its way, and its speed along it.
+
+    ``turn_rad_s`` is the rate at which its way turns, positive to the left.
+    """
+
+    p: Floats
+    way: Floats
+    speed_m_s: float
+    turn_rad_s: float
+
+
+@dataclass(frozen=True)
 class Frame:
     """All that leaves the core at one instant; arrays are read-only, what the scene does not call for is None."""
 
@@ -73,3 +86,4 @@ class Frame:
     measured: Measured | None = None
     trail_m: Floats | None = None
     health: Health | None = None
+    leader: Leading | None = None

@@ -271,11 +271,19 @@ class Simulation:
 
     @cached_property
     def extent_m(self) -> tuple[float, float]:
-        """The least and the greatest distance that the leader has gone during the run."""
+        """The least and the greatest distance that the leader has gone during the run, or can go where it is led."""
+        if self.scene.is_led:
+            return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
         times = (run.start_s, *(t_s for t_s in law.breaks_s if run.start_s < t_s < end_s), end_s)
         gone = [float(law.travelled_m(t_s)[0]) for t_s in times]
         return min(gone), max(gone)
+
+    @cached_property
+    def _reach_m(self) -> tuple[float, float]:
+        least, most = self.scene.head.extent_m(self.end.t_s - self.scene.run.start_s)
+        back, onwards = self.model.limits
+        return max(least, back.gone_m) if back else least, min(most, onwards.gone_m) if onwards else most
 
     @cached_property
     def span_m(self) -> tuple[float, float]:

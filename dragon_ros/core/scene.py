@@ -4,8 +4,9 @@ from fractions import Fraction
 from functools import lru_cache
 from math import ceil
 
+from dragon_ros.core.chain.commanded import Commanded, HeadLaw, Walked
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
-from dragon_ros.core.chain.head_law import Head, HeadLaw
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import choice, number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect, Noise, Trails, check_needs
@@ -79,7 +80,12 @@ class Scene:
     trails: Trails = field(default_factory=Trails)
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that is none, unknown choices, effects without what they need, what the paper lacks."""
+        """Refuse an accuracy that is none, unknown choices, effects without what they need, what the paper lacks.
+
+        What a led dragon has walked is part of every run.
+        """
+        if self.is_led:
+            settle(self, effects=self.effects | Effect.LEADER)
         check_needs(self.effects)
         choice('solver', self.solver, SOLVERS)
         choice('markers', self.markers, MARKERS)
@@ -101,6 +107,11 @@ class Scene:
                              'ask for another tier, or make them equal')
 
     @property
+    def is_led(self) -> bool:
+        """Whether the leader is led from outside."""
+        return isinstance(self.head, (Commanded, Walked))
+
+    @property
     def spiral(self) -> Spiral:
         """The track, where it is one spiral. Raises FieldError where it is not."""
         if isinstance(self.track, Spiral):
@@ -113,4 +124,5 @@ class Scene:
         """The leader's speed, where it is constant. Raises FieldError where it is not."""
         if isinstance(self.head, Head):
             return self.head.speed_m_s
-        raise FieldError('head.kind', 'profile', 'this needs a constant speed', 'use head.speed_m_s')
+        raise FieldError('head.kind', type(self.head).__name__.lower(), 'this needs a constant speed',
+                         'use head.speed_m_s')

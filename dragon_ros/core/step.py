@@ -6,6 +6,7 @@ frame. A frame is a function of (scene, k) alone. Any tick can be computed first
 bits.
 """
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
 from types import SimpleNamespace
@@ -14,6 +15,7 @@ from typing import Any, cast
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, stack
+from dragon_ros.core.chain.commanded import Walked
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
@@ -57,9 +59,20 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Flo
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
-    simulation = compile_scene(scene)
+    return _filled(compile_scene(scene), k, t_ns, chain)
+
+
+def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
+    """Return the frame of tick k of a led dragon, whose leader has walked by this law up to there."""
+    led = Simulation(replace(simulation.scene, head=law), simulation.model)
+    t_ns = led.scene.run.time_ns(k)
+    return _filled(led, k, t_ns, led.chain(t_ns / NS))
+
+
+def _filled(simulation: Simulation, k: int | None, t_ns: int, chain: Chain) -> Frame:
+    """Return the frame of a chain with what its scene calls for."""
     frame = cast('Frame', SimpleNamespace(k=k, t_ns=t_ns, chain=chain, axis=axes_of(chain)))     # as far as it is known
-    for name, compute in plan(scene.effects):
+    for name, compute in plan(simulation.scene.effects):
         setattr(frame, name, compute(simulation, frame))
     return Frame(**vars(frame))
 
@@ -90,7 +103,8 @@ _PARTS: dict[Effect, tuple[str, Callable[[], Compute]]] = {
     Effect.CONTACT: ('contacts', _in('proximity', 'contacts')),
     Effect.ACCELERATIONS: ('acceleration_m_s2', _in('dynamics', 'accelerations')),
     Effect.FORCES: ('tension_n_kg', _in('dynamics', 'tensions')), Effect.NOISE: ('measured', _in('noise', 'measured')),
-    Effect.TRAILS: ('trail_m', _in('trails', 'trail')), Effect.DIAGNOSTICS: ('health', _in('health', 'health'))}
+    Effect.TRAILS: ('trail_m', _in('trails', 'trail')), Effect.DIAGNOSTICS: ('health', _in('health', 'health')),
+    Effect.LEADER: ('leader', _in('leading', 'leading'))}
 
 
 @lru_cache(maxsize=256)

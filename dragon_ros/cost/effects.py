@@ -24,7 +24,8 @@ class Measured:
 
 def measure(budget_s: float = 0.3) -> Measured:
     """Measure everything; progress goes to standard error."""
-    scenes = {ALONE: load_scene('minimal'), **{name: load_scene(name) for name in scene_names()}}
+    named = {name: load_scene(name) for name in scene_names()}
+    scenes = {ALONE: load_scene('minimal'), **{name: scene for name, scene in named.items() if not scene.is_led}}
     jobs = [(effect, name) for effect in known().values() for name in scenes]
     prices = [price(effect, name, scenes[name], budget_s)
               for effect, name in tqdm(jobs, desc='cost effects', unit='price', disable=None)]

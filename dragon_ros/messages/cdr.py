@@ -155,6 +155,45 @@ class VelocitiesTemplate(Template):
         np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1], out=rows['speed'])
 
 
+class CloudTemplate(Template):
+    """sensor_msgs/PointCloud2 of all handles: x, y, z as float32, vx, vy, speed as float64, the handle as uint32."""
+
+    _UINT32, _FLOAT32, _FLOAT64 = 6, 7, 8       # sensor_msgs/PointField
+    _FIELDS = (('x', 0, _FLOAT32), ('y', 4, _FLOAT32), ('z', 8, _FLOAT32), ('vx', 16, _FLOAT64), ('vy', 24, _FLOAT64),
+               ('speed', 32, _FLOAT64), ('handle', 40, _UINT32))
+    _STEP = 48
+
+    def __init__(self, handles: int, frame_id: str) -> None:
+        """Lay out the message for a number of handles."""
+        writer = Writer()
+        self._stamp = writer.header(frame_id)
+        writer.put('I', 1, handles, len(self._FIELDS))
+        for name, offset, kind in self._FIELDS:
+            writer.text(name)
+            writer.put('I', offset)
+            writer.put('B', kind)
+            writer.put('I', 1)
+        writer.put('?', False)
+        writer.put('I', self._STEP, self._STEP * handles, self._STEP * handles)
+        self._points = Rows(handles, writer.room('B', self._STEP * handles), self._STEP, {
+            'x': ('<f4', 0), 'y': ('<f4', 4), 'velocity': ('<c16', 16), 'speed': ('<f8', 32), 'handle': ('<u4', 40)})
+        writer.put('?', True)
+        with memoryview(writer.data) as data:
+            self._points.of(data)['handle'] = np.arange(handles)
+        super().__init__(writer.finish())
+
+    def encode(self, t_ns: int, p: Floats, velocity_m_s: Floats) -> bytes:
+        """Return the bytes for handles at ``p`` (N+1, 2) m with velocities (N+1, 2) in m/s."""
+        return self.patched(lambda data: self._patch(data, t_ns, p, velocity_m_s))
+
+    def _patch(self, data: memoryview, t_ns: int, p: Floats, velocity_m_s: Floats) -> None:
+        struct.pack_into('<II', data, self._stamp, *stamp_of(t_ns))
+        points = self._points.of(data)
+        points['x'], points['y'] = p[:, 0], p[:, 1]
+        points['velocity'] = plane(velocity_m_s)
+        points['speed'] = np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1])
+
+
 def float64_of(value: float) -> bytes:
     """Return a std_msgs/Float64."""
     return LITTLE + struct.pack('<d', value)

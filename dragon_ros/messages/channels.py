@@ -31,6 +31,12 @@ class Channel:
         return self.durability == 'transient_local'
 
 
+    @property
+    def each_tick(self) -> bool:
+        """Whether it has one message a tick; what a monitor says follows its own pace."""
+        return self.publisher == 'sim' and not self.latched
+
+
 @lru_cache(maxsize=1)
 def channels() -> dict[str, Channel]:
     """Return every topic by name, in the file's order."""
@@ -42,10 +48,16 @@ def channels_of(document: Document) -> dict[str, Channel]:
     return {name: _channel(document, name) for name in document.values}
 
 
+def channel_of(topic: str) -> Channel | None:
+    """Return the channel with the longest name that a full topic name ends in."""
+    return max((row for row in channels().values() if f'/{topic}'.endswith(f'/{row.name.lstrip("/")}')),
+               key=lambda row: len(row.name), default=None)
+
+
 def live(effects: Effect) -> list[Channel]:
     """Return the topics that sim publishes every tick for these effects, without the latched ones."""
-    return [channel for channel in channels().values() if channel.publisher == 'sim'
-            and not channel.latched and (channel.effect is None or channel.effect in effects)]
+    return [channel for channel in channels().values()
+            if channel.each_tick and (channel.effect is None or channel.effect in effects)]
 
 
 def _channel(document: Document, name: str) -> Channel:

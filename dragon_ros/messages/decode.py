@@ -156,9 +156,31 @@ class Poses:
         return self.poses.nbytes + 8 * len(self.frame_id)
 
 
+_STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
+             'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None, 'std_msgs/msg/String': None}
+
+
+def stamp_at_of(kind: str) -> int | None:
+    """Return at which byte the first stamp of a type in topics.yaml is, after its header; None without one."""
+    return _STAMP_AT.get(kind, 4)
+
+
+def stamp_of_message(kind: str, data: bytes) -> int | None:
+    """Return the first stamp of a message in ns; None without one. Raises MessageError."""
+    at = stamp_at_of(kind)
+    return None if at is None else read_stamp_ns(data[:4] + data[at:at + 8])
+
+
 def read_stamp_ns(data: bytes) -> int:
     """Return the stamp of a message that starts with a std_msgs/Header."""
     return Reader(data).stamp_ns()
+
+
+def read_odometry(data: bytes) -> tuple[int, float]:
+    """Return stamp and speed (twist.linear.x) of a nav_msgs/Odometry."""
+    reader = Reader(data)
+    t_ns, _, _ = reader.stamp_ns(), reader.text(), reader.text()
+    return t_ns, float(reader.array('d', 7 + 36 + 1)[-1])
 
 
 def read_pose_array(data: bytes | bytearray) -> Poses:

@@ -6,12 +6,21 @@ import numpy as np
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.messages.cdr import PoseArrayTemplate, VelocitiesTemplate, Writer, float64_of, stamp_of
+from dragon_ros.messages.cdr import (
+    CloudTemplate,
+    PoseArrayTemplate,
+    VelocitiesTemplate,
+    Writer,
+    float64_of,
+    half_turns,
+    stamp_of,
+)
 from dragon_ros.messages.markers import SPHERE, YELLOW, MarkerSpec, contact_markers, red_benches, trail_marker
 
 Encode = Callable[[Frame], bytes]
 _OK, _ERROR = 0, 2          # levels of a diagnostic status
 _POINT_M = 0.12
+_COVARIANCE = 36
 
 
 def _clearance(_: Scene, __: str) -> Encode:
@@ -89,10 +98,34 @@ def _diagnostics(_: Scene, frame_id: str) -> Encode:
     return encode
 
 
+def _leader(_: Scene, frame_id: str) -> Encode:
+    def encode(frame: Frame) -> bytes:
+        leader = frame.leader
+        assert leader is not None
+        writer, turn = Writer(), half_turns(leader.way[None])[0].tolist()
+        writer.header(frame_id, frame.t_ns)
+        writer.text(f'{frame_id}/leader')
+        writer.put('d', *leader.p.tolist(), 0.0, 0.0, 0.0, *turn)
+        writer.room('d', _COVARIANCE)
+        writer.put('d', leader.speed_m_s, 0.0, 0.0, 0.0, 0.0, leader.turn_rad_s)
+        writer.room('d', _COVARIANCE)
+        return bytes(writer.finish())
+    return encode
+
+
+def _cloud(scene: Scene, frame_id: str) -> Encode:
+    template = CloudTemplate(scene.dragon.benches + 1, frame_id)
+
+    def encode(frame: Frame) -> bytes:
+        assert frame.velocity_m_s is not None
+        return template.encode(frame.t_ns, frame.chain.p, frame.velocity_m_s)
+    return encode
+
+
 BUILDERS: dict[str, Callable[[Scene, str], Encode]] = {
     'model/clearance': _clearance, 'model/contacts': _contacts, 'model/markers': _contact_markers,
     'accelerations': _accelerations, 'forces': _forces, 'measured': _measured, 'trail': _trail,
-    'model/diagnostics': _diagnostics}
+    'model/diagnostics': _diagnostics, 'leader': _leader, 'cloud': _cloud}
 
 
 def _table(rows: str, columns: str, values: Floats) -> bytes:

@@ -1,8 +1,9 @@
-"""What the monitor shows of a tick, as the bytes of markers: the deepest contacts, and the clearance as a label."""
+"""What the monitor shows of a tick, as bytes: the deepest contacts, the clearance as a label and as a vector."""
 import numpy as np
 
-from dragon_ros.core.contact.signed_distance import witness
+from dragon_ros.core.contact.signed_distance import shortest_vector, witness
 from dragon_ros.core.contact.tracker import Report
+from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import (
     BENCH_HEIGHT_M,
     BLACK,
@@ -37,6 +38,15 @@ def clearance_marker(report: Report) -> bytes:
         spec = MarkerSpec('clearance', 0, TEXT_VIEW_FACING, (0.0, 0.0, _TEXT_M), BLACK,
                           place=(x, y - 2 * _TEXT_M, -_TEXT_M), text=f'{report.clearance_m * 1e3:.2f} mm')
     return single_marker(report.observation.t_ns, report.observation.frame_id, spec)
+
+
+def vector_of(report: Report) -> bytes:
+    """Return the shortest vector between the closest benches as a geometry_msgs/Vector3Stamped; it needs some."""
+    assert report.closest
+    observation, writer = report.observation, Writer()
+    writer.header(observation.frame_id, observation.t_ns)
+    writer.put('d', *shortest_vector(observation.benches, *report.closest), 0.0)
+    return bytes(writer.finish())
 
 
 def _point_and_label(report: Report) -> list[MarkerSpec]:

@@ -1,4 +1,7 @@
-"""From the bytes of a PoseArray and a MarkerArray to an observation for the contact tracker, with all checks."""
+"""From the bytes of a PoseArray and a MarkerArray to an observation for the contact tracker, with all checks.
+
+And the MarkerArray of benches over the handles of somebody else's dragon, so that a monitor can observe it.
+"""
 from dataclasses import dataclass
 
 import numpy as np
@@ -8,9 +11,10 @@ from dragon_ros.core.contact.tracker import Observation
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
-from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST
+from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST, CubesTemplate
 
 _ADD = 0
+_SAME_LENGTH_M = 1e-9
 _SKEW = 1e-6        # relative deviation from a rectangle that two triangles of a bench may have
 
 
@@ -57,6 +61,37 @@ def read_handles(data: bytes) -> Poses:
         raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
     _finite('handles: position', poses.poses[:, :2])
     return poses
+
+
+class BenchesFromHandles:
+    """The benches of anybody's dragon, as the monitor reads them: CUBEs over the handles of a PoseArray.
+
+    Bench i reaches from handle i + 1 to handle i and ``hole_inset_m`` beyond both, ``width_m`` wide. Places come from
+    the handles, not from their orientations.
+    """
+
+    def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
+        """Take the measures that all benches share, in metres."""
+        self._width_m, self._hole_inset_m = width_m, hole_inset_m
+        self._frame_id, self._lengths_m = '', np.empty(0)       # of the template
+        self._template: CubesTemplate | None = None
+
+    def encode(self, handles: bytes) -> bytes:
+        """Return the MarkerArray, with the same stamp and frame, for the bytes of a geometry_msgs/PoseArray.
+
+        Raises MessageError for handles that are none, and for two in one place.
+        """
+        poses = read_handles(handles)
+        p = poses.poses[:, :2].astype(np.float64)
+        link, lengths = p[:-1] - p[1:], np.hypot(*(p[:-1] - p[1:]).T)
+        if not np.all(lengths):
+            raise MessageError(f'handles: {int(np.argmin(lengths))} and the next are in one place')
+        whole = lengths + 2 * self._hole_inset_m
+        if self._template is None or poses.frame_id != self._frame_id or whole.shape != self._lengths_m.shape or (
+                np.any(np.abs(whole - self._lengths_m) > _SAME_LENGTH_M)):
+            self._frame_id, self._lengths_m = poses.frame_id, whole
+            self._template = CubesTemplate(whole, self._width_m, poses.frame_id)
+        return self._template.encode(poses.t_ns, 0.5 * (p[:-1] + p[1:]), link / lengths[:, None])
 
 
 def _bench_markers(markers: Markers) -> Ints:

@@ -75,6 +75,7 @@ def replay(argv: list[str]) -> int:
     options.add_argument('--loop', action='store_true', help='start again at the end')
     options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
     options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics (full names)')
+    options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (as recorded)")
     options.add_argument('--wait-subscribers', type=_names, default=[], metavar='NAME=N,...',
                          help='start when these topics have this many subscribers')
     arguments = _parse(options, argv)
@@ -146,5 +147,6 @@ def _replay(arguments: argparse.Namespace, stop: threading.Event) -> int:
     if arguments.clock:
         given['publish_clock'] = True
     with BagReader(arguments.bag) as bag:
-        choice = Choice(arguments.start, arguments.end, arguments.topics, tuple(arguments.wait_subscribers))
+        choice = Choice(arguments.start, arguments.end, arguments.topics, tuple(arguments.wait_subscribers),
+                        arguments.into)
         return run(bag, choice, given, stop)

@@ -65,20 +65,22 @@ def level_of(report: Report | None, warn_below_m: float) -> bytes:
     return bytes(DiagnosticStatus.ERROR if report.count else DiagnosticStatus.WARN)
 
 
-def health_of(name: str, report: Report | None, warn_below_m: float, dropped: int) -> DiagnosticStatus:
-    """Return OK, WARN or ERROR for the last observed tick, with its numbers."""
+def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: int) -> DiagnosticStatus:
+    """Return OK, WARN or ERROR for the last observed tick of a dragon (by its namespace), with its numbers."""
+    name = f'{dragon}: clearance'
     level = level_of(report, warn_below_m)
     if report is None:
-        return _status(level, name, 'waiting for handles and benches', {'dropped': str(dropped)})
+        return _status(level, name, 'waiting for handles and benches', {'dropped': str(dropped)}, dragon)
     pair = ' and '.join(map(str, report.closest or ()))
     message = {DiagnosticStatus.OK: f'clearance {report.clearance_m:.6f} m',
                DiagnosticStatus.WARN: f'benches {pair} are {report.clearance_m:.6f} m apart',
                DiagnosticStatus.ERROR: f'{report.count} pairs in contact, the deepest is {pair}'}[level]
     return _status(level, name, message, {
         't_s': f'{report.observation.t_ns / NS:.9f}', 'clearance_m': f'{report.clearance_m:.12f}', 'closest': pair,
-        'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count), 'dropped': str(dropped)})
+        'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count), 'dropped': str(dropped)}, dragon)
 
 
-def _status(level: bytes, name: str, message: str, values: Mapping[str, str]) -> DiagnosticStatus:
-    return DiagnosticStatus(level=level, name=name, hardware_id='dragon', message=message,
+def _status(level: bytes, name: str, message: str, values: Mapping[str, str],
+            hardware_id: str = 'dragon') -> DiagnosticStatus:
+    return DiagnosticStatus(level=level, name=name, hardware_id=hardware_id, message=message,
                             values=[KeyValue(key=key, value=value) for key, value in values.items()])

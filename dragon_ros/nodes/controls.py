@@ -87,8 +87,11 @@ class Player:
         return self._show_now(self._node.setting['step_ticks'])
 
     def seek(self) -> str:
-        """Move to the last frame at or before ``seek_s`` and show it. A pause is kept."""
-        self._source.seek(round(self._node.setting['seek_s'] * NS))
+        """Move to the last frame at or before ``seek_s`` (negative: the first) and show it. A pause is kept."""
+        if (seek_s := self._node.setting['seek_s']) < 0:
+            self._source.rewind()
+        else:
+            self._source.seek(round(seek_s * NS))
         return self._show_now(1)
 
     def set_speed(self, time_scale: float) -> None:

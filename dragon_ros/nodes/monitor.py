@@ -15,7 +15,7 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import Poses
-from dragon_ros.messages.monitor_markers import clearance_marker, report_markers
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
 from dragon_ros.messages.synchronizer import Synchronizer
 from dragon_ros.nodes import contact_messages as messages
@@ -26,8 +26,10 @@ from dragon_ros.nodes.params import MONITOR
 _PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
 _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
+_REST_S = 5.0             # longest time for what had arrived before a signal: a launched run ends with its source
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
            '/diagnostics')
+_VECTOR = 'clearance/vector'
 
 
 class Monitor(DragonNode):
@@ -45,14 +47,19 @@ class Monitor(DragonNode):
         self.seen = self.dropped = 0
         self._last: Report | None = None
         self._level, self._shown = b'', 0.0
+        names = (*_TOPICS, *([_VECTOR] if self.setting['clearance_vector'] else []))
         self.topic_publishers = {name: self.create_publisher(shell.message_type(row.type), name, qos.of_channel(row))
-                        for name, row in rows.items() if name in _TOPICS}
+                                 for name, row in rows.items() if name in names}
         self.topic_publishers['collision/active'].publish(Bool(data=False))
         self.create_timer(_HEALTH_S, self._on_timer, clock=STEADY)
         for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
             row = rows[name]
             raw_subscription.subscribe_raw(self, shell.message_type(row.type), name, take,
                                            qos.lossless(qos.of_channel(row)))
+
+    def changed(self, name: str) -> None:
+        """Apply another limit from the next tick on."""
+        self._warn_below_m = self._tracker.near_m = float(self.setting['warn_below_m'])
 
     def _on_handles(self, data: bytes, info: Any) -> None:
         def take() -> None:
@@ -108,6 +115,7 @@ class Monitor(DragonNode):
         self.seen += 1
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
+        self._publish_vector(report)
         self._show_clearance(report)
         if message := messages.collision_of(report):
             self.topic_publishers['collision'].publish(message)
@@ -120,6 +128,12 @@ class Monitor(DragonNode):
         if message or active != (report.count > 0) or (report.count and markers.get_subscription_count()):
             markers.publish(report_markers(report))
         self._publish_health()
+
+    def _publish_vector(self, report: Report) -> None:
+        """Publish the shortest vector where it is switched on, and some benches are near each other."""
+        vector = self.topic_publishers.get(_VECTOR)
+        if vector and report.closest and vector.get_subscription_count():
+            vector.publish(vector_of(report))
 
     def _show_clearance(self, report: Report) -> None:
         """Publish the clearance as a marker, no more often than one can read."""
@@ -141,7 +155,7 @@ class Monitor(DragonNode):
         level = messages.level_of(self._last, self._warn_below_m)
         if always or level != self._level:
             self._level = level
-            status = messages.health_of(f'{dragon}: clearance', self._last, self._warn_below_m, self.dropped)
+            status = messages.health_of(dragon, self._last, self._warn_below_m, self.dropped)
             message = DiagnosticArray(status=[status, *publishers.warnings_of(f'{dragon}: monitor', self._several)])
             message.header.stamp = self.get_clock().now().to_msg()
             self.topic_publishers['/diagnostics'].publish(message)
@@ -151,7 +165,7 @@ def run(stop: threading.Event) -> int:
     """Run the monitor in an executor of its own until ``stop``; return the exit code."""
     node = Monitor()
     try:
-        code = shell.spin(node, stop)
+        code = shell.spin(node, stop, rest_s=_REST_S)
         publisher_queue.drain(node.topic_publishers.values())
         return code
     finally:

@@ -5,6 +5,7 @@ from typing import Any
 # A test keeps these equal to those of core.scene and core.contact.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
+DISCOVERY_S = 4.0       # nodes/publisher_queue.py says why
 _AS_SCENE = -1.0
 
 
@@ -27,13 +28,15 @@ class Parameter:
 # For every node that plays frames: nodes/controls.py reads them.
 CONTROLS = (
     Parameter('step_ticks', 1, 'How many ticks the service step plays', 1, 1000, live=True),
-    Parameter('seek_s', 0.0, 'Time in seconds to which the service seek moves: to the last tick at or before it',
-              0.0, LATEST_S, live=True),
+    Parameter('seek_s', -1.0, 'Time in seconds to which the service seek moves: to the last tick at or before it; '
+              'negative: to the start', -1.0, LATEST_S, live=True),
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (it stays for reset, seek and step); '
               'loop (it starts again)', choices=('stop', 'hold', 'loop'), live=True),
     Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and each second while it '
               'stands'),
 )
+_DISCOVERY = Parameter('discovery_s', -1.0, 'How many seconds the first tick waits for readers to be found; negative: '
+                       f'{DISCOVERY_S:g}, or 0 where wait_subscribers names some', -1.0, 60.0)
 SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
     Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key; options --set follow them'),
@@ -43,20 +46,29 @@ SIM = (
     Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
     Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
-    Parameter('wait_subscribers', [''], 'Start when topics have this many subscribers, e.g. [handles=2, velocities=1]'),
+    Parameter('wait_subscribers', [''], 'Start as soon as topics have this many subscribers, e.g. [handles=2, '
+              'velocities=1]'),
+    _DISCOVERY,
     Parameter('on_contact', 'continue', 'At the first contact: continue; hold (end with the frame at exactly that time '
-              'and stay, as with at_end hold); stop (end with that frame)', choices=('continue', 'hold', 'stop')),
+              'and stay, as with at_end hold); stop (end with that frame). A led dragon: the first tick in contact',
+              choices=('continue', 'hold', 'stop')),
     *CONTROLS,
+    Parameter('cmd_vel_stamped', True, 'Whether cmd_vel, which leads a dragon whose head law is commanded, is a '
+              'TwistStamped; false: a Twist'),
     Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 REPLAY = (
     Parameter('time_scale', 1.0, 'Seconds of the bag for each second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
+    _DISCOVERY,
     *CONTROLS,
 )
 MONITOR = (
-    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3),
+    Parameter('warn_below_m', NEAR_M, 'A clearance below this many metres is a warning on /diagnostics', 0.0, 1e3,
+              live=True),
+    Parameter('clearance_vector', False, 'Publish the shortest vector between the closest benches on '
+              'clearance/vector'),
 )
 
 

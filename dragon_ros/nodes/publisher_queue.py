@@ -13,9 +13,11 @@ from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.limits import SUBSCRIBERS
 from dragon_ros.messages.encode import Encode
+from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
 _GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
+_SETTLED_S = 0.5     # a reader's topics are found one after the other
 _ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS
 
 
@@ -31,9 +33,30 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
     return wanted
 
 
-def readers_are_there(wanted: Iterable[tuple[Publisher, int]]) -> bool:
-    """Return whether every topic has the required subscribers."""
-    return all(publisher.get_subscription_count() >= count for publisher, count in wanted)
+class StartGate:
+    """Whether the first message may go out: to the readers that are waited for, and to those that discovery finds.
+
+    A reader that is there already is not known at once. With Fast DDS a participant announces itself every 3 s, and
+    repeats what it subscribes to every second; a new participant that misses both at first (the older one answers
+    before the new one can tell from whom) finds the reader 1 s to 4 s later.
+    """
+
+    def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
+        """Wait for the subscribers in ``texts``, such as handles=2, and for discovery. Raises InputError."""
+        self._wanted, self._publishers = wanted_readers(texts, publishers), tuple(publishers.values())
+        if discovery_s < 0:
+            discovery_s = 0.0 if self._wanted else DISCOVERY_S
+        self._found, self._changed_s = 0, time.monotonic()
+        self._end_s = self._changed_s + discovery_s
+        self._settled_s = min(_SETTLED_S, discovery_s)
+
+    def is_open(self) -> bool:
+        """Return whether all wanted readers are there, and discovery had its time and is at rest."""
+        now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
+        if found != self._found:
+            self._found, self._changed_s = found, now
+        there = all(publisher.get_subscription_count() >= count for publisher, count in self._wanted)
+        return there and now >= max(self._end_s, min(self._changed_s, self._end_s) + self._settled_s)
 
 
 class PublisherQueue:

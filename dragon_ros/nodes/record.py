@@ -19,7 +19,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.messages.channels import Channel, channels
-from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string
+from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string, stamp_at_of
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
@@ -29,8 +29,6 @@ _QUIET_S = 0.5      # the run has ended when its publisher has left and nothing 
 _IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that wait for a scene to be read; then the recorder waits for it
-_STAMP_AT = {'visualization_msgs/msg/MarkerArray': 8, 'std_msgs/msg/Float64MultiArray': None,
-             'std_msgs/msg/Float64': None, 'std_msgs/msg/Bool': None}
 _HEALTH = '/diagnostics'
 RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 
@@ -138,7 +136,7 @@ class Recorder(DragonNode):
         """Return the callback that writes one topic."""
         shared = channel.name.startswith('/')      # published by all nodes of the graph, and stamped with wall time
         once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, whatever its stamp
-        stamp_at = None if shared or once else _STAMP_AT.get(channel.type, 4)
+        stamp_at = None if shared or once else stamp_at_of(channel.type)
         handles, scene = channel.name == 'handles', channel.name == 'scene'
 
         def callback(data: bytes, info: dict[str, int]) -> None:
@@ -165,6 +163,8 @@ class Recorder(DragonNode):
         if text != self._scene:
             self._scene = text
             self._scenes.read(text)
+        elif not self._scenes.busy:
+            self.losses.scene_again()
 
     def _take_scene(self, wait: bool = False) -> None:
         """Account for the ticks of a scene that has been read, and keep it in the bag."""

@@ -7,6 +7,7 @@ from typing import Any, NamedTuple
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.bags.read.frames import namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.scene import NS
@@ -22,12 +23,16 @@ _CLOCK = '/clock'
 
 
 class Choice(NamedTuple):
-    """The part of a bag to play: seconds from its start, topics (None: all), and subscribers to wait for."""
+    """The part of a bag to play, and where: seconds from its start, topics (None: all), subscribers to wait for.
+
+    ``into`` is the namespace in which its only dragon is published; None is the recorded one.
+    """
 
     start_s: float = 0.0
     end_s: float | None = None
     topics: list[str] | None = None
     wait_subscribers: tuple[str, ...] = ()
+    into: str | None = None
 
 
 class Replay(DragonNode):
@@ -38,12 +43,11 @@ class Replay(DragonNode):
         super().__init__('replay', REPLAY, overrides)
         start_ns, end_ns = span_of(bag, choice)
         self._lossless = self.setting['time_scale'] == 0
-        self.topic_publishers = self._advertise(bag, choice.topics)
+        self.topic_publishers = self._advertise(bag, choice)
         self.source = ReplaySource(bag, self.topic_publishers, start_ns, end_ns)
         self.late_us: Counter[int] = Counter()
-        wanted = publisher_queue.wanted_readers(choice.wait_subscribers, self.topic_publishers)
-        self.player = Player(self, self.source, self.setting['time_scale'],
-                             lambda: publisher_queue.readers_are_there(wanted))
+        gate = publisher_queue.StartGate(self.topic_publishers, choice.wait_subscribers, self.setting['discovery_s'])
+        self.player = Player(self, self.source, self.setting['time_scale'], gate.is_open)
         self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
             if _CLOCK in self.topic_publishers:
@@ -59,7 +63,7 @@ class Replay(DragonNode):
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""
-        if name == 'seek_s':
+        if name == 'seek_s' and value >= 0:
             self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
             raise FieldError('time_scale', value, 'a lossless replay needs lossless topics from the '
@@ -78,11 +82,14 @@ class Replay(DragonNode):
         return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
                 f'{quantile(self.late_us, 0.99)} µs (99th percentile), {max(self.late_us)} µs (worst)')
 
-    def _advertise(self, bag: BagReader, topics: list[str] | None) -> dict[str, Publisher]:
-        rows = [row for row in bag.topics if topics is None or row.name in topics]
+    def _advertise(self, bag: BagReader, choice: Choice) -> dict[str, Publisher]:
+        """Return the publishers by recorded name."""
+        rows = [row for row in bag.topics if choice.topics is None or row.name in choice.topics]
         profiles = {row.name: qos.of_bag(row.qos) for row in rows}
+        root = None if choice.into is None else namespace_of(bag)
+        names = {row.name: moved(row.name, root, choice.into or '') for row in rows}
         return {row.name: self.create_publisher(
-            shell.message_type(row.type), row.name,
+            shell.message_type(row.type), names[row.name],
             qos.lossless(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _note_late(self, _: int) -> None:
@@ -95,6 +102,12 @@ class Replay(DragonNode):
         if not done.successful:
             raise DragonError(done.reason)
         return self.player.seek()
+
+
+def moved(topic: str, root: str | None, into: str) -> str:
+    """Return a topic's name, that of a topic below ``root`` in another namespace."""
+    inside = root is not None and topic.startswith(f'{root}/')
+    return f'/{into.strip("/")}/{topic.removeprefix(f"{root}/")}'.replace('//', '/') if inside else topic
 
 
 def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:

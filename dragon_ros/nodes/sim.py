@@ -6,7 +6,9 @@ from typing import Any
 from rclpy.parameter import Parameter as RosParameter
 from rclpy.publisher import Publisher
 
+from dragon_ros.bags.read.frames import keep_s
 from dragon_ros.cli import command_line
+from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import FieldError
@@ -22,24 +24,27 @@ from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
 from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.frames import Frames
+from dragon_ros.nodes.led import Commands, LedFrames
 from dragon_ros.nodes.params import SIM
 from dragon_ros.nodes.tf_publisher import TfPublisher
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.scenes.provenance import scene_file
 
 
-class Broadcast(Frames):
+class Broadcast:
     """The frames of a run, each published as it is shown."""
 
-    def __init__(self, scene: Scene, contact: Contact | None, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
+    def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
-        super().__init__(scene, contact)
+        self.frames = frames
         self._topics, self._queue = tuple(topics), publisher_queue.PublisherQueue()
         self.also: list[Callable[[Frame], None]] = []
+        self.next_ns, self.last_ns, self.rewind = frames.next_ns, frames.last_ns, frames.rewind
+        self.seek, self.place, self.ending = frames.seek, frames.place, frames.ending
 
     def show(self) -> None:
         """Publish the next frame and advance."""
-        frame = self.take()
+        frame = self.frames.take()
         for observe in self.also:
             observe(frame)
         for topic in self._topics:
@@ -62,27 +67,29 @@ class Sim(DragonNode):
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting
-        contact = _contact(self.scene, value['on_contact'], interrupted)
-        if contact and value['on_contact'] == 'hold':
+        contact = None if self.scene.is_led else _contact(self.scene, value['on_contact'], interrupted)
+        if (contact or self.scene.is_led) and value['on_contact'] == 'hold':
             self.set_parameters([RosParameter('at_end', value='hold')])
         self._lossless = value['time_scale'] == 0
         encode = encoders(self.scene, value['frame_id'])
         self.topics = {name: publisher_queue.EncodedTopic(self._publisher(name), encode[name]) for name in encode}
         self.topic_publishers = {name: topic.publisher for name, topic in self.topics.items()}
-        self._frames = Broadcast(self.scene, contact, self.topics.values())
+        self.commands: Commands | None = None
+        self._frames = Broadcast(self._led() if self.scene.is_led else Frames(self.scene, contact),
+                                 self.topics.values())
         self._frames.also = list(self._also())
         self.topic_publishers['track'] = self._publisher('track')
         self.topic_publishers['track'].publish(track_marker(self.scene, value['frame_id']))
         self.topic_publishers['scene'] = self._publisher('scene')
         self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
-        wanted = publisher_queue.wanted_readers(value['wait_subscribers'], self.topic_publishers)
-        self.player = Player(self, self._frames, value['time_scale'], lambda: publisher_queue.readers_are_there(wanted))
+        gate = publisher_queue.StartGate(self.topic_publishers, value['wait_subscribers'], value['discovery_s'])
+        self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError where a live parameter may not take a value."""
-        if name == 'seek_s':
-            self._frames.check_time(round(value * NS))
+        if name == 'seek_s' and value >= 0:
+            self._frames.frames.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
             raise FieldError('time_scale', value, 'a lossless run needs lossless topics from the start',
                              'start sim with time_scale:=0.0, or set it above 0')
@@ -91,6 +98,16 @@ class Sim(DragonNode):
         """Apply a new speed."""
         if name == 'time_scale':
             self.player.set_speed(self.setting['time_scale'])
+
+    def _led(self) -> LedFrames:
+        """Return the frames of a led scene, and listen to commands. Raises FieldError where there is no pace."""
+        head = self.scene.head
+        assert isinstance(head, Commanded)
+        if self._lossless:
+            raise FieldError('time_scale', 0, 'commands come in real time', 'set it above 0')
+        self.commands = Commands(self, head.timeout_s, self.setting['cmd_vel_stamped'])
+        return LedFrames(self.scene, self.commands.wanted_m_s, self.setting['on_contact'], self.get_logger().warning,
+                         keep_s(self.scene))
 
     def _publisher(self, name: str) -> Publisher:
         row = channels()[name]
@@ -134,6 +151,8 @@ def run(given: dict[str, Any], stop: threading.Event) -> int:
         code = shell.spin(node, stop, lambda: node.player.done)
         node.get_logger().info('published: ' + ', '.join(f'{name} {topic.published}'
                                                          for name, topic in node.topics.items()))
+        if node.commands:
+            node.get_logger().info(node.commands.summary())
         publisher_queue.drain(node.topic_publishers.values())
         return code
     finally:

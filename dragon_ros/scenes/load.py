@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros import configuration
+from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
@@ -14,12 +15,13 @@ from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
+from dragon_ros.scenes.head_laws import PLUGIN, plugged
 from dragon_ros.scenes.yaml import Document, parse_document, read_document
 
 SECTIONS: dict[str, dict[str, type]] = {
     'dragon': {'equal': Dragon, 'mixed': Mixed},
     'track': {'spiral': Spiral, 'turn': STurn, 'joined': Composite},
-    'head': {'constant': Head, 'profile': Profile},
+    'head': {'constant': Head, 'profile': Profile, 'commanded': Commanded},
     'run': {'': Run},
     'noise': {'': Noise},
     'trails': {'': Trails},
@@ -47,6 +49,13 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
     document = read_document(_find(name_or_file))
     for override in overrides:
         _override(document, override)
+    return _scene_with_plugin(document)
+
+
+def _scene_with_plugin(document: Document) -> Scene:
+    """Return the scene of a document from the user, whose head law may be one of their own."""
+    if document.section('head').get('kind') == PLUGIN:
+        document.values['head'] = _values(plugged(document), SECTIONS['head'])
     return scene_of(document)
 
 
@@ -65,7 +74,7 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
             document.places |= {f'{key}.{name}': 'changes' for name in value}
             value = {**kept, **value}
         document.values[key], document.places[key] = _as_lists(value), 'changes'
-    return scene_of(document)
+    return _scene_with_plugin(document)
 
 
 def _as_lists(value: Any) -> Any:
@@ -115,7 +124,9 @@ def _check_compiled(document: Document, scene: Scene) -> None:
 
 
 def _settings(document: Document) -> Scene:
-    """Return a document's scene as settings alone, nothing compiled."""
+    """Return a document's scene as settings alone, nothing compiled; a law of one's own is none of it."""
+    if document.section('head').get('kind') == PLUGIN:
+        document.refuse('head.kind', 'a head law of your own is loaded for a scene file, never for a bag or topic')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
         parts = {name: _build(document, name, kinds) for name, kinds in SECTIONS.items()}

@@ -12,6 +12,7 @@ from dragon_ros.core.chain.head_law import LEADERS, RAMPS
 from dragon_ros.core.flags import MEANINGS
 from dragon_ros.core.scene import MARKERS, SOLVERS, Scene
 from dragon_ros.core.tiers import TIERS
+from dragon_ros.scenes.head_laws import PLUGIN
 from dragon_ros.scenes.load import PARTS, SECTIONS
 
 Schema = dict[str, Any]
@@ -22,9 +23,17 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
                              type(None): {'type': 'null'}}
 
 
+_PLUGIN: Schema = {
+    'description': 'A head law of your own, by the name of its entry point, with what it takes (docs/ros.md).',
+    'type': 'object', 'additionalProperties': False, 'required': ['kind', 'law'],
+    'properties': {'kind': {'const': PLUGIN}, 'law': {'type': 'string'},
+                   'settings': {'type': 'object', 'default': {}}}}
+
+
 def scene_schema() -> Schema:
     """Return the schema of a whole scene file."""
     parts = {name: _section(kinds) for name, kinds in SECTIONS.items()}
+    parts['head']['oneOf'].append(_PLUGIN)
     defaults = Scene()
     parts['accuracy'] = {'description': 'largest position error in metres, or a tier', 'default': defaults.accuracy,
                          'anyOf': [{'type': 'number', 'exclusiveMinimum': 0}, {'enum': list(TIERS)}]}

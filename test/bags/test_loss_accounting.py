@@ -46,10 +46,46 @@ def test_ticks_that_were_never_published_are_missing_but_not_lost():
     assert account.report(ended=True)['/d/handles lost'] == '0'
 
 
-def test_a_recorder_that_joins_late_says_so_and_misses_nothing_after():
-    account = account_of(range(10, 20), range(11, 21))
-    assert account.complete(ended=True)
-    assert account.report(ended=True)['/d/handles before'] == '10'
+@pytest.mark.parametrize('numbers', [range(11, 21), range(1, 11)])      # a sim without readers publishes nothing
+def test_a_recorder_that_joins_late_says_so_and_misses_nothing_after(numbers):
+    account = account_of(range(10, 20), numbers)
+    assert account.missing(ended=True) == {}
+    assert not account.complete(ended=True)
+    assert account.lines(ended=True) == [
+        '/d/handles: the beginning is missing: 10 ticks came before the first that was heard']
+    report = account.report(ended=True)
+    assert report['/d/handles before'] == str(numbers[0] - 1)
+    assert report['/d/handles missing at the beginning'] == '10'
+
+
+def test_ticks_that_come_before_the_scene_count_from_run_to_run():
+    account, second = LossAccount(), Scene(run=Run(1.0, 2.0, 10.0), effects=Effect.NONE)
+    for scene, ahead in ((SCENE, 4), (second, 0), (SCENE, 3), (second, 1)):
+        for k in range(11):
+            if k == ahead:
+                account.scene(scene, '/d')
+            account.note(HANDLES, scene.run.time_ns(k), k + 1)
+        assert account.report(ended=True)['/d/handles ticks'] == '0-10'
+        assert account.complete(ended=True), account.lines(ended=True)
+
+
+def test_without_a_scene_the_numbers_tell_what_came_before():
+    account = account_of(range(3, 9), range(4, 10), scene=None)
+    account.note('/d/clearance', RUN.time_ns(3), 700)       # a monitor goes on from run to run
+    assert account.lines(ended=True) == [
+        '/d/handles: the beginning is missing: 3 messages came before the first that was heard']
+    assert not account.complete(ended=True)
+    whole = account_of(range(3, 9), scene=None)             # such as a replay that starts later
+    assert whole.complete(ended=True)
+
+
+def test_a_topic_of_each_tick_that_never_came_is_named():
+    account = LossAccount()
+    account.scene(Scene(run=RUN, effects=Effect.VELOCITY), '/d')
+    assert account.complete(ended=True)                     # nothing was published yet
+    account.note(HANDLES, RUN.time_ns(0), 1)
+    assert account.lines(ended=True) == ['/d/velocities: nothing was heard of it']
+    assert not account.complete(ended=True)
 
 
 def test_what_one_topic_lacks_at_the_end_is_missing_once_the_run_has_ended():

@@ -79,7 +79,7 @@ class Recording:
         """Take so many ticks; return the bytes held when they are in the file."""
         for _ in range(ticks):
             self.tick += 1
-            t_ns, source_ns = RUN.time_ns(self.tick), 10**18 + self.tick * 10**7
+            t_ns, source_ns = RUN.time_ns(self.tick - 1), 10**18 + self.tick * 10**7
             self.losses.stamp(t_ns)
             self.clock.mark(source_ns, t_ns)
             for topic in TOPICS[:2]:

@@ -14,12 +14,14 @@ import pytest
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
-from dragon_ros.messages.cdr import PoseArrayTemplate
+from dragon_ros.messages.cdr import PoseArrayTemplate, string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
 
 CORPUS = Path(__file__).parents[1] / 'data' / 'corpus'
 MADE_BY_0_1_0 = CORPUS.parent / 'made_by_0_1_0.mcap'
@@ -60,6 +62,50 @@ def test_a_simulated_bag_has_the_same_messages_in_every_form(capsys, tmp_path, b
 def test_a_simulated_bag_is_the_same_file_again(capsys, tmp_path, bag):
     assert run(capsys, 'simulate', *SCENE, '--output', tmp_path / 'again.mcap')[0] == 0
     assert (tmp_path / 'again.mcap').read_bytes() == bag.read_bytes()
+
+
+@pytest.fixture
+def of_rosbag2(tmp_path):
+    """What rosbag2 records of a sim: wall times, topics that overtake each other, the scene as a message alone."""
+    scene = Scene(run=Run(412.2, 412.7))
+    encode, path, wall_ns = encoders(scene, 'sea'), tmp_path / 'rosbag2.mcap', 1_800_000_000 * 10**9
+    with BagWriter(path) as bag:
+        for name in (*encode, 'scene', 'clearance/marker'):
+            bag.add_channel(f'/red/{name}', channels()[name])
+        bag.write('/red/scene', string_message(scene_file(scene, {'frame_id': 'sea'})), wall_ns, 1)
+        for k in range(TICKS):
+            frame = tick(scene, k)
+            for late_ns, name in enumerate(encode):
+                bag.write(f'/red/{name}', encode[name](frame), wall_ns + k * 20_000_000 + late_ns * 15_000_000, k + 1)
+            if k % 5 == 0:      # ten times a second at most
+                bag.write('/red/clearance/marker', bytes(64), wall_ns + k * 20_000_000, k + 1)
+    return path
+
+
+def test_a_rosbag2_recording_with_its_scene_is_checked_bit_for_bit(capsys, of_rosbag2):
+    code, out, _ = run(capsys, 'inspect', of_rosbag2, '--check')
+    assert code == 0, out
+    assert f'{3 * TICKS} messages are bit for bit those of the model, 0 are not' in out
+    code, out, _ = run(capsys, 'inspect', of_rosbag2, '--format', 'json')
+    values = json.loads(out)
+    assert values['scene']['run']['start_s'] == 412.2
+    assert all(not row['missing'] for row in values['topics'])
+
+
+def test_what_is_not_published_each_tick_is_not_missing(capsys, tmp_path):
+    scene, path = Scene(run=Run(0, 2), effects=Effect.NONE), tmp_path / 'a.mcap'
+    with BagWriter(path) as bag:
+        bag.describe(RECORD, run_metadata(scene_file(scene), scene, {}))
+        for name, every in (('handles', 1), ('clearance/marker', 5), ('clearance', 1)):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+            for k in range(0, 101, every):
+                t_ns = scene.run.time_ns(k + (name == 'clearance' and 30 < k < 50))     # without a stamp: by guess
+                bag.write(f'/dragon/{name}', encoders(scene)['handles'](tick(scene, k)), t_ns, k + 1)
+    _, out, _ = run(capsys, 'inspect', path, '--format', 'json', '--looks', '1')
+    rows = {row['topic']: row for row in json.loads(out)['topics']}
+    assert (rows['/dragon/handles']['missing'], rows['/dragon/handles']['last_tick']) == (0, 100)
+    for name in ('clearance/marker', 'clearance'):
+        assert (rows[f'/dragon/{name}']['missing'], rows[f'/dragon/{name}']['doubled']) == (None, None)
 
 
 def test_a_bag_is_never_overwritten_by_simulate_unasked(capsys, bag):

@@ -117,7 +117,7 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['table', '--set', 'track.pitch_m=-0.5'], 'track.pitch_m'),
     (['contact', '--set', 'dragon.benches=0'], 'dragon.benches'),
     (['contact', '--set', 'track.pitch_m=0.01'], 'locked from the start'),
-    (['contact', '--scene', 'windin'], 'the scenes are first_contact, long'),
+    (['contact', '--scene', 'windin'], 'the scenes are first_contact, led'),
     (['contact', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['contcat'], 'did you mean contact'),
     ([], 'usage'),

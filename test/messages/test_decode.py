@@ -40,6 +40,9 @@ def random_value(kind, old, rng):
     if kind.startswith('sequence<'):
         inner = kind[len('sequence<'):-1].split(',')[0]
         return [random_value(inner, None, rng) for _ in range(rng.integers(0, 4))]
+    if kind.endswith(']'):
+        inner, _, size = kind.rstrip(']').partition('[')
+        return [random_value(inner, None, rng) for _ in range(int(size))]
     if '/' in kind:
         from dragon_ros.nodes.shell import message_type
         return filled(old if old is not None else message_type(kind.replace('/', '/msg/'))(), rng)
@@ -61,6 +64,8 @@ def plain(value):
         return {name: plain(getattr(value, name)) for name in value.get_fields_and_field_types()}
     if isinstance(value, (bytes, bytearray)):
         return value[0]
+    if isinstance(value, np.generic):
+        return value.item()
     return [plain(one) for one in value] if isinstance(value, (list, tuple)) or hasattr(value, 'tolist') else value
 
 

@@ -11,7 +11,7 @@ from dragon_ros.core.flags import NEEDS, Effect, known
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels, live
-from dragon_ros.messages.decode import decode, read_diagnostics, read_multi_array, read_pose_array
+from dragon_ros.messages.decode import decode, read_diagnostics, read_multi_array, read_odometry, read_pose_array
 from dragon_ros.messages.encode import encoders
 
 SCENE = Scene(dragon=Dragon(benches=24), effects=~Effect.NONE)
@@ -46,6 +46,32 @@ def test_tables_hold_the_numbers_of_the_frame():
     assert np.array_equal(read_multi_array(BYTES['forces'])[1][:, 0], FRAME.tension_n_kg)
     assert np.array_equal(read_pose_array(BYTES['measured']).poses[:, :2], FRAME.measured.p)
     assert decode('std_msgs/msg/Float64', BYTES['model/clearance']) == {'data': FRAME.closeness.clearance_m}
+
+
+def test_the_cloud_has_places_as_viewers_want_them_and_speeds_to_the_last_bit():
+    sensor_msgs, serialization = pytest.importorskip('sensor_msgs.msg'), pytest.importorskip('rclpy.serialization')
+    cloud = serialization.deserialize_message(BYTES['cloud'], sensor_msgs.PointCloud2)
+    kinds = {sensor_msgs.PointField.FLOAT32: 'f4', sensor_msgs.PointField.FLOAT64: 'f8',
+             sensor_msgs.PointField.UINT32: 'u4'}
+    rows = np.frombuffer(cloud.data, {'names': [one.name for one in cloud.fields], 'itemsize': cloud.point_step,
+                                      'formats': [kinds[one.datatype] for one in cloud.fields],
+                                      'offsets': [one.offset for one in cloud.fields]})
+    assert (cloud.header.stamp.sec, cloud.header.frame_id) == (413, 'dragon')
+    assert (cloud.height, cloud.width, cloud.row_step, cloud.is_dense) == (1, 25, len(cloud.data), True)
+    assert np.array_equal(np.stack((rows['x'], rows['y']), axis=1), FRAME.chain.p.astype(np.float32))
+    assert np.array_equal(np.stack((rows['vx'], rows['vy']), axis=1), FRAME.velocity_m_s)
+    assert np.array_equal(rows['speed'], np.hypot(*FRAME.velocity_m_s.T))
+    assert rows['handle'].tolist() == list(range(25))
+
+
+def test_the_leader_says_where_it_goes_and_how_fast():
+    odometry = decode('nav_msgs/msg/Odometry', BYTES['leader'])
+    assert odometry['child_frame_id'] == 'dragon/leader'
+    x, y, _, _, _, sine, cosine = odometry['pose']['pose'].tolist()
+    assert [x, y] == FRAME.chain.p[0].tolist()
+    assert (cosine**2 - sine**2, 2 * sine * cosine) == pytest.approx(tuple(FRAME.velocity_m_s[0]))
+    assert read_odometry(BYTES['leader']) == (413 * 10**9, 1.0)
+    assert not np.any(odometry['pose']['covariance'])
 
 
 def test_markers_show_the_benches_in_contact_after_the_last_ones_are_deleted():

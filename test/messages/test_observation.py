@@ -6,9 +6,10 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.tracker import ContactTracker
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import PoseArrayTemplate
 from dragon_ros.messages.decode import MessageError
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.observation import observation_of, read_benches, read_handles
+from dragon_ros.messages.observation import BenchesFromHandles, observation_of, read_benches, read_handles
 from dragon_ros.scenes.load import load_scene
 
 rng = np.random.default_rng(5)
@@ -139,3 +140,20 @@ def second_list(message):
 def test_unusable_triangles_are_rejected_by_field(change, says):
     with np.errstate(all='raise'), pytest.raises(MessageError, match=says):
         seen(edited(change)[1])
+
+
+def test_benches_over_anybodys_handles_are_those_of_the_model():
+    scene = Scene(dragon=Dragon(benches=9), run=Run(400, 413))
+    builder = BenchesFromHandles()
+    for k in (0, 100, 200):
+        frame = tick(scene, k)
+        handles = encoders(scene)['handles'](frame)
+        seen = observation_of(read_handles(handles), read_benches(builder.encode(handles)))
+        assert (seen.t_ns, seen.frame_id) == (frame.t_ns, 'dragon')
+        np.testing.assert_allclose(seen.benches.corners, frame.benches.corners, atol=1e-9)
+
+
+def test_handles_without_a_direction_between_them_are_refused():
+    handles = PoseArrayTemplate(3, 'dragon').encode(0, np.array([[0.0, 0], [1, 0], [1, 0]]), np.array([[1.0, 0]] * 2))
+    with pytest.raises(MessageError, match='handles: 1 and the next'):
+        BenchesFromHandles().encode(handles)

@@ -123,6 +123,12 @@ def test_a_run_that_holds_at_its_end_is_there_for_control(paused, node):
     assert paused.process.stop() == 0
 
 
+def test_seek_as_it_is_goes_to_the_start(paused):
+    assert paused.call('step')[0]
+    assert paused.call('seek') == (True, 'at 400.000 s, tick 0 of 651')
+    paused.shown(1, 0)
+
+
 def test_a_run_can_loop_and_be_stopped_at_its_end(start, node):
     remote = Remote(node)
     process = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=400.1', '--ros-args', '-p',
@@ -147,6 +153,7 @@ def test_the_speed_changes_live_and_whole_numbers_are_taken(paused, node):
     ('time_scale', 0.0, 'start sim with time_scale:=0.0'), ('time_scale', -1.0, 'range'),
     ('time_scale', float('nan'), 'range'), ('time_scale', 'fast', 'type'), ('step_ticks', 0, 'range'),
     ('step_ticks', 1.5, 'type'), ('at_end', 'explode', 'not one of stop, hold, loop'),
+    ('seek_s', -2.0, 'range'),
     ('seek_s', 399.0, 'the run goes from 400 s to 413 s'), ('seek_s', 414.0, 'the run goes from 400 s to 413 s'),
 ])
 def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_value(paused, name, value, says):
@@ -158,7 +165,7 @@ def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_val
 
 
 def test_parameters_are_described_with_type_range_text_and_whether_they_are_live(start, node):
-    start('sim')
+    start('sim', '--ros-args', '-p', 'discovery_s:=0.0')
     rows = {row.name: row for row in Remote(node).describe([parameter.name for parameter in SIM])}
     assert all(row.description for row in rows.values())
     assert {name for name, row in rows.items() if not row.read_only} == {'time_scale', 'step_ticks', 'seek_s', 'at_end'}
@@ -246,7 +253,8 @@ def test_sim_and_monitor_share_an_executor_of_somebody_else(domain, kind, scale,
 @pytest.mark.parametrize('arguments', [['sim', '--scene', 'first_contact', '--set', 'run.stop_s=403'],
                                        ['monitor'], ['record', '--output', 'run.mcap']], ids=lambda v: v[0])
 def test_logs_for_machines_are_one_json_object_a_line(start, arguments):
-    process = start(arguments[0], '--json', *arguments[1:], '--ros-args', '-p', 'use_sim_time:=true')
+    process = start(arguments[0], '--json', *arguments[1:], '--ros-args', '-p', 'use_sim_time:=true', '-p',
+                    'discovery_s:=0.0')
     process.wait_for('/clock' if arguments[0] == 'monitor' else '}')
     if arguments[0] != 'sim':
         process.stop()
@@ -264,7 +272,7 @@ def test_logs_for_machines_are_one_json_object_a_line(start, arguments):
 
 
 def test_without_a_terminal_no_progress_is_logged(start):
-    sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5')
+    sim = start('sim', '--scene', 'first_contact', '--set', 'run.stop_s=402.5', '--ros-args', '-p', 'discovery_s:=0.0')
     assert sim.end() == 0
     assert [line.partition(']: ')[2].split()[0] for line in sim.lines] == ['starts', 'the', 'published:']
 

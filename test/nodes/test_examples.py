@@ -21,8 +21,8 @@ def example(domain, tmp_path, monkeypatch):
     monkeypatch.setenv('ROS_LOG_DIR', str(tmp_path / 'log'))
     children = []
 
-    def run(name):
-        children.append(subprocess.Popen([sys.executable, EXAMPLES / name], stdout=subprocess.PIPE,
+    def run(name, *arguments):
+        children.append(subprocess.Popen([sys.executable, EXAMPLES / name, *arguments], stdout=subprocess.PIPE,
                                          stderr=subprocess.STDOUT, text=True))
         guard = threading.Timer(PATIENCE_S, children[-1].kill)
         guard.daemon = True
@@ -59,3 +59,83 @@ def test_ctrl_c_ends_the_subscriber_of_the_tutorial_quietly_while_messages_come(
     rest = child.stdout.read()
     assert child.wait() == 0
     assert 'Error' not in rest
+
+
+def quiet_end(child):
+    """End an example as a person does; it says nothing about it."""
+    child.send_signal(signal.SIGINT)
+    rest = child.stdout.read()
+    child.wait()
+    assert 'Error' not in rest
+    assert 'Traceback' not in rest
+
+
+SHORT = '--scene', 'first_contact', '--set', 'run.start_s=412', '--set', 'run.stop_s=412.5'
+
+
+def test_the_follower_stays_behind_the_head(example, start, node):
+    from geometry_msgs.msg import PoseStamped
+    heard = []
+    node.create_subscription(PoseStamped, 'follower', heard.append, 1000)
+    child = example('follow_head.py')
+    node.until(lambda: node.count_publishers('follower') == 1)
+    start('sim', '--set', 'run.stop_s=10', '--set', 'dragon.benches=9', '--ros-args', '-p', 'time_scale:=4.0', '-p',
+          'wait_subscribers:=[handles=1]')
+    node.until(lambda: heard and heard[-1].header.stamp.sec == 10)
+    scene = load_scene('winding', ['run.stop_s=10', 'dragon.benches=9'])
+    x, y = state(scene, 10.0).p[0]
+    place = heard[-1].pose.position
+    assert ((place.x - x) ** 2 + (place.y - y) ** 2) ** 0.5 == pytest.approx(2.0, abs=0.05)
+    quiet_end(child)
+
+
+def test_the_consumer_of_two_topics_pairs_the_messages_of_a_tick(example, start):
+    child = example('synchronized.py')
+    sim = start('sim', *SHORT, '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1]')
+    lines = [child.stdout.readline() for _ in range(26)]
+    assert sim.end() == 0, sim.text
+    assert [line.split(' s: ')[0] for line in lines] == [f'{412 + 0.02 * k:.2f}' for k in range(26)]
+    assert all(float(line.split()[2]) < 1e-12 for line in lines)
+    quiet_end(child)
+
+
+def test_the_leader_leads_a_dragon(example, start, node):
+    from nav_msgs.msg import Odometry
+    speeds = []
+    node.create_subscription(Odometry, 'leader', lambda message: speeds.append(message.twist.twist.linear.x), 1000)
+    sim = start('sim', '--scene', 'led', '--set', 'dragon.benches=9', '--ros-args', '-p',
+                'wait_subscribers:=[leader=1]')
+    child = example('lead.py')
+    node.until(lambda: speeds and speeds[-1] == 1.0)
+    quiet_end(child)
+    node.until(lambda: speeds[-1] == 0.0)
+    assert sim.stop() == 0, sim.text
+
+
+def test_a_dragon_of_ones_own_is_watched(example, start, node):
+    from geometry_msgs.msg import PoseArray
+
+    from dragon_ros.core.step import tick
+    from dragon_ros.messages.encode import encoders
+    scene = load_scene('first_contact', ['run.start_s=412', 'run.stop_s=413'])
+    child, monitor = example('my_dragon.py'), start('monitor', '--ros-args', '-r', '__ns:=/mine')
+    handles = node.create_publisher(PoseArray, '/mine/handles', 100)
+    node.until(lambda: handles.get_subscription_count() == 2 and node.count_subscribers('/mine/benches') == 1
+               and node.count_publishers('/mine/benches') == 1)
+    encode, seen = encoders(scene)['handles'], iter(range(51))
+
+    def contact():
+        if (k := next(seen, None)) is not None:
+            handles.publish(encode(tick(scene, k)))
+        return 'contact of benches 0 and 8' in monitor.text
+    node.until(contact)
+    quiet_end(child)
+
+
+def test_the_reader_of_a_bag_prints_what_the_model_says(tmp_path):
+    from dragon_ros.__main__ import main
+    assert main(['simulate', *SHORT, '--output', str(tmp_path / 'run.mcap')]) == 0
+    done = subprocess.run([sys.executable, EXAMPLES / 'read_bag.py', tmp_path / 'run.mcap'], capture_output=True,
+                          text=True, check=True)
+    x, y = state(load_scene('first_contact'), 412.0).p[0]
+    assert done.stdout.startswith(f'412 s: head at ({x:.3f}, {y:.3f}) m, clearance 0.0')

@@ -228,6 +228,15 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
     assert 'Traceback' not in process.text
 
 
+@pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
+def test_a_node_that_is_interrupted_while_it_starts_ends_as_one_that_runs(start, loaded):
+    process = start('sim')
+    while loaded not in Path(f'/proc/{process.pid}/maps').read_text():
+        assert process.running
+    assert process.stop() == 0, process.text
+    assert 'Traceback' not in process.text
+
+
 @pytest.mark.parametrize(('content', 'says'), [(b'', 'empty'), (b'x' * 500, 'not an MCAP')])
 def test_replay_of_what_is_no_bag_is_refused(start, tmp_path, content, says):
     (tmp_path / 'bad.mcap').write_bytes(content)

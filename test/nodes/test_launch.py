@@ -117,6 +117,18 @@ def test_a_bag_is_replayed_in_place_of_a_sim(launch, tmp_path):
     assert 'sim-' not in again.text
 
 
+def test_a_recording_with_its_monitor_is_replayed_whole_in_another_namespace(launch, node, tmp_path):
+    assert launch('scene:=first_contact', 'time_scale:=10', 'at_end:=stop', 'record:=run.mcap',
+                  'headless:=true').end() == 0
+    again = launch('replay:=run.mcap', 'namespace:=red', 'time_scale:=10', 'use_sim_time:=true', 'headless:=true')
+    again.wait_for('contact of benches 0 and 8 at 412.47383')
+    assert node.count_publishers('/red/clearance') == node.count_publishers('/red/collision') == 1
+    assert node.count_publishers('/dragon/handles') == 0
+    assert parameter(node, '/red/replay', 'publish_clock').bool_value
+    again.stop()
+    assert 'saw 651 ticks' in again.text
+
+
 @pytest.mark.parametrize(('arguments', 'shown'), [
     ([], True), (['rviz:=false'], False), (['headless:=true'], False), (['headless:=true', 'rviz:=true'], False)])
 def test_rviz_shows_the_topics_of_the_namespace_unless_headless(launch, prefix, arguments, shown):
@@ -141,6 +153,7 @@ def test_without_rviz_it_says_so_and_runs(launch):
 
 @pytest.mark.parametrize(('argument', 'says'), [('scene:=windin', 'the scenes are first_contact'),
                                                 ('rate:=0', 'run.rate_hz'),
+                                                ('time_scale:=abc', 'launch argument time_scale:=abc'),
                                                 ('at_end:=never', '"never" is not valid')])
 def test_what_cannot_be_ends_everything_with_the_reason(launch, argument, says):
     run = launch(argument, 'headless:=true')

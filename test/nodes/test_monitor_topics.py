@@ -102,6 +102,44 @@ def test_health_goes_from_ok_over_warn_to_error_and_back(start, node):
     assert float(values(last)['clearance_m']) > 0.001
 
 
+def test_the_shortest_vector_is_published_with_its_stamp_where_it_is_asked_for(start, node):
+    start('monitor', '--ros-args', '-p', 'clearance_vector:=true')
+    heard, source = Listener(node, 'clearance', 'clearance/vector'), Publisher(node, 412.0)
+    earlier = (412 + 0.02 * k for k in range(23))
+
+    def both_are_heard():
+        if not all(heard.got.values()):
+            source.show(next(earlier))
+        return all(heard.got.values())
+    node.until(both_are_heard)
+    source.show(412.46, 412.48)
+    node.until(lambda: [row.header.stamp.nanosec for row in heard.got['clearance/vector']][-2:] == [
+        460_000_000, 480_000_000] and len(heard.got['clearance']) >= 3)
+    for gap, row in zip(heard.got['clearance'][-2:], heard.got['clearance/vector'][-2:], strict=True):
+        assert np.hypot(row.vector.x, row.vector.y) == pytest.approx(abs(gap.data), abs=1e-12)
+        assert row.header.frame_id == 'dragon'
+    assert heard.got['clearance'][-1].data < 0 < heard.got['clearance'][-2].data
+
+
+def test_the_limit_of_a_warning_is_set_live_and_the_hardware_is_the_namespace(start, node):
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
+    start('monitor', '--ros-args', '-r', '__ns:=/red', '-r', 'handles:=/dragon/handles', '-r',
+          'benches:=/dragon/benches')
+    heard, source = Listener(node, '/diagnostics'), Publisher(node, 404)
+    node.until(lambda: heard.got['/diagnostics'])
+    client = node.create_client(SetParameters, '/red/monitor/set_parameters')
+    node.until(client.service_is_ready)
+    done = client.call_async(SetParameters.Request(parameters=[Parameter('warn_below_m', value=3).to_parameter_msg()]))
+    node.until(done.done)
+    assert done.result().results[0].successful
+    source.show(404)
+    node.until(lambda: heard.statuses('/diagnostics')[-1].level == b'\x01')
+    last = heard.statuses('/diagnostics')[-1]
+    assert (last.hardware_id, last.name) == ('red', 'red: clearance')
+    assert values(last)['warn_below_m'] == '3'
+
+
 def test_of_two_dragons_on_one_topic_the_monitor_keeps_the_one_it_knows_and_names_both(start, node, other_node):
     monitor = start('monitor')
     heard = Listener(node, 'collision', '/diagnostics', 'clearance')
@@ -196,12 +234,22 @@ def test_a_dragon_with_another_number_of_benches_ends_open_contacts_and_is_track
     assert 'Traceback' not in monitor.text
 
 
+def test_a_monitor_that_is_stopped_looks_at_all_that_had_come(start, node):
+    from rclpy.duration import Duration
+    monitor, source = start('monitor'), Publisher(node, 300.0)
+    source.show(*(300 + 0.02 * k for k in range(100)))
+    for out in source.out.values():
+        assert out.wait_for_all_acked(Duration(seconds=30))
+    assert monitor.stop() == 0, monitor.text
+    assert 'saw 100 ticks' in monitor.text
+
+
 def test_the_sim_never_publishes_what_only_a_monitor_may_say(start, node):
-    start('sim', '--scene', 'first_contact')
+    start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
     node.until(lambda: node.count_publishers('handles') == 1)
     mine = [row.name for row in channels().values() if row.publisher == 'monitor']
-    assert len(mine) == 7
-    assert [node.count_publishers(name) for name in mine] == [0] * 7
+    assert len(mine) == 8
+    assert [node.count_publishers(name) for name in mine] == [0] * 8
 
 
 def test_a_recorder_keeps_every_topic_at_simulation_time(start, tmp_path):
@@ -300,7 +348,7 @@ def test_the_ends_of_the_dragon_are_frames_with_the_pose_of_their_handles():
 
 @pytest.mark.skipif(find_spec('tf2_msgs') is not None, reason='tf2_msgs is installed here')
 def test_without_tf2_msgs_the_sim_says_what_to_install(start):
-    sim = start('sim', '--ros-args', '-p', 'publish_tf:=true')
+    sim = start('sim', '--ros-args', '-p', 'publish_tf:=true', '-p', 'discovery_s:=0.0')
     assert sim.end() == 2
     assert "install the package 'tf2_msgs'" in sim.text
 
@@ -309,6 +357,6 @@ def test_both_ends_are_on_tf_when_asked_for(start, node):
     tf2 = pytest.importorskip('tf2_msgs.msg', reason='tf2_msgs has no wheel; it comes with ROS 2')
     messages = []
     node.create_subscription(tf2.TFMessage, '/tf', messages.append, 10)
-    start('sim', '--ros-args', '-p', 'publish_tf:=true')
+    start('sim', '--ros-args', '-p', 'publish_tf:=true', '-p', 'discovery_s:=0.0')
     node.until(lambda: messages)
     assert [one.child_frame_id for one in messages[0].transforms] == ['dragon/head', 'dragon/tail']

@@ -172,8 +172,40 @@ def test_lost_and_missing_ticks_are_reported_in_the_bag_on_the_terminal_and_by_t
     assert told['/dragon/handles lost'] == '0'
 
 
+@pytest.mark.parametrize('first', ['record', 'sim'])
+def test_a_live_recording_is_complete_whoever_starts_first(start, node, tmp_path, first):
+    """As the tutorial has it, without a word about subscribers: those that discovery finds are waited for."""
+    short = 'run.start_s=412.2', 'run.stop_s=412.7'
+    changes = [part for pair in short for part in ('--set', pair)]
+    record, names = None, node.get_node_names_and_namespaces
+    if first == 'record':
+        record = start('record', '--output', tmp_path / 'a.mcap')
+        node.until(lambda: ('record', '/dragon') in names())
+    run = start('sim', '--scene', 'first_contact', *changes)
+    record = record or start('record', '--output', tmp_path / 'a.mcap')
+    assert run.end() == 0, run.text
+    assert record.end() == 0, record.text
+    with BagReader(tmp_path / 'a.mcap') as bag:
+        assert compare_with_model(bag, load_scene('first_contact', short)).faults == []
+
+
+def test_a_recorder_that_missed_the_beginning_says_so_and_exits_3(start, tmp_path):
+    run = start('sim', '--scene', 'first_contact', '--ros-args', '-p', 'discovery_s:=0.0')
+    run.wait_for('starts')
+    record = start('record', '--output', tmp_path / 'a.mcap')
+    while not {'/dragon/scene', '/dragon/handles', '/dragon/benches', '/dragon/velocities'} <= {
+            topic for topic, _, _ in streamed(tmp_path / 'a.mcap')}:
+        assert record.running
+    assert record.stop() == 3, record.text
+    assert '/dragon/handles: the beginning is missing: ' in record.text
+    told = received(tmp_path / 'a.mcap')['dragon_ros.received']
+    assert told['complete'] == 'false'
+    assert int(told['/dragon/handles missing at the beginning']) > 0
+    assert told['/dragon/handles missing ticks'] == 'none'
+
+
 def test_a_closed_terminal_ends_every_node_as_ctrl_c_does_and_bags_are_whole(start, tmp_path):
-    publisher = sim(start, 'run.start_s=400', readers=0)
+    publisher = sim(start, 'run.start_s=400', readers=2)
     record, kept = (start('record', '--output', tmp_path / f'{name}.mcap', '--flush-s', '0.1', under=under)
                     for name, under in (('a', []), ('b', ['nohup'])))
     monitor = start('monitor')

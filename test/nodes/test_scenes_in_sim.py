@@ -50,7 +50,8 @@ def test_the_clock_effect_brings_the_clock(start, node):
     from rosgraph_msgs.msg import Clock
     heard = []
     node.create_subscription(Clock, '/clock', heard.append, 10)
-    sim = start('sim', '--scene', 'minimal', '--set', 'effects=[clock]', '--set', 'run.start_s=7')
+    sim = start('sim', '--scene', 'minimal', '--set', 'effects=[clock]', '--set', 'run.start_s=7', '--ros-args', '-p',
+                'discovery_s:=0.0')
     node.until(lambda: heard)
     assert 7 <= heard[0].clock.sec < 60
     assert sim.stop() == 0, sim.text

@@ -138,7 +138,7 @@ def test_overrides_reach_any_key_and_say_where_they_are_wrong():
 
 
 def test_a_scene_that_is_not_there_names_those_that_are():
-    with pytest.raises(MissingError, match='the scenes are first_contact, long'):
+    with pytest.raises(MissingError, match='the scenes are first_contact, led, long'):
         load_scene('windng')
     with pytest.raises(MissingError, match='cannot be read'):
         load_scene('./nowhere.yaml')

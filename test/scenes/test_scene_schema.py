@@ -34,6 +34,7 @@ def test_every_scene_of_the_package_is_valid_as_written_and_as_completed(name):
 
 
 @pytest.mark.parametrize('document', [
+    'head: {kind: plugin}',
     'dragon: {benchs: 3}', 'track: {kind: circle}', 'effects: [glow]', 'effects: velocity', 'markers: stars',
     'accuracy: best', 'dragon: {benches: many}', 'head: {kind: profile}', 'noise: {seed: 0.5}', 'glow: 1',
     'head: {lead: nose}', 'head: {kind: profile, knots: [[0]]}', 'track: {kind: joined, pieces: [{kind: line}]}',

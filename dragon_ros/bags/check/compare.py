@@ -4,28 +4,42 @@ Last bits may differ between machines, and between versions of this software. Ha
 held to twice the promise of the tier: each side may be off by it. In a bag of another version so is everything that is
 computed from them.
 """
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
+from heapq import merge
 from itertools import groupby
 from math import inf
 
 import numpy as np
 
 from dragon_ros import __version__
+from dragon_ros.bags.read.frames import law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Array
+from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import led_tick, tick
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
-from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import MessageError, decode, read_marker_array, read_multi_array, read_pose_array
-from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.channels import channel_of, channels
+from dragon_ros.messages.decode import (
+    MessageError,
+    decode,
+    read_marker_array,
+    read_multi_array,
+    read_odometry,
+    read_pose_array,
+    read_stamp_ns,
+    stamp_of_message,
+)
+from dragon_ros.messages.encode import Encode, encoders
 from dragon_ros.scenes.provenance import RECORD
 
 _HUGE = 1e100
+_MOST_WAITING = 1000    # ticks that may lack a topic before a whole one
+_Instant = tuple[int, dict[str, list[bytes]]]
 _SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
 MOST_FAULTS = 1000      # lines that are kept; all are counted
@@ -89,8 +103,12 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
     made_by = bag.metadata(RECORD).get('about.dragon_ros')
     encode, result = encoders(scene, frame_id), Comparison(None if made_by in (None, __version__) else made_by)
+    instants = _instants(bag, namespace, encode)
+    if scene.is_led:
+        _compare_led(result, scene, encode, _whole(instants, bag, namespace), progress)
+        return result
     ticks, k = compile_scene(scene).last_tick + 1, 0
-    for t_ns, recorded in _instants(bag, namespace, encode):
+    for t_ns, recorded in instants:
         here = scene.run.tick_at(t_ns)
         is_tick = 0 <= here < ticks and scene.run.time_ns(here) == t_ns
         k = _missing(result, encode, k, min(here if is_tick else here + 1, ticks))
@@ -98,24 +116,79 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
             for name, found in recorded.items():
                 result.stray(name, t_ns, len(found))
             continue
-        frame = tick(scene, here)
-        for name in encode:
-            _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
+        _compare_tick(result, scene, encode, tick(scene, here), recorded)
         progress(here)
         k = here + 1
     _missing(result, encode, k, ticks)
     return result
 
 
-def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[tuple[int, dict[str, list[bytes]]]]:
-    """Yield (log time, messages by topic name) for the topics of a namespace."""
-    topics = [f'{namespace}/{name}' for name in names]
-    for t_ns, group in groupby(bag.messages(topics), lambda message: message.t_ns):
+def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
+                 progress: Callable[[int], object]) -> None:
+    """Compare the ticks of a led dragon, whose speeds are those that its topic ``leader`` recorded.
+
+    Such a run ends where it was ended. Where a speed is missing nothing after it can be recomputed.
+    """
+    law = None
+    for k, (t_ns, recorded) in enumerate(instants):
+        found = recorded.get('leader', [])
+        speeds = [speed for stamp, speed in map(read_odometry, found) if stamp == t_ns] if len(found) == 1 else []
+        if t_ns != scene.run.time_ns(k) or len(speeds) != 1:
+            result.note('leader', k, 'is not there once: what was walked from there on is unknown')
+            return
+        law = law_on(scene, law, t_ns, speeds[0])
+        _compare_tick(result, scene, encode, led_tick(compile_scene(scene), law, k), recorded)
+        progress(k)
+
+
+def _whole(instants: Iterable[_Instant], bag: BagReader, namespace: str) -> Iterator[_Instant]:
+    """Yield instants without those at the end that lack a topic of the bag: a killed recorder had not got it yet."""
+    wanted = {topic.name for topic in bag.topics if topic.messages}
+    waiting = list[_Instant]()
+    for instant in instants:
+        waiting.append(instant)
+        names = {f'{namespace}/{name}' for name in instant[1]}
+        if names >= {name for name in wanted if (row := channel_of(name)) and row.each_tick
+                     and name == f'{namespace}/{row.name}'} or len(waiting) > _MOST_WAITING:
+            yield from waiting
+            waiting.clear()
+
+
+def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], frame: Frame,
+                  recorded: Mapping[str, list[bytes]]) -> None:
+    for name in encode:
+        _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
+
+
+def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[_Instant]:
+    """Yield (time, messages by topic name) for the topics of a namespace; the time is a tick's."""
+    if log_times_are_ticks(bag, namespace):
+        rows: Iterable[tuple[int, str, bytes]] = (
+            (message.t_ns, message.topic.removeprefix(f'{namespace}/'), message.data)
+            for message in bag.messages([f'{namespace}/{name}' for name in names]))
+    else:
+        stamps: Ints = np.array([read_stamp_ns(one.data) for one in bag.messages([f'{namespace}/handles'])], np.int64)
+        if np.any(back := np.diff(stamps) < 0):
+            raise InputError(f'{bag.path}: was recorded at wall time, and simulation time goes back in it at '
+                             f'{stamps[1:][back][0] / NS:.9f} s; give the bag of one run')
+        rows = merge(*(_stamped(bag, namespace, name, stamps) for name in names), key=lambda row: row[0])
+    for t_ns, group in groupby(rows, lambda row: row[0]):
         recorded: dict[str, list[bytes]] = {}
-        for message in group:
-            found = recorded.setdefault(message.topic.removeprefix(f'{namespace}/'), [])
-            found.append(message.data if not found else b'')        # of several only their number counts
+        for _, name, data in group:
+            found = recorded.setdefault(name, [])
+            found.append(data if not found else b'')        # of several only their number counts
         yield t_ns, recorded
+
+
+def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
+    """Yield (stamp, name, message) of one topic of a bag of wall times.
+
+    What has no stamp belongs to the handles of the same number: topics are in order, but overtake each other.
+    """
+    kind = channels()[name].type
+    for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
+        t_ns = stamp_of_message(kind, message.data)
+        yield int(stamps[min(n, len(stamps) - 1)]) if t_ns is None else t_ns, name, message.data
 
 
 def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
@@ -176,7 +249,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, o
     if name == 'velocities':
         compiled = compile_scene(scene)
         one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
-                                conditioning(frame.chain), scene.head.speed_at_m_s(frame.t_ns / NS))
+                                conditioning(frame.chain), _speed_m_s(frame, scene))
         return float(np.max(offs[0])) / one * compiled.promise_m if one else inf
     link_m = float(np.min(scene.dragon.link_lengths_m))
     return max(_farthest_m(off, link_m) for off in offs if off.size)
@@ -186,6 +259,10 @@ def _farthest_m(off: Array, link_m: float) -> float:
     """Return the largest of differences of points (K, 3), or of poses (K, 7): quaternions count at a link's end."""
     turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
+
+
+def _speed_m_s(frame: Frame, scene: Scene) -> float:
+    return frame.leader.speed_m_s if scene.is_led and frame.leader else scene.head.speed_at_m_s(frame.t_ns / NS)
 
 
 def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -> float:
@@ -211,7 +288,7 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
         elif one != other:
             return inf
     if name in ('accelerations', 'forces'):
-        speed_m_s, link_m = scene.head.speed_at_m_s(frame.t_ns / NS), float(np.min(scene.dragon.link_lengths_m))
+        speed_m_s, link_m = _speed_m_s(frame, scene), float(np.min(scene.dragon.link_lengths_m))
         condition = conditioning(frame.chain)
         scale = (speed_m_s / link_m) ** 2 * condition**3
         if frame.tension_n_kg is not None and name == 'forces':

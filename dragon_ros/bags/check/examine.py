@@ -178,13 +178,13 @@ class Gaps:
     ranges: tuple[tuple[int, int], ...] = ()
 
 
-def gaps_of(times_ns: 'array[int]', run: Run | None) -> Gaps:
-    """Return the gaps among the log times of a topic, given in any order."""
+def gaps_of(times_ns: 'array[int]', run: Run | None, each_tick: bool = True) -> Gaps:
+    """Return the gaps among the log times of a topic, given in any order; one without ``each_tick`` has none."""
     times = np.sort(np.frombuffer(times_ns, np.uint64)).astype(np.float64) if times_ns else np.empty(0)
     span_s = (times[-1] - times[0]) / NS if times.size else 0.0
     rate_hz = float((times.size - 1) / span_s) if span_s > 0 else None
     steps = np.diff(np.unique(times))
-    if steps.size + 1 < _LEAST:
+    if not each_tick or steps.size + 1 < _LEAST:
         return Gaps(rate_hz)
     usual = float(np.median(steps))
     if np.mean(np.abs(steps - usual) <= 0.1 * usual) < _REGULAR:

@@ -1,27 +1,38 @@
 """The frames of a recorded dragon: handles, benches and velocities as arrays, read lazily, tick by tick."""
 from collections import OrderedDict
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from math import inf
 
 import numpy as np
 
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
+from dragon_ros.core.chain.commanded import Commanded, Walked, profile_of, walked_from
 from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.contact.tracker import NEAR_M
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.limits import WAITING_TICKS
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.limits import SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.scene import Scene
-from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.messages.decode import (
+    MessageError,
+    Poses,
+    read_multi_array,
+    read_odometry,
+    read_stamp_ns,
+    read_string,
+)
 from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
-from dragon_ros.scenes.load import strangers_scene
+from dragon_ros.scenes.load import ABOUT, strangers_scene
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
+from dragon_ros.scenes.yaml import parse_document
 
 _TOPICS = ('handles', 'benches', 'velocities')
+FRAME_ID = 'dragon'
 
 
 @dataclass(frozen=True)
@@ -69,15 +80,87 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
                      'geometry_msgs/msg/PoseArray')
 
 
-def scene_of_bag(bag: BagReader, trust: bool = False) -> Scene | None:
-    """Return the scene that is stored in a bag; None if there is none. Raises InputError, also beyond its budgets."""
+def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
+    """Return the scene that is stored in a bag, or was published in it; None if there is none.
+
+    Raises InputError, also beyond its budgets.
+    """
+    text = _scene_text(bag, namespace)
+    return None if text is None else strangers_scene(f'{bag.path}: scene', text, trust)
+
+
+def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
+    """Return the frame of the messages in a bag, as its scene says; the default where it says none."""
+    text = _scene_text(bag, namespace)
+    if text is None or len(text) > SCENE_CHARACTERS:
+        return FRAME_ID
+    return str(parse_document(f'{bag.path}: scene', text).section(ABOUT).get('frame_id', FRAME_ID))
+
+
+def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
+    """Return the scene file in a bag: of its metadata, its attachment, or the latched topic ``scene``."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
-        if attached is None:
-            return None
-        text = attached.decode(errors='replace')
-    return strangers_scene(f'{bag.path}: scene', text, trust)
+        text = _published_scene(bag, namespace) if attached is None else attached.decode(errors='replace')
+    return text
+
+
+def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
+    """Return the first message of the topic ``scene`` of a dragon, as any recorder stores it."""
+    try:
+        topic = f'{namespace_of(bag) if namespace is None else namespace}/scene'
+    except InputError:
+        return None
+    if not any(row.name == topic and row.type == 'std_msgs/msg/String' for row in bag.topics):
+        return None
+    first = next(bag.messages([topic]), None)
+    return None if first is None else read_string(first.data)
+
+
+def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Walked:
+    """Return the law of a led scene with the speed of the next tick; None before the first, at which it rests.
+
+    Raises InputError for a speed that no led dragon has.
+    """
+    settings, t_s = scene.head, t_ns / NS
+    assert isinstance(settings, Commanded)
+    if not abs(speed_m_s) <= (settings.max_speed_m_s if law else 0.0):
+        raise InputError(f'leader at {t_s:.9f} s: a speed of {speed_m_s!r} m/s; the scene allows '
+                         f'{settings.max_speed_m_s:g} m/s, and 0 at the start')
+    return law.walked_on(t_s, speed_m_s, keep_s(scene)) if law else walked_from(settings, t_s)
+
+
+def keep_s(scene: Scene) -> float:
+    """Return how far back a tick of a led scene looks: as far as its trail."""
+    return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
+
+
+def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
+    """Return a led scene as it was walked: a profile of the recorded speeds, up to the last that follows on the others.
+
+    Any other scene is returned as it is. Raises InputError where there are too many changes of speed for a profile.
+    """
+    if not scene.is_led:
+        return scene
+    assert isinstance(scene.head, Commanded)
+    walked, law = [], None
+    for k, message in enumerate(bag.messages([f'{namespace}/leader'])):
+        t_ns, speed_m_s = read_odometry(message.data)
+        if t_ns != scene.run.time_ns(k):
+            break
+        law = law_on(scene, law, t_ns, speed_m_s)
+        walked.append((t_ns / NS, speed_m_s))
+    if not walked:
+        raise InputError(f'{bag.path}: its dragon was led from outside, and topic leader does not say from the first '
+                         'tick on how fast; record a run from its beginning')
+    return replace(scene, head=profile_of(scene.head, walked), run=replace(scene.run, stop_s=walked[-1][0]))
+
+
+def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
+    """Return whether messages are logged at simulation time, as our recorder does, and not at wall time."""
+    first = next(bag.messages([f'{namespace}/handles']), None)
+    return first is None or read_stamp_ns(first.data) == first.t_ns
 
 
 def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = None,

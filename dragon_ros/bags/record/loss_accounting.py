@@ -1,8 +1,9 @@
 """Loss accounting: compares what a recorder received with what was published, so that no loss is silent.
 
 There are two sources. A publisher numbers its messages (the publication sequence number of DDS): a gap is a message
-that was lost on the way. And where the scene is known a stamp is a tick: a gap is a missing tick, lost or never
-published.
+that was lost on the way, and a first number above 1 tells how many were published before the recorder listened. And
+where the scene is known a stamp is a tick: a gap is a missing tick, lost or never published, and a first tick after
+tick 0 means that the beginning of the run is missing.
 """
 from collections import Counter
 from collections.abc import Iterable
@@ -11,9 +12,10 @@ from dataclasses import dataclass, field
 from dragon_ros.bags.record import interval_set
 from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.messages.channels import live
+from dragon_ros.messages.channels import channel_of, live
 
 _MOST_STEPS = 1000
+_MOST_EARLY = 100_000       # stamps that are kept until the scene is known
 
 
 @dataclass
@@ -25,6 +27,8 @@ class TopicCount:
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
+    early: list[int] | None = None      # stamps that came before the scene of their publisher; None once it is known
+    scene_ahead: bool = False           # the scene of the next publisher came before its first message
     shared: bool = False        # several publishers at a time: their numbers cannot be separated
 
     def number(self, sequence: int) -> None:
@@ -32,8 +36,23 @@ class TopicCount:
         if sequence == 1 and self.sequence.last is not None:
             self.lost += interval_set.count(self.sequence.gaps())
             self.sequence = IntervalSet()
+            self.early, self.scene_ahead = None if self.scene_ahead else [], False
         if sequence:
             self.sequence.add(sequence)
+
+    def scene_came(self) -> list[int]:
+        """Return the stamps that waited for the scene."""
+        early, self.early = self.early or [], None
+        self.scene_ahead = not early
+        return early
+
+    def tick(self, run: Run, t_ns: int) -> None:
+        """Count a stamp as a tick of a run."""
+        tick = run.tick_at(t_ns)
+        if tick >= 0 and run.time_ns(tick) == t_ns:
+            self.ticks.add(tick)
+        else:
+            self.off_ticks += 1
 
     @property
     def lost_on_the_way(self) -> int:
@@ -58,31 +77,42 @@ class LossAccount:
         self._last_ns: int | None = None
 
     def scene(self, scene: Scene | None, namespace: str) -> None:
-        """Set the run that is recorded, which gives each stamp its tick. Another run resets the ticks."""
+        """Set the run that is recorded, which gives each stamp its tick, also those that came just before the scene.
+
+        Another run resets the ticks.
+        """
         run = None if scene is None else scene.run
-        if run != self._run:
-            for row in self.topics.values():
+        self._each_tick = {f'{namespace}/{row.name}' for row in (() if scene is None else live(scene.effects))}
+        for row in self.topics.values():
+            if run != self._run:
                 row.ticks, row.off_ticks = IntervalSet(), 0
         self._run = run
-        rows = [] if scene is None else live(scene.effects)
-        self._each_tick = {f'{namespace}/{row.name}' for row in rows}
+        self.scene_again()
+
+    def scene_again(self) -> None:
+        """Count what came just before the scene, which may be that of the run before."""
+        for topic, row in self.topics.items():
+            for t_ns in row.scene_came():
+                if self._run is not None and topic in self._each_tick:
+                    row.tick(self._run, t_ns)
 
     def share(self, topics: Iterable[str]) -> None:
         """Mark topics that have several publishers at a time: nobody can say what of them is missing."""
         for topic in topics:
-            self.topics.setdefault(topic, TopicCount()).shared = True
+            self._row(topic).shared = True
+
+    def _row(self, topic: str) -> TopicCount:
+        return self.topics.setdefault(topic, TopicCount(early=[] if self._run is None else None))
 
     def note(self, topic: str, t_ns: int, sequence: int) -> None:
         """Count a message that was logged at ``t_ns``."""
-        row = self.topics.setdefault(topic, TopicCount())
+        row = self._row(topic)
         row.received += 1
         row.number(sequence)
+        if row.early is not None and len(row.early) < _MOST_EARLY:
+            row.early.append(t_ns)
         if self._run is not None and topic in self._each_tick:
-            tick = self._run.tick_at(t_ns)
-            if tick >= 0 and self._run.time_ns(tick) == t_ns:
-                row.ticks.add(tick)
-            else:
-                row.off_ticks += 1
+            row.tick(self._run, t_ns)
 
     def stamp(self, t_ns: int) -> None:
         """Record the stamp of handles, whose spacing is reported where no scene is known."""
@@ -101,9 +131,27 @@ class LossAccount:
         found = {topic: row.gaps(last) for topic, row in ticks.items()}
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
+    def beginnings(self) -> dict[str, int]:
+        """Return, by topic, how many messages are missing before its first: ticks of the run, or else what is numbered.
+
+        Topics of each tick count, and without a scene those of ``sim``: others go on from run to run.
+        """
+        if self._run is None:
+            found = {topic: row.before for topic, row in self.topics.items()
+                     if (channel := channel_of(topic)) and channel.each_tick}
+        else:
+            found = {topic: row.ticks.first or 0 for topic, row in self.topics.items()}
+        return {topic: count for topic, count in found.items() if count}
+
+    def unheard(self) -> list[str]:
+        """Return the topics of each tick of which nothing came, where the handles came."""
+        heard = {topic for topic, row in self.topics.items() if row.received}
+        return sorted(self._each_tick - heard) if heard & self._each_tick else []
+
     def complete(self, ended: bool) -> bool:
         """Return whether nothing is missing, as far as anybody can say."""
-        return not self.missing(ended) and not any(row.lost_on_the_way for row in self.topics.values())
+        lost = any(row.lost_on_the_way for row in self.topics.values())
+        return not (self.missing(ended) or self.beginnings() or self.unheard() or lost)
 
     @property
     def received(self) -> int:
@@ -113,10 +161,12 @@ class LossAccount:
     def report(self, ended: bool) -> dict[str, str]:
         """Return the whole account as a metadata record."""
         out, missing = {'complete': str(self.complete(ended)).lower(), 'spacing': self.spacing()}, self.missing(ended)
+        beginnings = self.beginnings()
         for topic, row in self.topics.items():
             out[f'{topic} received'] = str(row.received)
             out[f'{topic} lost'] = 'unknown: several publishers' if row.shared else str(row.lost_on_the_way)
             out[f'{topic} before'] = str(row.before)
+            out[f'{topic} missing at the beginning'] = str(beginnings.get(topic, 0))
             if row.ticks.last is not None:
                 out[f'{topic} ticks'] = f'{row.ticks.first}-{row.ticks.last}'
                 out[f'{topic} missing ticks'] = 'unknown: several publishers' if row.shared else (
@@ -126,8 +176,12 @@ class LossAccount:
 
     def lines(self, ended: bool) -> list[str]:
         """Return a line for each topic that lacks anything."""
-        out = [f'{topic}: {interval_set.count(gaps)} ticks are missing: {interval_set.text(gaps)}'
-               for topic, gaps in self.missing(ended).items()]
+        what = 'messages' if self._run is None else 'ticks'
+        out = [f'{topic}: the beginning is missing: {count} {what} came before the first that was heard'
+               for topic, count in self.beginnings().items()]
+        out += [f'{topic}: nothing was heard of it' for topic in self.unheard()]
+        out += [f'{topic}: {interval_set.count(gaps)} ticks are missing: {interval_set.text(gaps)}'
+                for topic, gaps in self.missing(ended).items()]
         out += [f'{topic}: {row.lost_on_the_way} messages were lost on the way, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]

@@ -9,7 +9,8 @@ from itertools import pairwise
 
 import numpy as np
 
-from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.commanded import HeadLaw
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 
 
@@ -17,7 +18,7 @@ from dragon_ros.core.numerics.roots import bracketed_newton, illinois
 class RangeOfTravel:
     """What a leader goes through by its law, from one time to another."""
 
-    law: Head | Profile
+    law: HeadLaw
     start_s: float
     end_s: float
 

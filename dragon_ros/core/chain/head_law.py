@@ -35,7 +35,7 @@ class Head:
     def __post_init__(self) -> None:
         """Refuse a speed that is not a number."""
         settle(self, speed_m_s=number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9))
-        _check_lead(self.lead)
+        check_lead(self.lead)
 
     @property
     def breaks_s(self) -> list[float]:
@@ -85,7 +85,7 @@ class Profile(Settings):
 
     def __post_init__(self) -> None:
         """Refuse a profile without knots, or whose times go back."""
-        _check_lead(self.lead)
+        check_lead(self.lead)
         if self.ramps not in RAMPS:
             raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
         if not 1 <= len(self.knots) <= _MOST:
@@ -200,9 +200,7 @@ class Profile(Settings):
         return min(gone), max(gone)
 
 
-HeadLaw = Head | Profile
-
-
-def _check_lead(lead: str) -> None:
+def check_lead(lead: str) -> None:
+    """Raise FieldError unless it is an end of the dragon."""
     if lead not in LEADERS:
         raise FieldError('head.lead', lead, 'the dragon is led by its head or its tail', 'give head or tail')

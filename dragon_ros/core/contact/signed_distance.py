@@ -143,6 +143,23 @@ def witness(benches: Benches, i: int, j: int) -> Witness:
     return witnesses(benches, np.array([i]), np.array([j]))[0]
 
 
+def shortest_vector(benches: Benches, i: int, j: int) -> tuple[float, float]:
+    """Return the vector in metres from bench i to bench j where they are nearest; its length is the gap.
+
+    Where they overlap it is the parting translation: the shortest move of bench j that ends the overlap.
+    """
+    seen = witness(benches, i, j)
+    sense = 1.0 if seen.owner == j else -1.0
+    corner = benches.corners[seen.owner][CORNERS.index(seen.corner)]
+    if seen.gap_m > 0:
+        x, y = (2 * sense * (corner - np.array(seen.point_m))).tolist()
+        return x, y
+    along, edge = benches.axis[seen.other], EDGES.index(seen.edge)
+    outwards = (1 - 2 * (edge % 2)) * (along if edge < 2 else np.array([-along[1], along[0]]))
+    x, y = (-sense * seen.gap_m * outwards).tolist()
+    return x, y
+
+
 def witnesses(benches: Benches, i: Ints, j: Ints) -> Witnesses:
     """Return the witnesses of benches i (M,) and j (M,)."""
     gap = gaps(benches, i, j)

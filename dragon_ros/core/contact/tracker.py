@@ -182,7 +182,7 @@ class ContactTracker:
 
     def __init__(self, near_m: float = NEAR_M) -> None:
         """Start having seen nothing; gaps up to ``near_m`` are never missed as clearance."""
-        self._near_m = near_m
+        self.near_m = near_m
         self._buffer: ReorderBuffer[Observation] = ReorderBuffer()
         self._restart()
         self._ended: tuple[EpisodeEnd, ...] = ()
@@ -218,7 +218,7 @@ class ContactTracker:
     def _gaps(self, observation: Observation) -> tuple[Ints, Ints, Floats]:
         """Return candidates (K,), (K,) and their gaps; the pairs of open episodes are always among them."""
         b = observation.benches
-        i, j = candidates(observation.p, b, self._near_m)
+        i, j = candidates(observation.p, b, self.near_m)
         if self._open.key.size:
             inner, outer = np.divmod(self._open.key, len(b.centre))
             i, j = np.concatenate((i, inner)), np.concatenate((j, outer))

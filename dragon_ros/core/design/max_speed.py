@@ -278,6 +278,7 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
     ends = [start_s, *(t_s for t_s in scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
     at = scene.head.speed_at_m_s
     largest = max(abs(v) for low, high in pairwise(ends) for v in (at(low), at(max(low, nextafter(high, low)))))
+    assert isinstance(scene.head, Profile)      # a led one has no breaks to tell
     return _Varying(scene.head, largest) if largest else _Steady()
 
 

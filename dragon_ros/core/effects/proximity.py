@@ -1,6 +1,7 @@
 """Which benches are near each other at one instant, which of them touch, and where."""
 import numpy as np
 
+from dragon_ros.core.chain.rectangles import benches_of
 from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.signed_distance import gaps, witnesses
 from dragon_ros.core.contact.tracker import NEAR_M, TOUCH_M
@@ -14,6 +15,15 @@ def closeness(_: Simulation, frame: Frame) -> Closeness:
     assert frame.benches is not None
     i, j = candidates(frame.chain.p, frame.benches, NEAR_M)
     return Closeness(i, j, gaps(frame.benches, i, j))
+
+
+def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
+    """Return the pairs that touch, the deepest first, whatever effects are on."""
+    benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
+    i, j = candidates(frame.chain.p, benches, 0.0)
+    gap_m = gaps(benches, i, j)
+    rows = np.flatnonzero(gap_m <= TOUCH_M)
+    return [(int(i[row]), int(j[row])) for row in rows[np.argsort(gap_m[rows], kind='stable')]]
 
 
 def contacts(_: Simulation, frame: Frame) -> Contacts:

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.signed_distance import CORNERS, gaps, witness, witnesses
+from dragon_ros.core.contact.signed_distance import CORNERS, gaps, shortest_vector, witness, witnesses
 
 A, B = np.array([0]), np.array([1])
 EPS = np.finfo(float).eps
@@ -41,6 +41,22 @@ def ulps(benches):
 
 size = st.one_of(st.just(0.0), st.floats(1e-3, 4))
 bench = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), size, size)
+
+
+@given(bench, bench)
+@example((0, 0, 0, 2, 1), (0, 2, 0.3, 2, 1))
+@example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1))      # crossing
+@example((0, 0, 0.3, 4, 1), (0.1, 0, 0.3, 1, 0.5))          # nested
+def test_the_shortest_vector_is_as_long_as_the_gap_and_brings_or_parts_the_benches(one, two):
+    benches = rectangles(one, two)
+    gap = gaps(benches, A, B)[0]
+    for i, j in ((0, 1), (1, 0)):
+        vector = np.array(shortest_vector(benches, i, j))
+        assert np.hypot(*vector) == pytest.approx(abs(gap), rel=1e-9, abs=1e-12)
+        moved = benches.centre.copy()
+        moved[j] += -vector if gap > 0 else vector
+        touching = Benches(moved, benches.axis, benches.half_length, benches.half_width)
+        assert gaps(touching, A, B)[0] == pytest.approx(0, abs=1e-11)
 
 
 @given(bench, bench, st.sampled_from([1e-6, 1.0, 1e3]), st.sampled_from([0.0, 1e4, 1e8]))

@@ -28,7 +28,8 @@ from dragon_ros.core.tracks.spec import Spiral, STurn
 ALL = ~Effect.NONE
 FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLEARANCE: 'closeness',
           Effect.CONTACT: 'contacts', Effect.ACCELERATIONS: 'acceleration_m_s2', Effect.FORCES: 'tension_n_kg',
-          Effect.NOISE: 'measured', Effect.TRAILS: 'trail_m', Effect.DIAGNOSTICS: 'health'}
+          Effect.NOISE: 'measured', Effect.TRAILS: 'trail_m', Effect.DIAGNOSTICS: 'health',
+          Effect.LEADER: 'leader'}
 TOUCHING = Scene(dragon=Dragon(benches=24), effects=ALL)
 TICK = 413 * 50
 
@@ -81,14 +82,14 @@ def test_what_is_off_is_not_even_imported():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
     for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
-                 'core.effects.health', 'core.contact', 'core.contact.broad_phase', 'core.contact.tracker',
-                 'messages.encode_effects', 'messages.monitor_markers'):
+                 'core.effects.health', 'core.effects.leading', 'core.contact', 'core.contact.broad_phase',
+                 'core.contact.tracker', 'messages.encode_effects', 'messages.monitor_markers'):
         assert find_spec(f'dragon_ros.{name}')
         assert f'dragon_ros.{name}' not in loaded
 
 
 def test_there_are_as_many_subsets_as_needs_allow():
-    assert len(SUBSETS) == 5 * 3 * 2**5
+    assert len(SUBSETS) == 5 * 3 * 3 * 2**5
 
 
 @pytest.mark.parametrize(('names', 'line'), [

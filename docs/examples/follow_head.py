@@ -1,0 +1,41 @@
+"""A robot that follows the head of a dragon, 2 m behind it, and says where it is as a PoseStamped on `follower`."""
+import contextlib
+from math import atan2, cos, hypot, sin
+
+import rclpy
+from geometry_msgs.msg import PoseArray, PoseStamped
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+
+DISTANCE_M, TOP_SPEED_M_S = 2.0, 1.5
+
+
+class Follower(Node):
+    """Moves towards the head while it is further than DISTANCE_M away, in simulation time."""
+
+    def __init__(self) -> None:
+        """Start at the first place of the head that comes."""
+        super().__init__('follower', namespace='/dragon')
+        self.place: tuple[float, float] | None = None
+        self.before_s = 0.0
+        self.out = self.create_publisher(PoseStamped, 'follower', 10)
+        self.create_subscription(PoseArray, 'handles', self.on_handles, QoSProfile(depth=1000))
+
+    def on_handles(self, message: PoseArray) -> None:
+        """Take one step; the time between stamps says how far."""
+        head, now_s = message.poses[0].position, message.header.stamp.sec + 1e-9 * message.header.stamp.nanosec
+        x, y = self.place or (head.x, head.y)
+        step_s, self.before_s = max(0.0, now_s - self.before_s) if self.place else 0.0, now_s
+        away, heading = hypot(head.x - x, head.y - y), atan2(head.y - y, head.x - x)
+        step = max(0.0, min(away - DISTANCE_M, TOP_SPEED_M_S * step_s))
+        self.place = x + step * cos(heading), y + step * sin(heading)
+        pose = PoseStamped(header=message.header)
+        pose.pose.position.x, pose.pose.position.y = self.place
+        pose.pose.orientation.z, pose.pose.orientation.w = sin(heading / 2), cos(heading / 2)
+        self.out.publish(pose)
+
+
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+with contextlib.suppress(KeyboardInterrupt):
+    rclpy.spin(Follower())

@@ -1,0 +1,26 @@
+"""Lead the dragon of `./dragon sim --scene led`: on for ten seconds, back for five, again and again."""
+import contextlib
+import time
+
+import rclpy
+from geometry_msgs.msg import TwistStamped
+from rclpy.node import Node
+from rclpy.signals import SignalHandlerOptions
+
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+node = Node('lead', namespace='/dragon')
+commands = node.create_publisher(TwistStamped, 'cmd_vel', 10)
+began = time.monotonic()
+
+
+def command() -> None:
+    """Publish the speed of now; the dragon rests when nobody has said anything for half a second."""
+    message = TwistStamped()
+    message.header.stamp = node.get_clock().now().to_msg()
+    message.twist.linear.x = 1.0 if (time.monotonic() - began) % 15 < 10 else -0.5
+    commands.publish(message)
+
+
+node.create_timer(0.1, command)
+with contextlib.suppress(KeyboardInterrupt):
+    rclpy.spin(node)

@@ -1,0 +1,23 @@
+"""Watch a dragon of one's own: give its handles (PoseArray, head to tail) benches, which the monitor reads.
+
+Publish the handles on /mine/handles, start this and `./dragon monitor --ros-args -r __ns:=/mine`.
+"""
+import contextlib
+
+import rclpy
+from geometry_msgs.msg import PoseArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from visualization_msgs.msg import MarkerArray
+
+from dragon_ros.messages.observation import BenchesFromHandles
+
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+node = Node('my_dragon', namespace='/mine')
+builder = BenchesFromHandles(width_m=0.3, hole_inset_m=0.275)
+benches = node.create_publisher(MarkerArray, 'benches', QoSProfile(depth=1000))
+node.create_subscription(PoseArray, 'handles', lambda data: benches.publish(builder.encode(data)),
+                         QoSProfile(depth=1000), raw=True)
+with contextlib.suppress(KeyboardInterrupt):
+    rclpy.spin(node)

@@ -1,0 +1,46 @@
+"""A consumer of handles and benches of the same tick: prints how far the head bench's middle is from its handles."""
+import contextlib
+
+import rclpy
+from geometry_msgs.msg import PoseArray
+from rclpy.node import Node
+from rclpy.qos import QoSProfile
+from rclpy.signals import SignalHandlerOptions
+from visualization_msgs.msg import MarkerArray
+
+KEEP = 100      # ticks that wait for their other half at most
+
+
+class Pairs(Node):
+    """Pairs the two topics by their stamps, as message_filters.TimeSynchronizer does where it is installed."""
+
+    def __init__(self) -> None:
+        """Subscribe to both."""
+        super().__init__('pairs', namespace='/dragon')
+        self.waiting: dict[tuple[int, int], dict[str, PoseArray | MarkerArray]] = {}
+        for kind, name in ((PoseArray, 'handles'), (MarkerArray, 'benches')):
+            self.create_subscription(kind, name, lambda message, name=name: self.take(name, message),
+                                     QoSProfile(depth=1000))
+
+    def take(self, name: str, message: PoseArray | MarkerArray) -> None:
+        """Keep one half, or use both."""
+        stamp = (message if name == 'handles' else message.markers[0]).header.stamp
+        pair = self.waiting.setdefault((stamp.sec, stamp.nanosec), {})
+        pair[name] = message
+        if len(pair) == 2:
+            del self.waiting[stamp.sec, stamp.nanosec]
+            self.use(pair['handles'], pair['benches'])
+        while len(self.waiting) > KEEP:
+            del self.waiting[min(self.waiting)]
+
+    def use(self, handles: PoseArray, benches: MarkerArray) -> None:
+        """Compare the middle of the first bench with that of its two handles."""
+        one, two, middle = handles.poses[0].position, handles.poses[1].position, benches.markers[0].pose.position
+        off = ((one.x + two.x) / 2 - middle.x) ** 2 + ((one.y + two.y) / 2 - middle.y) ** 2
+        stamp = handles.header.stamp
+        print(f'{stamp.sec + 1e-9 * stamp.nanosec:.2f} s: {off ** 0.5:.1e} m', flush=True)
+
+
+rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
+with contextlib.suppress(KeyboardInterrupt):
+    rclpy.spin(Pairs())

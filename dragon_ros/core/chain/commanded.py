@@ -1,0 +1,205 @@
+"""A leader that is led from outside: its settings, the speed that it may take next, and the law that it has walked.
+
+The leader's speed changes at ticks and is linear between them. What was walked are the speeds at the ticks; how far the
+leader has gone at one follows from them exactly, in rational arithmetic, as with a profile of the same knots. So a
+recording of the speeds is enough to place every handle again, bit for bit.
+"""
+from bisect import bisect_right
+from collections.abc import Iterable
+from dataclasses import dataclass
+from fractions import Fraction
+from itertools import pairwise
+from math import copysign, inf, sqrt
+from typing import Any, NoReturn
+
+import numpy as np
+
+from dragon_ros.core.chain.head_law import Head, Profile, check_lead
+from dragon_ros.core.checks import number, settle
+from dragon_ros.core.errors import FieldError
+
+SHORT_M = 0.01      # the leader rests at least so far from a lock, where speeds grow without bound, or a track's end
+
+
+@dataclass(frozen=True)
+class Commanded:
+    """Led from outside, on topic `cmd_vel`: it comes to rest after `timeout_s` without a command, and keeps its limits.
+
+    The leader starts at rest. How far it goes is known from what was walked alone: from the topic `leader` of a bag.
+    """
+
+    lead: str = 'head'
+    timeout_s: float = 0.5
+    max_speed_m_s: float = 2.0
+    max_acceleration_m_s2: float = 1.0
+
+    def __post_init__(self) -> None:
+        """Refuse limits that are none."""
+        check_lead(self.lead)
+        settle(self, timeout_s=number('head.timeout_s', self.timeout_s, above=0.0, high=3600.0),
+               max_speed_m_s=number('head.max_speed_m_s', self.max_speed_m_s, above=0.0, high=1e3),
+               max_acceleration_m_s2=number('head.max_acceleration_m_s2', self.max_acceleration_m_s2, above=0.0,
+                                            high=1e6))
+
+    @property
+    def breaks_s(self) -> list[float]:
+        """Raise FieldError: nobody knows them before the run."""
+        _unknown()
+
+    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
+        """Raise FieldError: how far the leader has gone is in the bag of a run."""
+        _unknown()
+
+    def speed_at_m_s(self, t_s: float) -> float:
+        """Raise FieldError, as ``travelled_m``."""
+        _unknown()
+
+    def acceleration_at_m_s2(self, t_s: float) -> float:
+        """Raise FieldError, as ``travelled_m``."""
+        _unknown()
+
+    def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
+        """Raise FieldError, as ``travelled_m``."""
+        _unknown()
+
+    def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
+        """Return None: it stops short of every end."""
+        return None
+
+    def extent_m(self, t_s: float) -> tuple[float, float]:
+        """Return the least and the greatest distance that the leader can have gone by ``t_s``."""
+        return -self.max_speed_m_s * t_s, self.max_speed_m_s * t_s
+
+
+def _unknown() -> NoReturn:
+    raise FieldError('head.kind', 'commanded', 'how far the leader goes is known from a run alone',
+                     'give the bag of one, or another kind of head law')
+
+
+@dataclass(frozen=True)
+class Walked:
+    """The law of a led leader up to its last tick: ``knots`` are (t_s, speed_m_s), the last of all that were walked.
+
+    ``reached_m`` are the distances gone at the knots, exactly. Before the first the leader rests.
+    """
+
+    settings: Commanded
+    knots: tuple[tuple[float, float], ...]
+    reached_m: tuple[Fraction, ...] = (Fraction(0),)
+
+    @property
+    def lead(self) -> str:
+        """Which end leads."""
+        return self.settings.lead
+
+    @property
+    def breaks_s(self) -> list[float]:
+        """Times between which the speed only grows or only falls."""
+        return [t_s for t_s, _ in self.knots]
+
+    def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
+        """Return the law with one more knot; of the knots before, those of the last ``keep_s`` are kept."""
+        last, new = self.knots[-1], (t_s, speed_m_s)
+        reached_m = self.reached_m[-1] + (Fraction(t_s) - Fraction(last[0])) * (
+            Fraction(last[1]) + Fraction(speed_m_s)) / 2
+        first = max(0, bisect_right(self.knots, (t_s - keep_s, inf)) - 1)
+        return Walked(self.settings, (*self.knots[first:], new), (*self.reached_m[first:], reached_m))
+
+    def _gone(self, t_s: float) -> Fraction:
+        n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
+        (start_s, speed), since = self.knots[n], Fraction(t_s) - Fraction(self.knots[n][0])
+        if not since:
+            return self.reached_m[n]
+        gone = self.reached_m[n] + Fraction(speed) * since
+        if n + 1 < len(self.knots):
+            end_s, then = self.knots[n + 1]
+            gone += (Fraction(then) - Fraction(speed)) * since * since / (2 * (Fraction(end_s) - Fraction(start_s)))
+        return gone
+
+    def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
+        """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
+        if isinstance(t_s, np.ndarray):
+            gone = np.array([_halves(self._gone(t)) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
+            return gone[:, 0], gone[:, 1]
+        return _halves(self._gone(t_s))
+
+    def speed_at_m_s(self, t_s: float) -> float:
+        """Return the leader's speed at a tick, or the one between two as the ramp has it."""
+        n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
+        (start_s, speed), since = self.knots[n], Fraction(t_s) - Fraction(self.knots[n][0])
+        if not since or n + 1 == len(self.knots):
+            return speed
+        end_s, then = self.knots[n + 1]
+        share = since / (Fraction(end_s) - Fraction(start_s))
+        return float(Fraction(speed) + (Fraction(then) - Fraction(speed)) * share)
+
+    def acceleration_at_m_s2(self, t_s: float) -> float:
+        """Return the rate of the leader's speed in m/s^2; at a tick, the one that led to it."""
+        n = max(1, next((n for n, (at_s, _) in enumerate(self.knots) if at_s >= t_s), len(self.knots)))
+        return _rate(self.knots[n - 1], self.knots[n]) if n < len(self.knots) else 0.0
+
+    def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
+        """Return the least and the greatest rate of the leader's speed of all that is known."""
+        rates = [0.0, *(_rate(one, two) for one, two in pairwise(self.knots))]
+        return min(rates), max(rates)
+
+    def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
+        """Return None: it stops short of every end."""
+        return None
+
+    def extent_m(self, t_s: float) -> tuple[float, float]:
+        """Return the least and the greatest distance that the leader can have gone by ``t_s``."""
+        return self.settings.extent_m(t_s)
+
+
+HeadLaw = Head | Profile | Commanded | Walked
+
+
+def walked_from(settings: Commanded, start_s: float) -> Walked:
+    """Return the law of a leader that rests where the run starts."""
+    return Walked(settings, ((start_s, 0.0),))
+
+
+def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, step_s: float,
+                   left_m: tuple[float, float]) -> float:
+    """Return the speed at the next tick: towards the wanted one, within the limits, short of the ends of the way.
+
+    ``left_m`` are the metres that are left back and on. From the speed v at the next tick the leader can brake within
+
+        (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2,
+
+    and a leader that keeps this at one tick can keep it at the next, by braking alone. The last term is for the last
+    step of braking, which is as long as the others.
+    """
+    most = settings.max_acceleration_m_s2 * step_s
+    top = settings.max_speed_m_s
+    out = min(max(wanted_m_s, speed_m_s - most, -top), speed_m_s + most, top)
+    sense = copysign(1.0, out)
+    left = left_m[out > 0] - SHORT_M - most * step_s - 0.5 * sense * speed_m_s * step_s
+    half = 0.5 * most
+    most_on = sqrt(max(0.0, half * half + 2 * settings.max_acceleration_m_s2 * left)) - half
+    return sense * min(abs(out), max(0.0, most_on)) + 0.0
+
+
+def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
+    """Return what was walked, as (t_s, speed_m_s) of the ticks, as a profile: the same distances to the last bit.
+
+    A knot between two others of its own speed says nothing, and is left out. Raises FieldError for too many others.
+    """
+    knots = [(0.0, 0.0)]
+    for t_s, speed_m_s in walked:
+        if t_s == knots[-1][0]:
+            continue
+        if len(knots) > 1 and knots[-2][1] == knots[-1][1] == speed_m_s:
+            knots.pop()
+        knots.append((t_s, speed_m_s))
+    return Profile(tuple(knots), 'linear', settings.lead)
+
+
+def _rate(one: tuple[float, float], two: tuple[float, float]) -> float:
+    return float((Fraction(two[1]) - Fraction(one[1])) / (Fraction(two[0]) - Fraction(one[0])))
+
+
+def _halves(value: Fraction) -> tuple[float, float]:
+    hi = float(value)
+    return hi, float(value - Fraction(hi))

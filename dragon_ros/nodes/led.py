@@ -1,0 +1,140 @@
+"""A dragon that is led from outside: speeds from ``cmd_vel``, and the frames that follow from them."""
+import time
+from collections import Counter
+from collections.abc import Callable
+from math import isfinite
+from typing import Any
+
+from geometry_msgs.msg import Twist, TwistStamped
+
+from dragon_ros.core.chain.commanded import Commanded, Walked, next_speed_m_s, walked_from
+from dragon_ros.core.effects.proximity import touching
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.model import Limit, compile_scene
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import led_tick
+from dragon_ros.nodes.base import DragonNode
+
+TOPIC = 'cmd_vel'
+_DEPTH = 10
+
+
+class Commands:
+    """The last speed that was commanded, while it holds; what cannot be one is dropped and counted."""
+
+    def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
+        """Subscribe: to geometry_msgs/TwistStamped, or to Twist, which many tools still send."""
+        self.taken, self.dropped = 0, Counter[str]()
+        self._node, self._timeout_s = node, timeout_s
+        self._speed_m_s, self._until_s, self._stamp_ns = 0.0, 0.0, 0
+        node.create_subscription(TwistStamped if stamped else Twist, TOPIC,
+                                 self._on_stamped if stamped else self._take, _DEPTH)
+
+    def wanted_m_s(self) -> float:
+        """Return the speed that holds now: 0 after the timeout."""
+        return self._speed_m_s if time.monotonic() < self._until_s else 0.0
+
+    def summary(self) -> str:
+        """Return how many commands were taken and dropped."""
+        why = ', '.join(f'{count} {what}' for what, count in self.dropped.items())
+        return f'commands: {self.taken} taken, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
+
+    def _on_stamped(self, message: TwistStamped) -> None:
+        """Take a command whose stamp is 0 or of now; one that is older than another, too, is stale."""
+        stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
+        off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
+        if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
+            self._drop('stale', f'its stamp is {off_s:.3f} s before the clock of this node')
+            return
+        if self._take(message.twist):
+            self._stamp_ns = stamp_ns
+
+    def _take(self, twist: Any) -> bool:
+        speed = twist.linear.x
+        if not isfinite(speed):
+            self._drop('not finite', f'linear.x is {speed}')
+            return False
+        self.taken += 1
+        self._speed_m_s, self._until_s = speed, time.monotonic() + self._timeout_s
+        return True
+
+    def _drop(self, kind: str, why: str) -> None:
+        self.dropped[kind] += 1
+        self._node.get_logger().warning(f'{TOPIC}: command dropped ({self.dropped.total()} so far): {why}',
+                                        throttle_duration_sec=1.0)
+
+
+class LedFrames:
+    """Ticks 0, 1, 2, ... of a led scene; each is computed from the speed that is wanted when it is due."""
+
+    def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
+                 keep_s: float) -> None:
+        """Start at rest; ``say`` is told where it brakes before an end, and where it stops at a contact."""
+        assert isinstance(scene.head, Commanded)
+        self._settings, self._simulation = scene.head, compile_scene(scene)
+        self._scene, self._wanted_m_s, self._say, self._keep_s = scene, wanted_m_s, say, keep_s
+        self._minds_contact = on_contact != 'continue'
+        self.count = self._simulation.last_tick + 1
+        self.k = 0
+        self._law: Walked | None = None
+        self._stopped, self._brakes = '', False
+
+    def next_ns(self) -> int | None:
+        """Return the time of the next frame; None at the end, and after a contact that stops it."""
+        return None if self._stopped or self.k >= self.count else self._scene.run.time_ns(self.k)
+
+    def last_ns(self) -> int:
+        """Return the time of the last frame, if nothing stops it."""
+        return self._scene.run.time_ns(self.count - 1)
+
+    def take(self) -> Frame:
+        """Return the next frame and advance."""
+        t_s = self._scene.run.time_ns(self.k) / NS
+        self._law = self._next_law(t_s) if self._law else walked_from(self._settings, t_s)
+        frame = led_tick(self._simulation, self._law, self.k)
+        if self._minds_contact and (pairs := touching(self._simulation, frame)):
+            self._stopped = f'benches {pairs[0][0]} and {pairs[0][1]} are in contact at {t_s:.9f} s, tick {self.k}'
+            self._say(f'stops: {self._stopped}')
+        self.k += 1
+        return frame
+
+    def _next_law(self, t_s: float) -> Walked:
+        """Return the law up to the next tick: as wanted, within the limits."""
+        assert self._law
+        (before_s, speed), gone_m = self._law.knots[-1], float(self._law.reached_m[-1])
+        back, onwards = self._simulation.model.limits
+        left_m = tuple(abs(limit.gone_m - gone_m) if limit else float('inf') for limit in (back, onwards))
+        wanted = self._wanted_m_s()
+        args = self._settings, speed, wanted, t_s - before_s
+        walked = next_speed_m_s(*args, (left_m[0], left_m[1]))
+        self._mind(onwards if wanted > 0 else back, walked != next_speed_m_s(*args, (float('inf'), float('inf'))))
+        return self._law.walked_on(t_s, walked, self._keep_s)
+
+    def _mind(self, limit: Limit | None, brakes: bool) -> None:
+        """Say once that it brakes before an end."""
+        if brakes and limit and not self._brakes:
+            what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
+            self._say(f'brakes: {what} when the leader has gone {limit.gone_m:.6f} m')
+        self._brakes = brakes
+
+    def rewind(self) -> None:
+        """Start again, at rest."""
+        self.k, self._law, self._stopped, self._brakes = 0, None, '', False
+
+    def seek(self, t_ns: int) -> None:
+        """Raise FieldError: what will be commanded is not known."""
+        raise FieldError('seek_s', t_ns / NS, 'a led dragon has no other ticks to go to', 'reset it')
+
+    def check_time(self, t_ns: int) -> None:
+        """Raise FieldError, as ``seek``."""
+        self.seek(t_ns)
+
+    def place(self) -> str:
+        """Return the position of the last frame taken, as text."""
+        k, gone_m = max(self.k - 1, 0), float(self._law.reached_m[-1]) if self._law else 0.0
+        return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m walked'
+
+    def ending(self) -> str:
+        """Return why there is no next frame, as text."""
+        return self._stopped or f'the run ends after {self.count} ticks'

@@ -1,0 +1,50 @@
+"""Head laws of one's own: Python entry points in the group ``dragon_ros.head_laws``.
+
+An entry point is a function that takes the settings of a scene file as keyword arguments and returns a ``Head`` or a
+``Profile`` of ``dragon_ros.core.chain.head_law``, the same one whenever it is asked. The scene then holds what it
+returned, not its name: a bag makes its run again without the plug-in. So only a scene file or a command line loads one,
+never a bag or a topic.
+"""
+from importlib.metadata import EntryPoint, entry_points
+from typing import Any
+
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.scenes.yaml import Document
+
+GROUP = 'dragon_ros.head_laws'
+PLUGIN = 'plugin'
+KEYS = ('kind', 'law', 'settings')
+
+
+def plugged(document: Document) -> Head | Profile:
+    """Return the head law that a document's section names. Raises InputError where there is none, or none like it."""
+    given = document.section('head')
+    document.check_keys('head.', given, KEYS)
+    name, settings = given.get('law'), given.get('settings', {})
+    if not isinstance(settings, dict) or not all(isinstance(key, str) for key in settings):
+        document.refuse('head.settings', f'it holds {settings!r}; write a mapping of names to values')
+    found = _found(document, name)
+    try:
+        make = found.load()
+        laws = [make(**settings) for _ in range(2)]
+    except Exception as error:      # noqa: BLE001 - it is somebody else's code
+        document.refuse('head.law', f'{name} ({found.value}) failed: {type(error).__name__}: {error}')
+    law: Any = laws[0]
+    if type(law) not in (Head, Profile):
+        document.refuse('head.law', f'{name} ({found.value}) returned {type(law).__name__}; it has to return a Head or '
+                        'a Profile of dragon_ros.core.chain.head_law')
+    if law != laws[1]:
+        document.refuse('head.law', f'{name} ({found.value}) returned two laws for the same settings; a run could not '
+                        'be made again')
+    return law      # type: ignore[no-any-return]
+
+
+def _found(document: Document, name: Any) -> EntryPoint:
+    """Return the entry point of a name; it is not loaded yet."""
+    known = entry_points(group=GROUP)
+    found = [one for one in known if one.name == name]
+    if len(found) != 1:
+        names = ', '.join(sorted({one.name for one in known})) or 'none is installed'
+        document.refuse('head.law', f'{name!r} is {"named twice" if found else "not known"}; entry points in {GROUP}: '
+                        f'{names}')
+    return found[0]

@@ -1,0 +1,130 @@
+"""A led leader: its speeds keep the limits and stop short of every end, and what was walked is exact for good."""
+import itertools
+from dataclasses import replace
+from fractions import Fraction
+
+import numpy as np
+import pytest
+from hypothesis import example, given
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.commanded import SHORT_M, Commanded, Walked, next_speed_m_s, profile_of, walked_from
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import NS, Run, Scene
+from dragon_ros.core.step import led_tick, tick
+
+FREE = (float('inf'), float('inf'))
+LED = Commanded(max_speed_m_s=1.5, max_acceleration_m_s2=2.0)
+SCENE = Scene(Dragon(benches=20), head=LED, run=Run(3, 100, 30), effects=Effect.VELOCITY | Effect.TRAILS)
+
+
+def walk(scene, wanted, keep_s=10.0):
+    """Return the ticks (t_s, speed) and the laws of a run that is led by these wishes."""
+    law, rows, laws = None, [], []
+    back, onwards = compile_scene(scene).model.limits
+    for k, wish in enumerate(wanted):
+        t_s = scene.run.time_ns(k) / NS
+        if law is None:
+            law = walked_from(scene.head, t_s)
+        else:
+            (before_s, speed), gone = law.knots[-1], float(law.reached_m[-1])
+            left = tuple(abs(end.gone_m - gone) if end else float('inf') for end in (back, onwards))
+            law = law.walked_on(t_s, next_speed_m_s(scene.head, speed, wish, t_s - before_s, left), keep_s)
+        rows.append(law.knots[-1])
+        laws.append(law)
+    return rows, laws
+
+
+@given(st.lists(st.floats(-10, 10), min_size=2, max_size=300))
+@example([3.0] * 200)
+@example([-3.0] * 100 + [3.0] * 100)
+def test_speeds_keep_the_limits_of_speed_and_acceleration(wishes):
+    rows, _ = walk(SCENE, wishes)
+    assert rows[0][1] == 0
+    for (before_s, one), (t_s, two) in itertools.pairwise(rows):
+        assert abs(two) <= LED.max_speed_m_s
+        assert abs(two - one) <= LED.max_acceleration_m_s2 * (t_s - before_s) * (1 + 1e-12)
+
+
+@given(st.floats(0.1, 50), st.floats(0.001, 1), st.floats(0.01, 20), st.integers(0, 2**32))
+@example(0.005, 0.02, 1.0, 0)
+def test_whatever_is_commanded_the_leader_stops_short_of_both_ends(room_m, step_s, acceleration, seed):
+    led, random = Commanded(max_speed_m_s=5, max_acceleration_m_s2=acceleration), np.random.default_rng(seed)
+    gone, speed, most = 0.0, 0.0, led.max_acceleration_m_s2 * step_s
+    for wish in np.repeat(random.uniform(-9, 9, 12), 25).tolist():
+        then = next_speed_m_s(led, speed, wish, step_s, (room_m + gone, room_m - gone))
+        assert abs(then - speed) <= most * (1 + 1e-9) + 1e-12
+        gone, speed = gone + 0.5 * (speed + then) * step_s, then
+        assert abs(gone) <= max(room_m - SHORT_M, 0) + 1e-9
+
+
+def test_it_comes_near_an_end_that_it_is_sent_to():
+    led, gone, speed = Commanded(max_acceleration_m_s2=1.0), 0.0, 0.0
+    for _ in range(5000):
+        then = next_speed_m_s(led, speed, 2.0, 0.02, (0.0, 10.0 - gone))
+        gone, speed = gone + 0.5 * (speed + then) * 0.02, then
+    assert speed == 0
+    assert 10 - 2 * SHORT_M < gone < 10 - SHORT_M
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+def test_a_led_tick_has_the_bits_of_a_profile_of_what_was_walked(lead):
+    scene = replace(SCENE, head=replace(LED, lead=lead))
+    wishes = np.repeat([0.0, 1.2, 0.4, -0.9, 2.0, 0.0], 40).tolist()
+    rows, laws = walk(scene, wishes)
+    offline = replace(scene, head=profile_of(scene.head, rows), run=replace(scene.run, stop_s=rows[-1][0]))
+    assert len(offline.head.knots) < len(rows)      # stretches of one speed take two knots
+    for k, law in enumerate(laws):
+        led, other = led_tick(compile_scene(scene), law, k), tick(offline, k)
+        assert led.chain.p.tobytes() == other.chain.p.tobytes()
+        assert led.velocity_m_s.tobytes() == other.velocity_m_s.tobytes()
+        assert led.trail_m.tobytes() == other.trail_m.tobytes()
+        assert (led.leader.speed_m_s, led.leader.turn_rad_s) == (other.leader.speed_m_s, other.leader.turn_rad_s)
+        assert led.leader.speed_m_s == rows[k][1]
+
+
+@given(st.lists(st.floats(-1.5, 1.5), min_size=1, max_size=50), st.floats(0, 3))
+def test_what_is_walked_is_the_exact_integral_whatever_is_forgotten(speeds, keep_s):
+    law = walked_from(LED, 0.3)
+    whole = Walked(LED, law.knots)
+    for n, speed in enumerate(speeds, 1):
+        law, whole = (one.walked_on(0.3 + n / 7, speed, keep) for one, keep in ((law, keep_s), (whole, 1e9)))
+    exact = sum(((Fraction(t2) - Fraction(t1)) * (Fraction(v1) + Fraction(v2)) / 2
+                 for (t1, v1), (t2, v2) in zip(whole.knots, whole.knots[1:], strict=False)), Fraction(0))
+    assert law.reached_m[-1] == whole.reached_m[-1] == exact
+    assert law.travelled_m(law.knots[-1][0])[0] == float(exact)
+    assert len(law.knots) <= keep_s * 7 + 3         # memory does not grow with the run
+    assert law.acceleration_at_m_s2(law.knots[-1][0]) == pytest.approx((speeds[-1] - ([0.0, *speeds])[-2]) * 7)
+
+
+def test_the_leading_handle_moves_as_it_says():
+    for lead in ('head', 'tail'):
+        scene = replace(SCENE, head=replace(LED, lead=lead))
+        _, laws = walk(scene, [1.0] * 60)
+        one, two = (led_tick(compile_scene(scene), laws[k], k) for k in (57, 58))
+        moved = (two.leader.p - one.leader.p) * 30
+        np.testing.assert_allclose(moved, one.leader.speed_m_s * one.leader.way, atol=0.01)
+        (ax, ay), (bx, by) = one.leader.way, two.leader.way
+        turn = (ax * by - ay * bx) * 30
+        assert turn == pytest.approx(one.leader.turn_rad_s, rel=0.01)
+
+
+def test_a_led_scene_alone_says_that_its_way_is_in_a_bag():
+    for ask in (lambda: tick(SCENE, 5), lambda: first_contact(SCENE)):
+        with pytest.raises(FieldError, match=r'give the bag of one'):
+            ask()
+
+
+@pytest.mark.parametrize('settings', [{'timeout_s': 0}, {'max_speed_m_s': 0}, {'max_acceleration_m_s2': -1},
+                                      {'max_speed_m_s': float('nan')}, {'lead': 'nose'}])
+def test_limits_that_are_none_are_refused(settings):
+    with pytest.raises(FieldError, match=next(iter(settings))):
+        Commanded(**settings)
+
+
+def test_a_led_scene_always_has_its_leader():
+    assert Effect.LEADER in Scene(head=LED, run=Run(0, 5), effects=Effect.NONE).effects

@@ -1,0 +1,125 @@
+"""A dragon that is led over cmd_vel, and what its bag is good for afterwards."""
+import itertools
+import json
+import signal
+
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.messages.decode import read_odometry
+
+NS = 10**9
+LED = ('--scene', 'led', '--set', 'dragon.benches=30', '--set', 'head.max_speed_m_s=1.5',
+       '--set', 'head.max_acceleration_m_s2=5')
+READERS = 'wait_subscribers:=[handles=1,leader=2,velocities=1,benches=1,scene=1]'
+
+
+class Leader:
+    """Publishes speeds, ten in the time that a command holds, and hears what the leading handle does."""
+
+    def __init__(self, node, stamped=True):
+        from geometry_msgs.msg import Twist, TwistStamped
+        from nav_msgs.msg import Odometry
+        self.node, self.kind, self.speeds = node, TwistStamped if stamped else Twist, []
+        self.out = node.create_publisher(self.kind, 'cmd_vel', 10)
+        node.create_subscription(Odometry, 'leader', lambda data: self.speeds.append(read_odometry(data)[1]), 1000,
+                                 raw=True)
+
+    def say(self, speed, off_s=0):
+        """Command a speed, stamped with the clock of the node or so much off it; None: without a stamp."""
+        message = self.kind()
+        twist = getattr(message, 'twist', message)
+        twist.linear.x = speed
+        if hasattr(message, 'header') and off_s is not None:
+            message.header.stamp = self.node.get_clock().now().to_msg()
+            message.header.stamp.sec += off_s
+        self.out.publish(message)
+
+    def keep_saying(self, speed, until):
+        """Repeat a command until a condition holds."""
+        timer = self.node.create_timer(0.05, lambda: self.say(speed))
+        self.node.until(until)
+        self.node.destroy_timer(timer)
+
+
+def leader_speeds(path):
+    with BagReader(path) as bag:
+        return [read_odometry(message.data)[1] for message in bag.messages(['/dragon/leader'])]
+
+
+def test_a_led_dragon_walks_as_commanded_and_its_bag_is_recomputed_bit_for_bit(start, node, tmp_path, capsys):
+    bag, leader = tmp_path / 'led.mcap', Leader(node)
+    record = start('record', '--output', bag)
+    sim = start('sim', *LED, '--ros-args', '-p', READERS)
+    node.until(lambda: leader.speeds)
+    for speed in (float('nan'), float('inf'), -float('inf')):
+        leader.say(speed)
+    leader.say(1.0, off_s=-60)
+    leader.say(1.0, off_s=60)
+    sim.wait_for('command dropped')
+    leader.keep_saying(9.0, lambda: leader.speeds[-1] == 1.5)       # no faster than the scene allows
+    leader.keep_saying(-0.25, lambda: leader.speeds[-1] == -0.25)
+    node.until(lambda: leader.speeds[-1] == 0.0)                    # nobody leads any more
+    assert sim.stop() == 0, sim.text
+    assert record.end() == 0, record.text
+    assert '3 not finite, 2 stale' in sim.text
+    speeds = leader_speeds(bag)
+    assert speeds[:len(leader.speeds)] == leader.speeds
+    assert max(abs(b - a) for a, b in itertools.pairwise(speeds)) <= 5 / 50 * (1 + 1e-9)
+    assert main(['inspect', str(bag), '--check']) == 0
+    said = capsys.readouterr().out
+    assert f'{4 * len(speeds)} messages are bit for bit those of the model, 0 are not' in said
+    for command in (['inspect', bag], ['table', bag, '--times', '1', '--handles', '0'],
+                    ['contact', bag, '--format', 'json', '--certificate', tmp_path / 'proof.json'],
+                    ['contact', '--verify', tmp_path / 'proof.json'],
+                    ['plot', 'dragon', '--bag', bag, '--output', tmp_path / 'led.png']):
+        assert main([str(part) for part in command]) == 0, command
+    assert json.loads((tmp_path / 'proof.json').read_text())['scene']['head']['kind'] == 'profile'
+
+
+def test_what_a_killed_recorder_got_of_a_led_run_is_recomputed_up_to_its_last_whole_tick(start, node, tmp_path, capsys):
+    bag, leader = tmp_path / 'led.mcap', Leader(node, stamped=False)
+    record = start('record', '--output', bag, '--flush-s', '0.2')
+    sim = start('sim', *LED, '--ros-args', '-p', READERS, '-p', 'cmd_vel_stamped:=false')
+    node.until(lambda: leader.speeds)
+    leader.keep_saying(0.5, lambda: leader.speeds[-1] == 0.5 and len(leader.speeds) > 60)
+    record.signal(signal.SIGKILL)
+    assert sim.stop() == 0, sim.text
+    record.end()
+    assert main(['inspect', str(bag), '--repair', str(tmp_path / 'whole.mcap')]) == 0
+    capsys.readouterr()
+    assert main(['inspect', str(tmp_path / 'whole.mcap'), '--check', '--format', 'json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['equal'] >= 4 * 25
+    assert found['equal'] % 4 == 0
+
+
+@pytest.mark.parametrize('act', ['hold', 'stop'])
+def test_a_led_dragon_stops_with_the_first_tick_in_contact(start, node, act):
+    leader = Leader(node)
+    sim = start('sim', '--scene', 'led', '--set', 'track.start_turns=4.2', '--set', 'effects=[contact, clearance, '
+                'benches]', '--ros-args', '-p', f'on_contact:={act}', '-p', 'wait_subscribers:=[leader=1]')
+    node.until(lambda: leader.speeds)
+    leader.keep_saying(2.0, lambda: 'are in contact at' in sim.text)
+    if act == 'hold':
+        sim.wait_for('holding until a signal')
+        assert sim.stop() == 0, sim.text
+    assert sim.end() == 0, sim.text
+    assert f'stops: benches 0 and 8 are in contact at {(len(leader.speeds) - 1) / 50:.9f} s' in sim.text
+
+
+def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
+    from std_srvs.srv import Trigger
+    fast = start('sim', *LED, '--ros-args', '-p', 'time_scale:=0.0')
+    assert fast.end() == 2
+    assert 'commands come in real time' in fast.text
+    leader = Leader(node)
+    start('sim', *LED, '--ros-args', '-p', 'wait_subscribers:=[leader=1]', '-p', 'seek_s:=0.0')
+    node.until(lambda: leader.speeds)
+    client = node.create_client(Trigger, 'sim/seek')
+    node.until(client.service_is_ready)
+    done = client.call_async(Trigger.Request())
+    node.until(done.done)
+    assert not done.result().success
+    assert 'reset it' in done.result().message
