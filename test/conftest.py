@@ -10,6 +10,8 @@ def pytest_addoption(parser):
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,
                           suppress_health_check=[HealthCheck.too_slow])
+# With other versions of libraries the same properties hold of the same code: a few examples show that they run.
+settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
 settings.load_profile('repeatable')
 
 

@@ -5,6 +5,7 @@ import pytest
 
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.core.errors import MissingError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
@@ -195,9 +196,15 @@ def stranger_s_bag(path, schema):
         writer.finish()
 
 
-@pytest.mark.parametrize('name', [
-    'trap/msg/Trap', 'trap/msg/msg', 'this/msg/s', 'antigravity/msg/x', 'geometry_msgs/msg/Trap', 'rclpy.msg/msg/x',
-    'geometry_msgs/msg/geometry_msgs', '../msg/x', '/msg/', 'Pose', None])
+@pytest.mark.parametrize('name', ['this/msg/s', 'antigravity/msg/x', 'rclpy.msg/msg/x', 'geometry_msgs/msg/Trap',
+                                  'geometry_msgs/msg/geometry_msgs', '../msg/x', '/msg/', 'Pose', '', 'a\0/msg/b'])
+def test_only_the_ament_index_says_what_a_message_type_is(name):
+    from dragon_ros.nodes.shell import message_type
+    with pytest.raises(MissingError, match='^message type '):
+        message_type(name)
+
+
+@pytest.mark.parametrize('name', ['trap/msg/Trap', 'geometry_msgs/msg/Trap', None])
 def test_a_bag_names_message_types_and_nothing_that_is_run(start, tmp_path, name):
     for folder in ('trap/msg', 'geometry_msgs/msg', 'std_msgs/msg'):
         (tmp_path / folder).mkdir(parents=True)

@@ -37,13 +37,23 @@ class Soak:
     memory_mb: dict[str, list[tuple[float, float]]] = field(default_factory=dict)
     counts: dict[str, int] = field(default_factory=dict)
     faults: list[str] = field(default_factory=list)
+    started: list[subprocess.Popen[bytes]] = field(default_factory=list)
 
     def start(self, name: str, *arguments: object, domain: int | None = None) -> subprocess.Popen[bytes]:
         """Start an executable; what it says goes to a file."""
         environment = {**local_environment(domain or self.domain), 'PYTHONUNBUFFERED': '1'}
         with (self.folder / f'{name}.log').open('ab') as log:
-            return subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *map(str, arguments)], env=environment,
-                                    stdin=subprocess.DEVNULL, stdout=log, stderr=log)
+            self.started.append(subprocess.Popen(
+                [sys.executable, '-m', 'dragon_ros', name, *map(str, arguments)], env=environment,
+                stdin=subprocess.DEVNULL, stdout=log, stderr=log))
+        return self.started[-1]
+
+    def end(self) -> None:
+        """End what still runs."""
+        for process in self.started:
+            if process.poll() is None:
+                process.kill()
+                process.wait()
 
     def count(self, what: str, by: int = 1) -> None:
         """Count an act."""
@@ -66,9 +76,9 @@ def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
     return process.wait(timeout=60)
 
 
-def soak(folder: Path, minutes: float, seed: int) -> Soak:
-    """Run one and return what it saw."""
-    run, rng = Soak(folder), random.Random(seed)
+def soak(run: Soak, minutes: float, seed: int) -> None:
+    """Run one; it ends when the dragon does, which on a busy machine lags behind the clock."""
+    folder, rng = run.folder, random.Random(seed)
     whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
     monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
     stop_s = 60 * minutes
@@ -104,12 +114,12 @@ def soak(folder: Path, minutes: float, seed: int) -> Soak:
             run.count('late recorders')
         if acts % 12 == 0:
             print(f'{(time.monotonic() - run.began_s) / 60:.0f} of {minutes:g} minutes: {run.counts}, '
-                  f'{len(run.faults)} faults', file=sys.stderr, flush=True)
-    sim.wait(timeout=120)
+                  f'{len(run.faults)} faults, {({name: seen[-1][1] for name, seen in run.memory_mb.items()})} MB',
+                  file=sys.stderr, flush=True)
+    sim.wait(timeout=stop_s + 120)
     for process in extra, monitor:
         ended(process)
     run.count('exit code of the recorder', whole.wait(timeout=120))
-    return run
 
 
 def killed(run: Soak, bag: Path, rng: random.Random) -> None:
@@ -167,7 +177,12 @@ def main(argv: list[str]) -> int:
     options.add_argument('--seed', type=int, default=1, help='of the lengths of the stalls (1)')
     arguments = options.parse_args(argv)
     arguments.folder.mkdir(parents=True)
-    found = results(soak(arguments.folder, arguments.minutes, arguments.seed))
+    run = Soak(arguments.folder)
+    try:
+        soak(run, arguments.minutes, arguments.seed)
+    finally:
+        run.end()
+    found = results(run)
     print(json.dumps(found, indent=1))
     return int(bool(found['missing_ticks'] or found['faults']))
 
