@@ -26,7 +26,7 @@ SUBSTITUTES = {
     './dragon python docs/examples/': (None, 'test/nodes/test_examples.py runs it beside a sim'),
     './dragon view': ('view --help', 'it serves until Ctrl-C; test/commands/test_view.py plays the page'),
     './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
-    './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0',
+    './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0 -p discovery_s:=0.0',
                                         'the same run, without its 20 s'),
     './dragon sim --scene led': ('sim --scene led --set run.stop_s=0.2 --ros-args -p discovery_s:=0.0',
                                  'it waits an hour for commands; test/nodes/test_led.py leads it'),
