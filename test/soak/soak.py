@@ -93,7 +93,8 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
         acts += 1
         if act == 'kill':       # a recorder, and what is left is repaired and replayed elsewhere
             ended(extra, signal.SIGKILL)
-            killed(run, folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap', rng)
+            if (bag := folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap').exists():
+                killed(run, bag)
             run.count('recorders killed')
             extra = run.start('record', '--output', folder / f'extra_{run.counts["recorders killed"]}.mcap')
         elif act == 'stall':    # the recorder that must lose nothing
@@ -122,7 +123,7 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
     run.count('exit code of the recorder', whole.wait(timeout=120))
 
 
-def killed(run: Soak, bag: Path, rng: random.Random) -> None:
+def killed(run: Soak, bag: Path) -> None:
     """Repair what a killed recorder left, hold its ticks for gaps, and replay it to another recorder, lossless."""
     saved, again = bag.with_name('saved.mcap'), bag.with_name('again.mcap')
     saved.unlink(missing_ok=True)
