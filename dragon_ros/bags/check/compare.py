@@ -131,14 +131,21 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
     """
     law = None
     for k, (t_ns, recorded) in enumerate(instants):
-        found = recorded.get('leader', [])
-        speeds = [speed for stamp, speed in map(read_odometry, found) if stamp == t_ns] if len(found) == 1 else []
-        if t_ns != scene.run.time_ns(k) or len(speeds) != 1:
+        speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
+        if t_ns != scene.run.time_ns(k) or speed_m_s is None:
             result.note('leader', k, 'is not there once: what was walked from there on is unknown')
             return
-        law = law_on(scene, law, t_ns, speeds[0])
+        law = law_on(scene, law, t_ns, speed_m_s)
         _compare_tick(result, scene, encode, led_tick(compile_scene(scene), law, k), recorded)
         progress(k)
+
+
+def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
+    """Return the speed that the only message of a tick records; None where it is not the only one, or not of it."""
+    if len(found) != 1:
+        return None
+    stamp_ns, speed_m_s = read_odometry(found[0])
+    return speed_m_s if stamp_ns == t_ns else None
 
 
 def _whole(instants: Iterable[_Instant], bag: BagReader, namespace: str) -> Iterator[_Instant]:
