@@ -25,6 +25,7 @@ RATE_HZ = 100
 _EVERY_S = 5.0          # between two acts, and between two looks at the memory
 _SETTLED_S = 120.0      # growth of memory is counted from here on
 _NS = 10**9
+Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
 
 
 @dataclass
@@ -93,7 +94,8 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
         acts += 1
         if act == 'kill':       # a recorder, and what is left is repaired and replayed elsewhere
             ended(extra, signal.SIGKILL)
-            killed(run, folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap', rng)
+            if (bag := folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap').exists():
+                killed(run, bag)
             run.count('recorders killed')
             extra = run.start('record', '--output', folder / f'extra_{run.counts["recorders killed"]}.mcap')
         elif act == 'stall':    # the recorder that must lose nothing
@@ -109,8 +111,10 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
         elif act == 'join':     # a late one that leaves again
             late = run.start('record', '--output', folder / 'late.mcap', '--force')
             time.sleep(_EVERY_S)
-            if ended(late) != 0:
-                run.faults.append('a late recorder lacks something; see record.log')
+            if ended(late) not in (0, 3):       # 3: it lacks the beginning
+                run.faults.append(f'a late recorder ended with {late.returncode}')
+            with BagReader(folder / 'late.mcap') as reader:
+                mind_holes(run, 'a late recorder', stamps_in(reader))
             run.count('late recorders')
         if acts % 12 == 0:
             print(f'{(time.monotonic() - run.began_s) / 60:.0f} of {minutes:g} minutes: {run.counts}, '
@@ -122,7 +126,7 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
     run.count('exit code of the recorder', whole.wait(timeout=120))
 
 
-def killed(run: Soak, bag: Path, rng: random.Random) -> None:
+def killed(run: Soak, bag: Path) -> None:
     """Repair what a killed recorder left, hold its ticks for gaps, and replay it to another recorder, lossless."""
     saved, again = bag.with_name('saved.mcap'), bag.with_name('again.mcap')
     saved.unlink(missing_ok=True)
@@ -130,10 +134,8 @@ def killed(run: Soak, bag: Path, rng: random.Random) -> None:
     bag.unlink()
     with BagReader(saved) as reader:
         before = [(m.topic, m.data) for m in reader.messages(['/dragon/handles', '/dragon/benches'])]
-        stamps = np.array([m.t_ns for m in reader.messages(['/dragon/handles'])])
-    holes = int(np.sum(np.round(np.diff(stamps) * RATE_HZ / _NS) - 1)) if stamps.size > 1 else 0
-    if holes:
-        run.faults.append(f'{holes} ticks are missing within a bag that a kill left')
+        stamps = stamps_in(reader)
+    mind_holes(run, 'a recorder that was killed', stamps)
     run.count('ticks in killed bags', int(stamps.size))
     domain = free_domain()
     record = run.start('record', '--output', again, '--force', domain=domain)
@@ -149,12 +151,28 @@ def killed(run: Soak, bag: Path, rng: random.Random) -> None:
     run.count('messages replayed', len(after))
 
 
+def stamps_in(bag: BagReader) -> Stamps:
+    """Return the log times of the handles in a bag, in ns."""
+    return np.array([message.t_ns for message in bag.messages(['/dragon/handles'])], dtype=np.int64)
+
+
+def holes(stamps: Stamps) -> int:
+    """Return how many ticks are missing between the first and the last."""
+    return int(np.sum(np.round(np.diff(stamps) * RATE_HZ / _NS) - 1))
+
+
+def mind_holes(run: Soak, whose: str, stamps: Stamps) -> None:
+    """Note ticks that a bag lacks between its first and its last."""
+    if missing := holes(stamps):
+        run.faults.append(f'{whose} lacks {missing} ticks between its first and its last')
+
+
 def results(run: Soak) -> dict[str, object]:
     """Return what was lost, how stamps drifted, and how memory grew."""
     with BagReader(run.folder / 'whole') as reader:
         rows = np.array([(m.t_ns, m.publish_ns) for m in reader.messages(['/dragon/handles'])], dtype=np.int64)
         account = reader.metadata('dragon_ros.received')
-    missing = int(np.sum(np.round(np.diff(rows[:, 0]) * RATE_HZ / _NS) - 1))
+    missing = holes(rows[:, 0])
     off_ms = (rows[:, 1] - rows[:, 0] - (rows[0, 1] - rows[0, 0])) / 1e6
     tenth = max(1, len(off_ms) // 10)
     growth = {}
