@@ -8,8 +8,8 @@ from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import MissingError
 
-PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'contact': 'dragon_ros.cost.contacts',
-         'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
+PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'promises': 'dragon_ros.cost.promises',
+         'contact': 'dragon_ros.cost.contacts', 'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
          'bag': 'dragon_ros.cost.bags', 'effects': 'dragon_ros.cost.effects', 'memory': 'dragon_ros.cost.memory'}
 
 
@@ -18,6 +18,7 @@ def main(argv: list[str]) -> int:
     options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
                                   'python -m dragon_ros cost accuracy --output docs/cost')
     options.add_argument('page', choices=PAGES, help='accuracy: error against time, for every tier and other solvers; '
+                         'promises: error over promise on random chains (a part of the page accuracy too); '
                          'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'tick: where the time of one tick goes; scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; effects: what each effect adds to a tick; '
@@ -27,6 +28,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (0.3)')
     options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
                          help='length of the run of the page memory (10)')
+    options.add_argument('--chains', type=float, default=1000, metavar='N',
+                         help='how many chains the page promises draws (1000); Ctrl-C ends it early with what is done')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 
@@ -37,8 +40,9 @@ def _run(arguments: Namespace) -> int:
     except ImportError as error:
         raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
                            ) from None
-    minutes = number('--minutes', arguments.minutes, low=0.05, high=1e4)
-    rows = page.measure(60 * minutes if arguments.page == 'memory' else arguments.budget)
+    effort = {'memory': 60 * number('--minutes', arguments.minutes, low=0.05, high=1e4),
+              'promises': number('--chains', arguments.chains, low=1, high=1e9)}
+    rows = page.measure(effort.get(arguments.page, arguments.budget))
     try:
         paths = page.write(rows, arguments.output, figures.save)
     except OSError as error:

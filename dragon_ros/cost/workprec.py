@@ -18,6 +18,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.cost import promises
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -249,7 +250,7 @@ def _hard_panel(axes: Axes, rows: list[Row]) -> None:
 def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
     """Write table, CSV and pictures into a folder and return their paths."""
     folder.mkdir(parents=True, exist_ok=True)
-    written = {'accuracy.md': table(rows) + '\n', 'accuracy.csv': csv_text(rows)}
+    written = {'accuracy.md': table(rows) + '\n' + promises.section(folder), 'accuracy.csv': csv_text(rows)}
     for name, content in written.items():
         (folder / name).write_text(content, encoding='utf-8')
     return [*(folder / name for name in written), *save(picture(rows), folder / 'accuracy')]

@@ -7,7 +7,10 @@ from dragon_ros.__main__ import main
 
 
 def run(capsys, *arguments):
-    code = main(['design', *arguments])
+    try:
+        code = main(['design', *arguments])
+    except SystemExit as stop:
+        code = stop.code
     return code, *capsys.readouterr()
 
 

@@ -9,7 +9,7 @@ theirs would have been apart by their gaps at both states: they would have gone 
 That bound shrinks with the way that benches go, also where they go together. The other one, for pairs that it does not
 clear, shrinks with the square of the step, and with how little benches move as seen from each other: over a step h no
 corner leaves the line between its places at both ends by more than B h^2 / 8, B of ``relative_motion``. docs/contact.md
-has the proofs.
+has the proofs. All is rounded outwards: gaps and separations by ``signed_distance.rounding_m``, ways by a factor ABOVE.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, fields
@@ -22,13 +22,16 @@ from dragon_ros.core.contact.certificate import ALL, Interval
 from dragon_ros.core.contact.interval_clearing import Judgement, clear
 from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
-from dragon_ros.core.contact.signed_distance import gaps, placement
-from dragon_ros.core.errors import FieldError
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.contact.second_order_bounds import ABOVE
+from dragon_ros.core.contact.signed_distance import gaps, placement, rounding_m
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TOLERANCE = 4          # times the position error: two benches may be off, at two states
 _SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
+_LEAST_SPACING = 0.05   # of that, where intervals are cut all the same: shorter roots have fewer pairs in reach
+_PARTS_OF_ROOT = 1.5    # so long are the roots of a block that they are cut into so many, were it like the last one,
+_FINER = 0.25           # but no less than this, nor more than its inverse, of what they were
 _MOST = 2_000_000       # of them: some hours
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
 _SHARE = 0.9            # of the room for a step: gaps shrink on the way
@@ -38,6 +41,7 @@ _SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where g
 _FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
 _AT_ONCE = 2**16        # benches that are sampled together, for the memory
 _FEW = 8                # roots of the first block; later ones are twice as long each
+_SETTLED = 0.5          # of a gap: a bound that is as near to it is not looked at again on parts of its interval
 _STILL_M = 1e-200       # two states may round to one place
 
 
@@ -67,7 +71,11 @@ _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
 class _Space:
-    """Places of the leader, for ``clear``; pairs are looked for once for each root."""
+    """Places of the leader, for ``clear``; pairs are looked for once for each root, and parts of it get what is left.
+
+    A group is a set of pairs with a bound of the gaps of all others on an interval. A root's are those in reach. Those
+    whose bound on an interval is not far below their gaps at its ends are cleared on all its parts too, and left out.
+    """
 
     def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
         dragon = domain.dragon
@@ -76,10 +84,12 @@ class _Space:
         self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
         overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
         self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
+        self._rounding_m = float(rounding_m(domain.simulation.size_m, 0.5 * float(np.max(
+            dragon.bench_lengths_m + dragon.width_m))))
         self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
-        self._first: Ints = np.empty(0, dtype=np.int64)     # of each root's pairs
+        self._first: Ints = np.empty(0, dtype=np.int64)     # of each group's pairs
         self._count: Ints = np.empty(0, dtype=np.int64)
-        self._others_m: Floats = np.empty(0)                # a bound of the gaps of each root's other pairs
+        self._others_m: Floats = np.empty(0)                # a bound of the gaps of each group's other pairs
 
     def sample(self, places: Floats) -> ChainSamples:
         """Return samples."""
@@ -122,31 +132,49 @@ class _Space:
         """Return how far points of benches (M, N) go at most between samples."""
         way_m = np.abs(b.along_m - a.along_m)
         out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
-        return out
+        return ABOVE * out
 
-    def judge(self, a: ChainSamples, b: ChainSamples, root: Ints) -> Judgement:
+    def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
         """Judge intervals by what gaps leave of the ways of benches, or of how far they bend; cut as the room asks for.
 
         Room is how many times as long an interval might have been.
         """
-        moved_m, size = self._moved(a, b), self._count[root]
-        row = np.repeat(np.arange(root.size), size)
-        at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[root], size)
+        moved_m, size = self._moved(a, b), self._count[group]
+        row = np.repeat(np.arange(group.size), size)
+        at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[group], size)
         i, j = self._pairs[0][at], self._pairs[1][at]
         gap_a, gap_b, moving_m = self._gaps(a, row, i, j), self._gaps(b, row, i, j), moved_m[row, i] + moved_m[row, j]
-        low_m, room = 0.5 * (gap_a + gap_b - moving_m), (gap_a + gap_b) / np.maximum(moving_m, _STILL_M)
+        low_m = 0.5 * (gap_a + gap_b - moving_m) - self._rounding_m
+        room = (gap_a + gap_b) / np.maximum(moving_m, _STILL_M)
         left = np.flatnonzero(low_m <= self.tolerance_m)
         if left.size:
             bent_m, bent_room = self._bent(a, b, row[left], i[left], j[left])
             low_m[left], room[left] = np.maximum(low_m[left], bent_m), np.maximum(room[left], bent_room)
-        bound_m, least = self._others_m[root], np.full(root.size, 1.0)
+        bound_m, least = self._others_m[group], np.full(group.size, 1.0)
         np.minimum.at(bound_m, row, low_m)
         np.minimum.at(least, row, room)
-        touching = np.zeros((2, root.size), dtype=bool)
+        touching = np.zeros((2, group.size), dtype=bool)
         for end, gap in enumerate((gap_a, gap_b)):
             touching[end, row[gap <= 0]] = True
         parts = np.ceil(1 / (_SHARE * np.maximum(least, 0.5 / _MOST_PARTS)))
-        return Judgement(bound_m, touching, np.clip(parts, 2, _MOST_PARTS).astype(np.int64))
+        settled = low_m > np.maximum(self.tolerance_m, _SETTLED * np.minimum(gap_a, gap_b))
+        rest = self._without(settled, at, row, low_m, group, np.flatnonzero(bound_m <= self.tolerance_m))
+        return Judgement(bound_m, touching, np.clip(parts, 2, _MOST_PARTS).astype(np.int64), rest)
+
+    def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
+        """Return groups (M,): for ``which`` intervals new ones, without the pairs of theirs that are settled."""
+        out: Ints = group.copy()
+        others_m = self._others_m[group]
+        np.minimum.at(others_m, row[settled], low_m[settled])
+        left = ~settled & np.isin(row, which)
+        count = np.bincount(row[left], minlength=group.size)[which]
+        out[which] = self._count.size + np.arange(which.size)
+        self._first = np.concatenate((self._first, self._pairs[0].size + np.cumsum(count) - count))
+        self._count = np.concatenate((self._count, count))
+        self._others_m = np.concatenate((self._others_m, others_m[which]))
+        i, j = self._pairs
+        self._pairs = np.concatenate((i, i[at[left]])), np.concatenate((j, j[at[left]]))
+        return out
 
     def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
         """Return second-order bounds of pairs' gaps, and the room."""
@@ -155,11 +183,11 @@ class _Space:
         a, b = a.rows(used), b.rows(used)
         one, two = (Handles(each.along_m, each.curvature, each.segment, each.headings) for each in (a, b))
         moving = kinematics(one, two, (a.axis, b.axis), domain.dragon.link_lengths_m, domain.track.bends,
-                            0 if domain.leader.direction == BEHIND else -1)
+                            0 if domain.leader.direction == BEHIND else -1, domain.error_m)
         gone_m = np.abs(b.places - a.places)[row]
         seen = [views(each.p, each.axis, each.headings, row, i, j) for each in (a, b)]
         most = second_derivatives(moving, seen[0], seen[1], row, i, j, gone_m, np.hypot(*self._half))
-        sag = [each * (gone_m * gone_m / 8) for each in most]
+        sag = [ABOVE * each * (gone_m * gone_m / 8) + self._rounding_m for each in most]
         apart = [self._apart(each, row, i, j) for each in (a, b)]
         low_m, room = np.full(i.size, -np.inf), np.zeros(i.size)
         for frame in (0, 1):
@@ -194,20 +222,20 @@ class WholeChain:
     """All pairs of a domain, or those that ``LeadingBenches`` leave: what is cleared of them, and where that ends."""
 
     def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
-        """Take a domain; with ``only_beyond`` pairs count whose inner bench is beyond the track's first segment.
-
-        Raises FieldError where the domain is too long to search.
-        """
+        """Take a domain; with ``only_beyond`` pairs count whose inner bench is beyond the track's first segment."""
         self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[tuple[float, float, float]] = []
         self._heads_m: dict[float, float] = {}      # the head's distance along the track at the places
         self._hit: Bracket | None = None
-        length_m = abs(domain.stop_m - domain.start_m)
-        if length_m > _MOST * self._spacing_m:
-            raise FieldError('run.stop_s', domain.scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more '
-                             f'than {_MOST * self._spacing_m:.3g} m can be searched', 'stop earlier')
+
+    @property
+    def searchable_m(self) -> float:
+        """The leader's place up to which the domain does not begin with too many places."""
+        domain, most_m = self._domain, _MOST * self._spacing_m
+        near = abs(domain.stop_m - domain.start_m) <= most_m
+        return domain.stop_m if near else domain.start_m + domain.sense * most_m
 
     def clear(self, stop_m: float) -> Bracket | None:
         """Clear all pairs up to a place of the leader; return the first bracket of places that is not."""
@@ -239,18 +267,21 @@ class WholeChain:
 
     def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
         """Clear from one place to another, block by block, or to the first place that is not."""
-        start_m, stop_m = (self._within(place) for place in (start_m, stop_m))
-        most = max(1, _AT_ONCE // self._domain.dragon.benches)
-        count = max(1, int(abs(stop_m - start_m) / self._spacing_m + 0.5)) if start_m != stop_m else 0
-        done, size = 0, min(_FEW, most)
-        while done < count and not self._hit:
-            block = np.arange(done, min(done + size, count) + 1) / count
-            places = np.where(block == 1, stop_m, start_m + block * (stop_m - start_m))
+        here_m, stop_m = (self._within(place) for place in (start_m, stop_m))
+        most, spacing_m = max(1, _AT_ONCE // self._domain.dragon.benches), self._spacing_m
+        size = min(_FEW, most)
+        while here_m != stop_m and not self._hit:
+            left = max(1, int(abs(stop_m - here_m) / spacing_m + 0.5))
+            count = min(size, left)
+            end_m = stop_m if count == left else here_m + count / left * (stop_m - here_m)
+            places = np.linspace(here_m, end_m, count + 1)
             space = _Space(self._domain, self._only_beyond, self._heads_m)
             cleared = clear(space, [places], finest_m or self._finest_m)[0]
             self._rows += cleared.rows
             self._hit = Bracket(*cleared.hit) if cleared.hit else None
-            done, size = done + size, min(2 * size, most)
+            finer = min(max(_PARTS_OF_ROOT * count / max(1, len(cleared.rows)), _FINER), 1 / _FINER)
+            spacing_m = min(max(spacing_m * finer, _LEAST_SPACING * self._spacing_m), self._spacing_m)
+            here_m, size = end_m, min(2 * size, most)
 
     def _within(self, place_m: float) -> float:
         """Return the place, or the nearest one at which a bench is beyond the first segment if only those count."""

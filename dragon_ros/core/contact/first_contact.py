@@ -14,7 +14,7 @@ import numpy as np
 from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.contact.certificate import Certificate, Contact, Interval, NoContact, together
 from dragon_ros.core.contact.conservative_advancement import WholeChain
-from dragon_ros.core.contact.leading_benches import classes_of, provable_m
+from dragon_ros.core.contact.leading_benches import classes_of, provable_m, searchable_m
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.signed_distance import witness
 from dragon_ros.core.errors import FieldError
@@ -23,10 +23,10 @@ from dragon_ros.core.scene import Scene
 
 _BEFORE_M = 1e-9        # of the leader's way, before a contact: so far the certificate goes
 _TOLD_APART = 4         # times what a bound must exceed is what gaps are there at least
-_LONGEST_M = 1e6        # of a spiral: places further apart are too many to begin with
 _AHEAD_M = 1e-8         # and doubled: how far ahead of a place that cannot be cleared a contact is looked for
 _AHEAD = 24             # times, so up to 8 cm
 _STEADY = 4             # times as long as a gap takes to close at its last speed may it take
+_TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
 
@@ -55,8 +55,8 @@ class Part(Protocol):
 def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
-    ``progress(states)`` is called with every number of states just evaluated. Raises FieldError where the range is so
-    long that the search would not end.
+    ``progress(states)`` is called with every number of states just evaluated. Raises FieldError, with the time to stop
+    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, refusals).
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     searches = {sense: _Search(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
@@ -104,16 +104,25 @@ class _Search:
     def _clear(self) -> Bracket | None:
         """Clear the domain, or up to the first bracket that is not; raises FieldError where no proof goes so far."""
         domain, hit = self._domain, None
-        provable = provable_m(domain)
-        if provable == domain.stop_m or provable != domain.start_m:
+        last_m, why = self._last()
+        if why is not _TOO_FAR and (last_m == domain.stop_m or last_m != domain.start_m):
             for part in self._parts:
-                hit = part.clear(hit.other_m if hit else provable) or hit
-        if hit is None and provable != domain.stop_m:
-            last_s = domain.time_s(provable)
-            raise FieldError('run.stop_s', domain.scene.run.stop_s, f'from {last_s:.6f} s on a long bench behind the '
-                             'second may turn back near the centre, and contacts cannot be ruled out there',
+                hit = part.clear(hit.other_m if hit else last_m) or hit
+        if hit is None and last_m != domain.stop_m:
+            last_s = domain.time_s(last_m)
+            raise FieldError('run.stop_s', domain.scene.run.stop_s, f'from {last_s:.6f} s on {why}',
                              f'stop at {floor(last_s * 1e6) / 1e6:.6f} s or before')
         return hit
+
+    def _last(self) -> tuple[float, str]:
+        """Return the leader's place up to which contacts can be ruled out, and why no further; '' at the end."""
+        domain, ends = self._domain, [(self._domain.stop_m, '')]
+        if domain.track.from_afar:
+            ends.append((searchable_m(domain), _TOO_FAR))
+            ends.append((provable_m(domain), 'a long bench behind the second may turn back near the centre, and '
+                         'contacts cannot be ruled out there'))
+        ends += [(part.searchable_m, _TOO_FAR) for part in self._parts if isinstance(part, WholeChain)]
+        return min(ends, key=lambda end: domain.sense * end[0])
 
     def _contact(self, bracket: Bracket) -> Contact:
         """Return the contact in a bracket of places, or where nobody can say if the closest pair touches."""
@@ -187,14 +196,7 @@ class _Search:
 
 
 def parts_of(domain: SearchDomain) -> list[Part]:
-    """Return the parts that a domain is cleared in: classes of benches on a first spiral, and the whole chain.
-
-    Raises FieldError where the domain is too long to search.
-    """
-    length_m = abs(domain.stop_m - domain.start_m)
-    if domain.track.from_afar and length_m > _LONGEST_M:
-        raise FieldError('run.stop_s', domain.scene.run.stop_s, f'the leader goes {length_m:.3g} m and no more than '
-                         f'{_LONGEST_M:.3g} m can be searched', 'stop earlier, or start later')
+    """Return the parts that a domain is cleared in: classes of benches on a first spiral, and the whole chain."""
     parts: list[Part] = [*classes_of(domain)] if domain.track.from_afar else []
     if len(domain.track.segments) > 1 or not parts:
         parts.append(WholeChain(domain, bool(parts)))

@@ -7,7 +7,7 @@ as short as is asked for. The parts of one interval are at most half as long as 
 no more than log2(L / finest) rounds, and the whole search ends.
 """
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
 import numpy as np
@@ -34,17 +34,21 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """Of M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and parts to cut into."""
+    """Of M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and parts to cut into.
+
+    ``group`` (M,) is what the parts are judged with: a space may leave out of them what is settled for the whole.
+    """
 
     bound_m: Floats
     touching: Bools
     parts: Ints
+    group: Ints
 
 
 class Space(Protocol):
     """What is searched: it samples places, and bounds the gaps between two of them.
 
-    The first intervals are the ``roots``; every later one lies in one of them, and is judged with its number.
+    The first intervals are the ``roots``, which are judged with their own numbers; all others are parts of them.
     """
 
     @property
@@ -64,8 +68,8 @@ class Space(Protocol):
         """Take the roots: ``pairs`` (2, R) of rows of the samples, and the numbers (R,) of their windows."""
         ...
 
-    def judge(self, a: Any, b: Any, root: Ints) -> Judgement:
-        """Judge the intervals between samples a and b, each a part of a root."""
+    def judge(self, a: Any, b: Any, group: Ints) -> Judgement:
+        """Judge the intervals between samples a and b; ``group`` is a root's number or one from a judgement."""
         ...
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
@@ -117,17 +121,17 @@ def _cleared(space: Space, windows: list[Floats], finest_m: float) -> Iterator[C
 
 @dataclass(frozen=True)
 class _Batch:
-    """Intervals: ``pairs`` (2, M) of rows of samples, their windows and roots (M,)."""
+    """Intervals: ``pairs`` (2, M) of rows of samples, their windows and what they are judged with (M,)."""
 
     samples: Any
     pairs: Ints
     window: Ints
-    root: Ints
+    group: Ints
 
     def some(self, keep: Bools | Ints) -> '_Batch':
         """Return some intervals with the samples that they need."""
         used, rows = np.unique(self.pairs[:, keep], return_inverse=True)
-        return _Batch(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.root[keep])
+        return _Batch(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.group[keep])
 
 
 class _Search:
@@ -154,7 +158,7 @@ class _Search:
         places = batch.samples.places[batch.pairs]
         space, progress = self._space, self._sign[batch.window] * places
         first, second = (batch.samples.rows(rows) for rows in batch.pairs)
-        judged = space.judge(first, second, batch.root)
+        judged = space.judge(first, second, batch.group)
         for end in (0, 1):
             touching = judged.touching[end]
             np.minimum.at(self._touch, batch.window[touching], progress[end, touching])
@@ -167,7 +171,7 @@ class _Search:
         self._stuck.append((np.stack((*places[:, fine], judged.bound_m[fine]), axis=1), batch.window[fine]))
         rest = ~good & ~short & (progress[0] < self._limit[batch.window])
         if np.any(rest):
-            self._cut(batch.some(rest), judged.parts[rest])
+            self._cut(replace(batch, group=judged.group).some(rest), judged.parts[rest])
 
     def _next(self) -> _Batch:
         """Take the intervals that come first; too many for one time are taken in the order of progress."""
@@ -197,7 +201,7 @@ class _Search:
         backs = np.empty_like(fronts)
         backs[:-1], backs[-1] = fronts[1:], batch.pairs[1, -1]
         backs[np.cumsum(parts) - 1] = batch.pairs[1]
-        self.waiting.append(_Batch(samples, np.stack((fronts, backs)), batch.window[owner], batch.root[owner]))
+        self.waiting.append(_Batch(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner]))
 
     def result(self, number: int) -> Cleared:
         """Return what of a window is cleared up to the first interval that is not."""

@@ -21,9 +21,11 @@ from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.tracks.composite import Place
 
-_FIRST_M = 4.0          # between the first places: on the classic spiral a bound clears 0.5 to 8 m far from a contact
-_FINEST_M = 1e-3, 1e-8  # intervals are not cut below this: next to a contact, and next to a grazing
-_MOST_PLACES = 200_000  # of one window to begin with, for the memory
+_FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the larger is between the first places. What
+                        # adjacent layers do to each other depends on the angle: far from a contact 2 rad clear at once
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_MOST_PLACES = 50_000   # of one window to begin with, for the memory
+_MOST_RAD = 2e6         # of a domain: a million first places
 _CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
 
 
@@ -45,12 +47,12 @@ class _Space:
         """Take the roots."""
         self._behind = self._behind[window]
 
-    def judge(self, a: BenchSamples, b: BenchSamples, root: Ints) -> Judgement:
+    def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
         """Judge intervals by their second-order bounds; they are halved."""
-        behind = self._behind[root]
+        behind = self._behind[group]
         there = np.arange(2, a.offset.shape[1] + 2) <= behind[:, None]
         touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
-        return Judgement(bounds(a, b, self.sampler.sizes, behind), touching, np.full(behind.size, 2))
+        return Judgement(bounds(a, b, self.sampler.sizes, behind), touching, np.full(behind.size, 2), group)
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
         """Return upper bounds of the lengths of intervals."""
@@ -87,6 +89,8 @@ class LeadingBenches:
         assert domain.track.from_afar
         self._spiral = domain.track.from_afar.curve
         self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
+        longest_m = float(np.max(domain.dragon.bench_lengths_m))
+        self._first_m, self._finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[_Row] = []
         self._hit: Bracket | None = None
 
@@ -212,7 +216,8 @@ class LeadingBenches:
         """Yield the window between two places, if there is anything in it."""
         if start == stop or behind < 2:
             return
-        count = 2 + int(self._spiral.b_m * abs(start - stop) * (1 + max(start, stop)) / _FIRST_M)
+        step = max(self._first_m / (self._spiral.b_m * (1 + max(start, stop))), _FIRST_RAD)
+        count = 2 + int(abs(start - stop) / step)
         places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
         if self._domain.track.may_lock:
             places = np.concatenate((places, turning_places(*self._two(self.lead), *sorted((start, stop)))))
@@ -223,7 +228,7 @@ class LeadingBenches:
         """Return what samples the class between two places, with the followers that can matter there."""
         domain = self._domain
         return BenchSampler(domain.track, domain.dragon, self.lead, domain.dragon.benches - self.lead, domain.effort,
-                            domain.count).reaching(ends)
+                            domain.count, domain.error_m).reaching(ends)
 
     def _cleared(self, windows: list[_Window]) -> list[Cleared]:
         """Clear windows and keep what is clear."""
@@ -232,7 +237,7 @@ class LeadingBenches:
         ends = np.concatenate([window.places[[0, -1]] for window in windows])
         sampler = self.sampler(np.array([np.min(ends), np.max(ends)]))
         space = _Space(sampler, [window.behind for window in windows], self.tolerance_m)
-        out = clear(space, [window.places for window in windows], _FINEST_M)
+        out = clear(space, [window.places for window in windows], self._finest_m)
         self._rows += [_Row(*row, window.behind) for window, cleared in zip(windows, out, strict=True)
                        for row in cleared.rows]
         return out
@@ -251,6 +256,16 @@ def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
         else:
             found.append([bench])
     return [LeadingBenches(domain, benches) for benches in ([0], *found)]
+
+
+def searchable_m(domain: SearchDomain) -> float:
+    """Return the leader's place up to which a domain does not begin with too many places, where it is on the spiral."""
+    here, there = (domain.leader.place((gone_m, 0.0)) for gone_m in (domain.start_m, domain.stop_m))
+    gone_rad = there.u.hi - here.u.hi
+    if here.segment or there.segment or abs(gone_rad) <= _MOST_RAD:
+        return domain.stop_m
+    limit = here.u.hi + (_MOST_RAD if gone_rad > 0 else -_MOST_RAD)
+    return domain.leader.gone_m(Place(0, DoubleDouble(limit, 0.0)))
 
 
 def provable_m(domain: SearchDomain) -> float:

@@ -13,6 +13,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import AnyDragon, is_even
 from dragon_ros.core.chain.rectangles import Benches, axes_of
+from dragon_ros.core.contact.signed_distance import rounding_m
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.numerics.vectors import dot, left
 from dragon_ros.core.tracks.composite import Track
@@ -62,21 +63,39 @@ def joined(samples: list[BenchSamples]) -> BenchSamples:
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sampled benches: links, half lengths (K,) and half width in metres.
+    """The sampled benches: links, half lengths (K,) and half width in metres; ``error_m`` is what handles may err by.
 
     ``longest_m`` is the longest link of these or behind; None where all behind the first are equal.
     """
 
     b_m: float
+    error_m: float
     links_m: Floats
     half_length_m: Floats
     half_width_m: float
     longest_m: float | None
 
+    def angle_errors(self, theta: Floats) -> Floats:
+        """Return what polar angles (...) may err by: a handle at theta goes b sqrt(1 + theta^2) a radian.
+
+        Twice what positions may, which leaves as much for how positions follow from angles.
+        """
+        out: Floats = (2 * self.error_m / self.b_m) / np.maximum(theta, 1.0)
+        return out
+
+    def rounding_m(self, theta: Floats) -> Floats:
+        """Return what separations are off by for rounding, with the last handle at angles (M,)."""
+        out = rounding_m(self.b_m * theta, float(np.max(self.half_length_m)) + self.half_width_m)
+        assert isinstance(out, np.ndarray)
+        return out
+
 
 @dataclass(frozen=True)
 class BenchSampler:
-    """Samples bench ``first`` (0 is the head) and the ``follow`` benches from it on, on a track's first spiral."""
+    """Samples bench ``first`` (0 is the head) and the ``follow`` benches from it on, on a track's first spiral.
+
+    ``error_m`` is what positions may err by.
+    """
 
     track: Track
     dragon: AnyDragon
@@ -84,6 +103,7 @@ class BenchSampler:
     follow: int
     effort: Effort
     progress: Callable[[int], object]
+    error_m: float
 
     def sample(self, theta: Floats) -> BenchSamples:
         """Return the samples at places (M,)."""
@@ -111,7 +131,7 @@ class BenchSampler:
         d, sampled = self.dragon, slice(self.first, self.first + self.follow)
         links, lengths = d.link_lengths_m[sampled], d.bench_lengths_m[sampled]
         rest = d.link_lengths_m[self.first:]
-        return Sizes(self.b_m, links, 0.5 * lengths, 0.5 * d.width_m,
+        return Sizes(self.b_m, self.error_m, links, 0.5 * lengths, 0.5 * d.width_m,
                      None if is_even(rest) else float(np.max(rest)))
 
     def reaching(self, theta: Floats) -> 'BenchSampler':
@@ -137,11 +157,24 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[2:] / sizes.b_m
     linked = chord > 0
-    across = (chord * chord - span * span) / (2 * np.where(linked, chord, 1) * np.tan(np.where(linked, 0.5 * span, 1)))
+    across = line_distance(np.where(linked, chord, 1), np.where(linked, span, 1), 2 * sizes.angle_errors(inner))
     along = inner * inner / np.sqrt(1 + inner * inner)      # of a link of no length: a tangent
     overhang = sizes.half_length_m[0] - 0.5 * sizes.links_m[0]
-    reach = sizes.b_m * outer + np.hypot(overhang, sizes.half_width_m)
-    out: Floats = sizes.b_m * np.where(linked, across, along) - sizes.half_width_m - reach[:, None]
+    reach = sizes.b_m * outer + 2 * sizes.error_m + np.hypot(overhang, sizes.half_width_m)
+    off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
+    out: Floats = sizes.b_m * np.where(linked, across, along) - sizes.half_width_m - (reach + off)[:, None]
+    return out
+
+
+def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
+    """Return no more than how far the lines of links are from the centre, in units of b.
+
+    Links are ``chord`` long and span ``delta`` to within an error e. For delta < pi the distance
+    (c^2 - delta^2) cot(delta / 2) / 2c changes by no more than e (2 / c + 2.5 c / delta^2), since delta cot(delta / 2)
+    <= 2 and sin(delta / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
+    """
+    distance = (chord - delta) * (chord + delta) / (2 * chord * np.tan(0.5 * delta))
+    out: Floats = distance - error * (2 / chord + 2.5 * chord / (delta * delta)) - 2.0**-49 * chord / delta
     return out
 
 
@@ -157,8 +190,10 @@ def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> F
         return circle
     overhang = np.hypot(sizes.half_length_m[0] - 0.5 * sizes.links_m[0], sizes.half_width_m)
     inner, outer = np.minimum(a.theta, b.theta)[:, 2:-1], np.maximum(a.theta[:, 1], b.theta[:, 1])
-    away = np.sqrt(np.maximum((sizes.b_m * inner) ** 2 - 0.25 * sizes.longest_m**2, 0.0))
-    out: Floats = away - 2 * overhang - sizes.b_m * outer[:, None]
+    nearest = np.maximum(sizes.b_m * inner - 2 * sizes.error_m, 0.0)
+    away = np.sqrt(np.maximum((nearest - 0.5 * sizes.longest_m) * (nearest + 0.5 * sizes.longest_m), 0.0))
+    off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1])) + 2 * sizes.error_m
+    out: Floats = away - 2 * overhang - (sizes.b_m * outer + off)[:, None]
     return out
 
 

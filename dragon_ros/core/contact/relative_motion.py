@@ -20,15 +20,23 @@ other bench, which turns by D more, it is no more than |x''| + 2 |D| |x'| + (|D'
 from the middle adds that times |(D', D^2)|. All is evaluated in ball arithmetic, for everything that the angles and
 places can be between two states: what they are at both, and half of what a bound on their rates leaves beyond that.
 Curvatures jump at joints, so first derivatives have kinks there; what follows needs no more than that they are bounded.
+
+All is rounded outwards: balls by themselves, what puts them together by the factor ABOVE (``second_order_bounds``).
+What is known at states is known as well as positions p are, to within an error e: the axis of a link of length l turns
+by no more than 2 e / l, one of a link of no length with the track, and the track by k e; curvatures of lines and arcs
+do not change, and those of spirals by no more than k^2 e.
 """
 from dataclasses import dataclass
 
 import numpy as np
 
+from dragon_ros.core.contact.second_order_bounds import ABOVE
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between, side_by_side
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
-_PASSES = 8     # each makes what is left beyond the ends smaller by about the way over twice the link's length
+_ROUNDED_RAD = 2.0**-46 # of an angle between unit vectors
+_PASSES = 8     # at most; each makes what is left beyond the ends smaller by about the way over twice the link's length
+_WORTH = 0.9    # of a radius: where a pass leaves more of all of them, it is the last one
 
 
 @dataclass(frozen=True)
@@ -45,7 +53,8 @@ class Handles:
 class Kinematics:
     """What handles (M, N+1) and links (M, N) can do over intervals, by the leader's way: speeds, turning, their rates.
 
-    ``k`` are curvatures; ``front`` and ``rear`` angles from a link's axis to the track at its handles.
+    ``k`` are curvatures; ``axis_error`` (N,) and ``track_error`` what directions of links and of the track may err by,
+    and ``error_m`` what positions may.
     """
 
     v: Ball
@@ -53,57 +62,62 @@ class Kinematics:
     k: Ball
     w: Ball
     w_rate: Ball
-    front: Ball
-    rear: Ball
+    axis_error: Floats
+    track_error: float
+    error_m: float
 
 
 def kinematics(one: Handles, two: Handles, axis: tuple[Floats, Floats], links_m: Floats, bends: tuple[Floats, Floats],
-               leader: int) -> Kinematics:
+               leader: int, error_m: float) -> Kinematics:
     """Return what handles and links can do between states of M chains; ``axis`` (M, N, 2) are of links at either.
 
-    ``bends`` are the least and greatest curvatures from one segment to another, (P, P); ``leader`` is 0 or -1. A chord
-    and the track at its ends differ by asin(k l / 2) at most, k the largest curvature in between (Schur).
+    ``bends`` are the least and greatest curvatures from one segment to another, (P, P); ``leader`` is 0 or -1;
+    ``error_m`` is what positions may err by. A chord and the track at its ends differ by asin(k l / 2) at most, k the
+    largest curvature in between (Schur).
     """
     with np.errstate(all='ignore'):
-        k, even = _curvatures(one, two, bends)
+        k, even = _curvatures(one, two, bends, error_m)
+        track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
+        axis_error = np.where(links_m > 0, 2 * error_m / links_m + _ROUNDED_RAD, track_error)
+        errors, off = (axis_error, track_error, error_m), axis_error + track_error
         at_one, at_two = ((_angle(u, each.headings[:, :-1]), _angle(u, each.headings[:, 1:]))
                           for u, each in zip(axis, (one, two), strict=True))
-        way = np.abs(two.along_m - one.along_m)
+        way = np.abs(two.along_m - one.along_m) + 2 * error_m
         rigid = even[:, :-1] & even[:, 1:] & (one.segment[:, :-1] == one.segment[:, 1:])
-        widest = np.arcsin(np.minimum(0.5 * _largest(one, two, bends) * links_m, 1.0))
-        front, rear = (between(a, b) for a, b in zip(at_one, at_two, strict=True))
+        largest = _largest(one, two, bends)
+        widest = ABOVE * np.arcsin(np.minimum(ABOVE * 0.5 * (largest + largest * largest * error_m) * links_m, 1.0))
+        front, rear = (between(a, b, off) for a, b in zip(at_one, at_two, strict=True))
         if leader == 0:
-            link = _link((k[:, :-1], k[:, 1:]), (front, rear), (way[:, :-1], way[:, 1:]), links_m, rigid, widest, 1.0)
+            link = _link((k[:, :-1], k[:, 1:]), (front, rear), (way[:, :-1], way[:, 1:]), links_m, rigid, widest, off,
+                         1.0)
             v, a = _carried(link)
             w, w_rate = _turning(link, v[:, :-1], a[:, :-1])
-            return Kinematics(v, a, k, w, w_rate, link.near, link.far)
+            return Kinematics(v, a, k, w, w_rate, *errors)
         back = (slice(None), slice(None, None, -1))
         near, far = (slice(None), slice(None, 0, -1)), (slice(None), slice(-2, None, -1))
         link = _link((k[near], k[far]), (rear[back], front[back]), (way[near], way[far]), links_m[::-1], rigid[back],
-                     widest[back], -1.0)
+                     widest[back], off[::-1], -1.0)
         v, a = _carried(link)
         w, w_rate = _turning(link, v[:, :-1], a[:, :-1])
-        return Kinematics(v[back], a[back], k, w[back], w_rate[back], link.far[back], link.near[back])
+        return Kinematics(v[back], a[back], k, w[back], w_rate[back], *errors)
 
 
 @dataclass(frozen=True)
 class _Link:
-    """Of links: r, w and their derivatives, and what the angles at the handles nearer to and farther from it can be."""
+    """Of links: r, w and their derivatives."""
 
     r: Ball
     w: Ball
     r_dot: Ball
     w_dot: Ball
-    near: Ball
-    far: Ball
 
 
-def _curvatures(one: Handles, two: Handles, bends: tuple[Floats, Floats]) -> tuple[Ball, Array]:
+def _curvatures(one: Handles, two: Handles, bends: tuple[Floats, Floats], error_m: float) -> tuple[Ball, Array]:
     """Return what curvatures can be at handles, and where they are one number all the way."""
     same = one.segment == two.segment
     low = np.where(same, np.minimum(one.curvature, two.curvature), bends[0][one.segment, two.segment])
     high = np.where(same, np.maximum(one.curvature, two.curvature), bends[1][one.segment, two.segment])
-    return between(low, high), low == high
+    return between(low, high, error_m * np.maximum(low * low, high * high)), low == high
 
 
 def _largest(one: Handles, two: Handles, bends: tuple[Floats, Floats]) -> Floats:
@@ -123,33 +137,41 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 
 
 def _link(k: tuple[Ball, Ball], ends: tuple[Ball, Ball], way: tuple[Floats, Floats], links_m: Floats, rigid: Array,
-          widest: Floats,
-          sign: float) -> _Link:
+          widest: Floats, off: Floats, sign: float) -> _Link:
     """Return links' ratios over intervals; each pair is for the handles nearer to and farther from the leader.
 
-    Angles begin with what they can be at all, ``widest``; each pass bounds their rates, and with these the angles.
+    Angles begin with what they can be at all, ``widest``; each pass bounds their rates, and with these the angles. What
+    is known of them at the states may be ``off``.
     """
     inverse_l, joined = sign / np.where(links_m > 0, links_m, 1.0), links_m == 0
     none = np.zeros_like(way[0])
     sin_n = sin_f = Ball(none, none + np.sin(widest))
     cos_n = cos_f = between(none + np.cos(widest), none + 1.0)
-    near, far = (Ball(each.mid, widest + np.abs(each.mid)) for each in ends)
+    near, far = (Ball(each.mid, ABOVE * (widest + each.most)) for each in ends)
     for _ in range(_PASSES):
         w = (sin_n - cos_n * cos_f.inverse() * sin_f) * inverse_l
         rates = k[0] - w, k[1] - (sin_n * cos_f * cos_n.inverse() - sin_f) * inverse_l
-        near, far = (Ball(ball.mid, np.where(rigid, end.rad, np.fmin(ball.rad, np.maximum(end.rad, reach))))
-                     for ball, end, reach in zip((near, far), ends, (0.5 * rate.most * gone for rate, gone in zip(
-                         rates, way, strict=True)), strict=True))
+        reach = [ABOVE * (0.5 * rate.most * gone + off) for rate, gone in zip(rates, way, strict=True)]
+        before = near, far
+        near, far = (Ball(ball.mid, np.where(rigid, end.rad, np.fmin(ball.rad, np.maximum(end.rad, most))))
+                     for ball, end, most in zip((near, far), ends, reach, strict=True))
         (sin_n, cos_n, _), (sin_f, cos_f, _) = near.trig(), far.trig()
+        if _settled(before, (near, far)):
+            break
     r = cos_n * cos_f.inverse()
     w = (sin_n - r * sin_f) * inverse_l
     near_dot, far_dot = k[0] - w, r * k[1] - w
     r_dot = r * (sin_f * cos_f.inverse() * far_dot - sin_n * cos_n.inverse() * near_dot)
     w_dot = (cos_n * near_dot - r_dot * sin_f - r * cos_f * far_dot) * inverse_l
-    r, r_dot = _where(joined, Ball(none + 1.0, none), r), _where(rigid | joined, Ball(none, none), r_dot)
+    r, r_dot = _where(joined, Ball(none, none) + 1.0, r), _where(rigid | joined, Ball(none, none), r_dot)
     unknown = Ball(none, np.where(k[0].rad > 0, np.inf, 0.0))
     w, w_dot = _where(joined, k[0], w), _where(joined, unknown, _where(rigid, Ball(none, none), w_dot))
-    return _Link(r, w, r_dot, w_dot, near, far)
+    return _Link(r, w, r_dot, w_dot)
+
+
+def _settled(before: tuple[Ball, Ball], now: tuple[Ball, Ball]) -> bool:
+    """Return whether a pass has left most of all radii."""
+    return not any(np.any(b.rad < _WORTH * a.rad) for a, b in zip(before, now, strict=True))
 
 
 def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
@@ -204,18 +226,21 @@ def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i:
     """
     with np.errstate(all='ignore'):
         turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
-        handles = [_handle(moving, row, handle, (one.track[:, n], two.track[:, n]), turn, gone_m)
+        axis_error = moving.axis_error[i]
+        handles = [_handle(moving, row, handle, (one.track[:, n], two.track[:, n]), turn, gone_m,
+                           axis_error + moving.track_error)
                    for n, handle in enumerate((i, i + 1, j, j + 1))]
         (v_x, v_y), (a_x, a_y) = ([0.5 * (c + d - a - b) for a, b, c, d in zip(*parts, strict=True)]
                                   for parts in zip(*handles, strict=True))
-        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m)
+        off_m = 3 * moving.error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
+        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m, off_m)
         square = turn.squared()
-        first = np.hypot((a_x + 2 * turn * u_y + turn_rate * y + square * x).most,
+        first = ABOVE * np.hypot((a_x + 2 * turn * u_y + turn_rate * y + square * x).most,
                          (a_y - 2 * turn * u_x - turn_rate * x + square * y).most)
         more, more_rate = (_at(moving.w, row, j) - turn).most, (_at(moving.w_rate, row, j) - turn_rate).most
-        spin = np.hypot(more_rate, more * more)
+        spin = ABOVE * np.hypot(more_rate, more * more)
         second = first + 2 * more * np.hypot(u_x.most, u_y.most) + (more_rate + more * more) * np.hypot(x.most, y.most)
-        out = first + arm[j] * spin, second + arm[i] * spin
+        out = ABOVE * (first + arm[j] * spin), ABOVE * (second + arm[i] * spin)
     low, high = (np.where(np.isfinite(each), each, np.inf) for each in out)
     return low, high
 
@@ -225,30 +250,35 @@ def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
     return Ball(ball.mid[row, column], ball.rad[row, column])
 
 
-def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball,
-            gone_m: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
+def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
+            off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
     """Return a handle's velocity and its change along and across the first bench, from where that does not turn."""
     v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
     start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
-    reach = 0.5 * (k * v - turn).most * gone_m
-    ends = between(start, stop)
+    reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
+    ends = between(start, stop, off)
     # With less than half a turn on the way the angle went the short way from one end to the other.
     sin, cos, _ = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).trig()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
 
 
-def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats) -> tuple[Ball, Ball, Ball, Ball]:
+def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,
+            off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
     """Return what the second bench's middle, seen from the first, and its velocity can be.
 
-    Middles go no further from each other than their velocities say, however the first bench turns.
+    Middles go no further from each other than their velocities say, however the first bench turns. What is known of
+    them at the states may be ``off`` (K,) in metres.
     """
-    far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + gone_m * np.hypot(v[0].most, v[1].most)
-    ends = [between(a, b) for a, b in zip(one.middle, two.middle, strict=True)]
-    x, y = (Ball(end.mid, far + np.abs(end.mid)) for end in ends)
+    far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
+    far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))
+    ends = [between(a, b, off) for a, b in zip(one.middle, two.middle, strict=True)]
+    x, y = (Ball(end.mid, ABOVE * (far + end.most)) for end in ends)
     for _ in range(_PASSES):
-        u = v[0] + turn * y, v[1] - turn * x
-        x, y = (Ball(end.mid, np.fmin(ball.rad, np.maximum(end.rad, 0.5 * rate.most * gone_m)))
+        u, before = (v[0] + turn * y, v[1] - turn * x), (x, y)
+        x, y = (Ball(end.mid, np.fmin(ball.rad, np.maximum(end.rad, ABOVE * (0.5 * rate.most * gone_m + off))))
                 for end, ball, rate in zip(ends, (x, y), u, strict=True))
+        if _settled(before, (x, y)):
+            break
     return x, y, v[0] + turn * y, v[1] - turn * x

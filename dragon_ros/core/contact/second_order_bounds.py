@@ -27,7 +27,10 @@ In the frame of a bench that turns by w, the handle b theta exp(i theta) has the
 
 Benches of adjacent layers turn almost alike, so v is small and nothing large cancels. delta and, on either side of the
 place where the follower turns back, theta lie between their values at the ends: every formula is evaluated once, for
-all that they may be.
+all that they may be, and by as much more as positions may err.
+
+All is rounded outwards: balls by themselves (``ball_arithmetic``), separations by ``signed_distance.rounding_m``, and
+the formulas that put bounds together, sums and products of a few dozen positive numbers, by the factor ABOVE.
 """
 from dataclasses import dataclass
 
@@ -37,6 +40,7 @@ from dragon_ros.core.contact.narrow_phase import BenchSamples, Sizes, beyond, fu
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between, side_by_side
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
+ABOVE = 1 + 2.0**-40    # of bounds: more than eight thousand roundings of positive numbers take away
 _STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves by more than positions may err
 
 
@@ -118,7 +122,7 @@ def corners(moving: Motion, arm: Floats, growth: float = 0.0) -> Floats:
         in_lead, in_other = _middles(moving, slice(0, 1)), _middles(moving, slice(2, None))
         dw, dw_rate = moving.w[:, 2:] - moving.w[:, :1], moving.w_rate[:, 2:] - moving.w_rate[:, :1]
         spin = np.hypot(dw_rate.most, dw.most**2) + 2 * growth * dw.most
-        out: Floats = np.stack((in_lead + arm[:, 2:] * spin, in_other + arm[:, :1] * spin), axis=-1)
+        out: Floats = ABOVE * np.stack((in_lead + arm[:, 2:] * spin, in_other + arm[:, :1] * spin), axis=-1)
     return np.where(np.isfinite(out), out, np.inf)
 
 
@@ -195,6 +199,7 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> Floa
                      np.max(separation[..., 2:], axis=-1) - sag[..., 1])
     way = _way(a, b, sizes)
     low = np.maximum(low, np.maximum(a.apart, b.apart) - way[:, :1] - way[:, 2:])
+    low -= sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))[:, None]
     circle = beyond(a, b, sizes)
     out: Floats = np.min(np.where(_there(circle, behind), np.maximum(low, circle), np.inf), axis=1)
     unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)
@@ -212,7 +217,9 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     arm = np.hypot(sizes.half_length_m, sizes.half_width_m)[None] / sizes.b_m
     chord = sizes.links_m[None] / sizes.b_m
     length = (a.places - b.places)[:, None, None]
-    most = bend(between(a.theta, b.theta), between(a.delta, b.delta), between(chord, chord), arm)
+    off = sizes.angle_errors(np.minimum(a.theta, b.theta))
+    theta, delta = between(a.theta, b.theta, off), between(a.delta, b.delta, 2 * off[:, :-1])
+    most = bend(theta, delta, between(chord, chord), arm)
     out: Floats = most * (sizes.b_m * length * length / 8)
     return out
 
@@ -220,7 +227,7 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return how far corners go at most (M, K) in metres: as far as a handle, times the bench's lever."""
     outer = np.maximum(a.theta, b.theta)
-    handle = sizes.b_m * np.abs(a.theta - b.theta) * np.sqrt(1 + outer * outer)
+    handle = ABOVE * (sizes.b_m * np.abs(a.theta - b.theta) * np.sqrt(1 + outer * outer) + 4 * sizes.error_m)
     overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
     lever = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
     out: Floats = lever * np.maximum(handle[:, :-1], handle[:, 1:])

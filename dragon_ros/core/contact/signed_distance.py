@@ -2,6 +2,13 @@
 
 The parting translation of two convex polygons is normal to an edge, so the separating-axis value gives it; when they
 are apart that value is only a lower bound and the nearest corner decides.
+
+What rounding does, for handles that are given as floats: let no coordinate of one exceed S, no half length and half
+width of a bench together L, and u = 2^-53. A centre is off by u S, a bench's axis, the quotient of a difference and
+its length, by 4 u, a vector between centres, no longer than D <= 2.9 S, by 2.9 u S; its parts along an axis by 2.9 u S
++ 9 u D, and turned into the other bench's axes by 1.5 times that and 14 u D: 80 u S in all. The extent of a rectangle
+along an axis is off by 20 u L, and the root of a sum of squares by 1.5 times what its terms are. So no separation or
+gap of two benches is off by more than 128 u (S + L).
 """
 from dataclasses import dataclass
 
@@ -12,6 +19,7 @@ from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
+_ROUNDED = 2.0**-46 # of coordinates and sizes: what rounding makes of a separation or gap at most
 _AT_ONCE = 4096     # pairs, so that what is between fits the cache
 _SAME = 1e-12       # of the sizes: what is nearer than this is a tie
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
@@ -58,6 +66,14 @@ class Placement:
         second = np.maximum(x_2 - a_x, 0) ** 2 + np.maximum(np.abs(y_2) - a_y, 0) ** 2
         near: Floats = np.minimum(first, second)
         return axis, near
+
+
+def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
+    """Return what separations and gaps are off by at most, of handles whose coordinates no number ``far_m`` exceeds.
+
+    ``half_m`` is the largest sum of a bench's half length and half width.
+    """
+    return _ROUNDED * (far_m + half_m)
 
 
 def placement(benches: Benches, i: Index, j: Index) -> Placement:

@@ -11,6 +11,9 @@ B2 bound second derivatives by radius and scale on the whole cell, which is prov
 All is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times
 as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the leading
 handle; a *winding* is a little more than the turn of the chain behind it.
+
+Bounds are rounded outwards as those of the first contact are: balls by themselves, separations by what
+``signed_distance.rounding_m`` says, polar angles by what positions may err.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,7 +23,9 @@ import numpy as np
 
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.checks import number
-from dragon_ros.core.contact.second_order_bounds import bend
+from dragon_ros.core.contact.narrow_phase import line_distance
+from dragon_ros.core.contact.second_order_bounds import ABOVE, bend
+from dragon_ros.core.contact.signed_distance import rounding_m
 from dragon_ros.core.design.second_order_bounds_by_scale import bend_by_scale
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.numerics.ball_arithmetic import between
@@ -33,6 +38,7 @@ from dragon_ros.core.tracks.spiral import points
 
 _WAY_M, _STEP = 2.0, 0.05   # the largest cell: metres of the head's way, and part of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
+_OUTWARDS = 1 + 2.0**-50    # a pitch: it is the quotient of a rounded number and a scale
 _SAME = 1e-15               # of a pitch: it is the inverse of a scale, rounded twice
 _BENT = 1.09                # no spiral's curvature exceeds 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
@@ -163,7 +169,7 @@ class _Search:
             done += min(_AT_ONCE, cells.shape[1])
             cells = np.concatenate((cells[:, _AT_ONCE:], halves), axis=1)
             cells = cells[:, cells[2] < self._best]
-        return 2 * pi / self._best, 2 * pi / (float(cells[2, 0]) if cells.shape[1] else self._best)
+        return 2 * pi / self._best, _OUTWARDS * 2 * pi / (float(cells[2, 0]) if cells.shape[1] else self._best)
 
     def _grid(self) -> Floats:
         """Return the first cells: strips of pitch, each as long as the way at its larger pitch."""
@@ -187,7 +193,9 @@ class _Search:
         ends = where.reshape(4, -1)
         apart, sag = separation[ends], self._sags(cells, placed, ends)
         self._check_rest(cells, placed, ends)
-        low = np.min(apart, axis=0) - np.sum(sag, axis=-1)
+        half = float(np.max(self.task.dragon.bench_lengths_m) + self.task.dragon.width_m) / 2
+        off = rounding_m(np.max(placed.theta[ends, -1], axis=0) / cells[2], half) * cells[3]
+        low = np.min(apart, axis=0) - np.sum(sag, axis=-1) - off[:, None, None]
         pair = np.argmin(np.max(low, axis=-1), axis=1)
         each = np.arange(pair.size)
         edge = np.argmax(low[each, pair], axis=-1)
@@ -211,18 +219,24 @@ class _Search:
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
         link = dragon.link_lengths_m[benches]
         chord = between(scale[0] * link, scale[1] * link)
-        theta = between(placed.theta[ends[0]], placed.theta[ends[3]])
-        delta = between(placed.delta[ends[1]], placed.delta[ends[2]])
+        off = self._angle_errors(placed.theta[ends[0]], scale[1])
+        theta = between(placed.theta[ends[0]], placed.theta[ends[3]], off)
+        delta = between(placed.delta[ends[1]], placed.delta[ends[2]], 2 * off[:, :-1])
         by_radius = bend(theta, delta, chord, arm) * (scale[1] * (cells[1] - cells[0])[:, None])[..., None] ** 2
-        by_scale = bend_by_scale(theta, delta, chord, arm) * (scale[1] / scale[0] - 1)[..., None] ** 2
-        out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 1, 1, 0, 0, 1, 1]] / 8
+        by_scale = bend_by_scale(theta, delta, chord, arm) * ((scale[1] - scale[0]) / scale[0])[..., None] ** 2
+        out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 1, 1, 0, 0, 1, 1]] * (ABOVE / 8)
+        return out
+
+    def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
+        """Return what polar angles may err by: twice what positions may, over a handle's way a radian."""
+        out: Floats = self._tolerance_m * scale / np.maximum(theta, 1.0)
         return out
 
     def _check_rest(self, cells: Floats, placed: 'Windings', ends: Ints) -> None:
         """Refuse cells in which a bench further behind than those placed could come near.
 
         In metres the leading bench is within its rear handle's radius, which is largest at the larger radius and pitch,
-        and its overhang. The last link's line lies (l^2 - (delta / scale)^2) / (2 l tan(delta / 2)) from the centre: no
+        and its overhang. The last link's line is l^2 - (delta / scale)^2 over 2 l tan(delta / 2) from the centre: no
         less than for the largest delta and smallest scale. Links further behind lie further out (docs/contact.md).
         """
         dragon, count = self.task.dragon, placed.delta.shape[1]
@@ -230,9 +244,9 @@ class _Search:
             return
         overhang = 0.5 * (dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
         reach = placed.theta[ends[2], 1] / cells[2] + np.hypot(overhang, 0.5 * dragon.width_m)
-        link, most = float(dragon.link_lengths_m[-1]), placed.delta[ends[1], -1]
-        line = (link * link - (most / cells[2]) ** 2) / (2 * link * np.tan(0.5 * most)) - 0.5 * dragon.width_m
-        if np.any(line <= reach):
+        link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
+        line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
+        if np.any(line <= reach + 2 * self._tolerance_m):
             raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')
 
     def _note(self, places: Floats, separation: Floats) -> None:

@@ -219,8 +219,8 @@ class Track:
         sense = 1.0 if far > near else -1.0
 
         def excess(x: float) -> tuple[float, float]:
-            u = near + sense * (x - most)
-            link = complex(segment.at(u)) - here
+            u, low = plus(near, 0.0, sense * (x - most))
+            link = complex(segment.at(u, low)) - here
             growth = (link.conjugate() * complex(segment.heading(u))).real * segment.rate(u) * sense
             return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
 
@@ -306,8 +306,8 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
     low, high = np.zeros_like(gone), most
     x, last, spent = most * np.clip((chord_m - gone) / (reach - gone), 0.0, 1.0), most, 0
     for _ in range(80):
-        u = near + sense * x
-        link = segment.at(u) - here
+        u, lo = plus(near, 0.0, sense * x)
+        link = segment.at(u, lo) - here
         value = 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m)
         slope = (link.conjugate() * segment.heading(u)).real * segment.rate(u) * sense
         low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size

@@ -1,19 +1,22 @@
 """The S-turn (``spec.STurn``): from a spiral in to the same spiral out, half a turn round, along two tangent arcs."""
 from dataclasses import dataclass
+from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
 
+from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, SpiralSegment, arc_from
-from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
 
 def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:
     """Return the segments, open at both ends, and the distances of their anchors from the entry."""
-    curve = SpiralCurve.of(Spiral(turn.pitch_m, turn.entry_turns))
+    # One float for the entry's angle would put both spirals half a unit in its last place off, times the radius.
+    curve = SpiralCurve(turn.pitch_m, from_turns(Fraction(turn.diameter_m) / 2 / Fraction(turn.pitch_m)))
     theta = curve.start.hi
     way_in = SpiralSegment(curve, 0j, 1 + 0j, 1, BEHIND, inf, theta)
     way_out = SpiralSegment(curve, 0j, -1 + 0j, 1, AHEAD, theta, inf)
-    first = arc_from(complex(way_in.at(*curve.start)), complex(way_in.heading(theta)), turn.radii_m[0], -1,
+    first = arc_from(complex(way_in.at(*curve.start)), complex(way_in.heading(*curve.start)), turn.radii_m[0], -1,
                      turn.angle_rad)
     turned = first.last
     second = arc_from(complex(first.at(turned)), complex(first.heading(turned)), turn.radii_m[1], 1, turned)

@@ -32,7 +32,7 @@ EFFORT = Effort()
 
 
 def sampler(first=0, follow=60, scene=CLASSIC):
-    return BenchSampler(compile_scene(scene).model.track, scene.dragon, first, follow, EFFORT, lambda states: None)
+    return BenchSampler(compile_scene(scene).model.track, scene.dragon, first, follow, EFFORT, lambda states: None, 0.0)
 
 
 def test_the_classic_run_in_is_proved_with_few_looks():

@@ -263,7 +263,7 @@ def bounds_of(domain, gone_m, way_m, i, j):
     along_m, bend = domain.track.distances(chain.segment, chain.u), domain.track.curvatures(chain.segment, chain.u)
     axis, row = axes_of(chain), np.zeros_like(i)
     ends = [Handles(along_m[[n]], bend[[n]], chain.segment[[n]], chain.headings[[n]]) for n in (0, 1)]
-    moving = kinematics(*ends, (axis[[0]], axis[[1]]), chain.links_m, domain.track.bends, chain.leader)
+    moving = kinematics(*ends, (axis[[0]], axis[[1]]), chain.links_m, domain.track.bends, chain.leader, 0.0)
     pairs = [views(chain.p[[n]], axis[[n]], chain.headings[[n]], row, i, j) for n in (0, 1)]
     dragon = domain.dragon
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)

@@ -39,7 +39,7 @@ def test_every_law_on_a_spiral_has_a_certificate_that_holds(name):
     found = first_contact(SCENES[name])
     assert found.certificate.complete
     values = certificate.as_values(SCENES[name], found)
-    assert len(values['intervals']) > 10
+    assert values['intervals']
     assert proved(values)
     assert isinstance(found, NoContact if name in ('unwinding', 'lock', 'rest') else Contact)
 

@@ -43,7 +43,7 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
         track = compile_scene(scene).model.track
-        sampler = BenchSampler(track, dragon, 0, dragon.benches, Effort(), lambda states: None)
+        sampler = BenchSampler(track, dragon, 0, dragon.benches, Effort(), lambda states: None, 0.0)
         views = [sampler.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)

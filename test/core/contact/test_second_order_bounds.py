@@ -109,7 +109,7 @@ def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
 
 
 def sampler(dragon, first=1):
-    return BenchSampler(track_of(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None)
+    return BenchSampler(track_of(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None, 0.0)
 
 
 @given(st.floats(0.6, 4), st.floats(10, 90), st.floats(0, 2))

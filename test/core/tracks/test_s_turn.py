@@ -1,13 +1,17 @@
 """The contest's turn: symmetric, smooth, within its circle."""
+import cmath
+from fractions import Fraction
 from itertools import pairwise
+from math import pi
 
 import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state
+from dragon_ros.core.step import state, states
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
@@ -36,3 +40,21 @@ def test_the_contests_turn_has_the_contests_places():
     chain = state(TURNING, 0.0)
     np.testing.assert_allclose(chain.p[0], (7.778034, 3.717164), atol=5e-7)
     np.testing.assert_allclose(state(TURNING, 100.0).p[0], (-2.711856, -3.591078), atol=5e-7)
+
+
+NARROW = STurn(0.1, 39.9, before_m=30.0)     # its spirals are entered after 199.5 turns
+
+
+@pytest.mark.parametrize('after', [0, 1])
+def test_entry_and_exit_are_where_whole_turns_leave_them(after):
+    turned = 2 * pi * float(Fraction(39.9) / 2 / Fraction(0.1) % 1)
+    there = NARROW.radius_m * cmath.rect(1.0, turned) * (-1 if after else 1)
+    head = state(Scene(Dragon(3), NARROW, accuracy='exact'), NARROW.before_m + after * NARROW.length_m).p[0]
+    assert abs(complex(*head) - there) < 1e-13
+
+
+@pytest.mark.parametrize('t_s', [30.5, 32.0, 33.0, 155.0])
+def test_links_across_the_joints_of_a_narrow_spiral_keep_their_length(t_s):
+    scene = Scene(Dragon(6), NARROW, accuracy='exact', solver='march')
+    for chain in (state(scene, t_s).p, states(scene, [t_s]).p[0]):
+        assert np.max(np.abs(np.hypot(*np.diff(chain, axis=0).T) - scene.dragon.link_lengths_m)) < 5e-14

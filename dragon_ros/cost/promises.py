@@ -1,0 +1,212 @@
+"""``cost promises``: error over promise on random chains, of positions and speeds, at every tier and on every path.
+
+Scene n is drawn from the number n alone: 2 to 60 links, equal behind a head of its own or in groups, on a spiral, an
+S-turn or a composite track, behind a head or a tail, with a shift map or without, at one of the tiers. Its chains are
+those at the start, at two times anywhere, and at two close to the end of the model, which often is a lock. Each is held
+against forward placement at the exact tier, which ``cost accuracy`` holds against 50 digits.
+"""
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields, replace
+from itertools import count
+from pathlib import Path
+from random import Random
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state, states, tick, velocity_of
+from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m, speed_promise_m_s
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
+from dragon_ros.cost.measure import circumstances
+
+PROMISING = tuple(name for name, tier in TIERS.items() if tier is not PAPER)
+WAYS = ('state', 'states', 'tick')
+WHAT = ('positions', 'speeds')
+HEADING = '## Promises on random chains'
+_LONGEST_M = 6.0            # of a link
+_LATEST_S = 100.0
+_HEAD = ('tier', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
+_COLOURS = {'preview': '#56B4E9', 'standard': '#009E73', 'fine': '#E69F00', 'exact': '#0072B2'}
+
+
+def shares(scene: Scene, times_s: Sequence[float]) -> Floats:
+    """Return errors over promises, (times, 3, 2): of ``state``, ``states`` and ``tick``; of positions and of speeds.
+
+    Times are at whole nanoseconds, for the ticks. A promise is that of the scene's own tier.
+    """
+    known, scene = replace(scene, accuracy='exact', solver='march'), replace(scene, effects=Effect.VELOCITY)
+    many = states(scene, times_s)
+    v_many = velocity_of(scene, many, times_s)
+    return np.array([_shares_at(known, scene, t_s, (many.p[n], v_many[n])) for n, t_s in enumerate(times_s)])
+
+
+def _shares_at(known: Scene, scene: Scene, t_s: float, of_states: tuple[Floats, Floats]) -> list[tuple[float, float]]:
+    """Return rows for ``state``, ``states`` and ``tick`` at one time."""
+    reference = state(known, t_s)
+    v = velocity_of(known, reference, t_s)
+    simulation, condition, speed = compile_scene(scene), conditioning(reference), scene.head.speed_at_m_s(t_s)
+    promise_m = position_promise_m(simulation.tier, simulation.size_m, condition)
+    promise_m_s = speed_promise_m_s(simulation.tier, simulation.size_m,
+                                    simulation.model.length_m / scene.dragon.benches, condition, speed)
+    one, frame = state(scene, t_s), tick(replace(scene, run=Run(t_s, t_s)), 0)
+    assert frame.velocity_m_s is not None
+    placed = (one.p, velocity_of(scene, one, t_s)), of_states, (frame.chain.p, frame.velocity_m_s)
+    return [(float(np.max(np.hypot(*(p - reference.p).T))) / promise_m,
+             float(np.max(np.hypot(*(w - v).T))) / promise_m_s) for p, w in placed]
+
+
+def random_scene(number: int) -> tuple[Scene, list[float]] | None:
+    """Return the scene of a number and times at whole nanoseconds, or None where the model refuses it."""
+    dice = Random(number)
+    try:
+        scene = Scene(_dragon(dice), _track(dice), Head(1.0, dice.choice(('head', 'tail'))), Run(0, 1e3),
+                      accuracy=dice.choice(PROMISING), solver=dice.choice(('table', 'march')))
+        end_s = compile_scene(replace(scene, accuracy='exact')).end.t_s
+        compile_scene(scene)
+    except DragonError:
+        return None
+    parts = [0.0, dice.random(), dice.random(), 1 - 10 ** -dice.uniform(0, 4), 1 - 10 ** -dice.uniform(4, 8)]
+    times = [round(part * min(_LATEST_S, end_s), 9) for part in parts]
+    return scene, [t_s if t_s <= end_s else 0.0 for t_s in times]
+
+
+def _dragon(dice: Random) -> AnyDragon:
+    if dice.random() < 0.5:
+        return Dragon(dice.randint(2, 60), dice.uniform(0.05, _LONGEST_M), dice.uniform(0.05, _LONGEST_M), 0.05, 0.0)
+    groups = [Group(dice.uniform(0.05, _LONGEST_M), dice.randint(1, 20)) for _ in range(dice.randint(1, 3))]
+    if sum(group.count for group in groups) < 2:
+        groups.append(Group(dice.uniform(0.05, _LONGEST_M), 1))
+    return Mixed(tuple(groups), 0.05, 0.0)
+
+
+def _track(dice: Random) -> TrackSpec:
+    kind = dice.choice(('spiral', 'turn', 'composite'))
+    if kind == 'spiral':
+        return Spiral(dice.uniform(0.1, 10), dice.uniform(1, 40))
+    if kind == 'turn':
+        return STurn(dice.uniform(1, 3), dice.uniform(20, 30), dice.uniform(0.5, 2), dice.uniform(-30, 30))
+    return Composite(tuple(_piece(dice) for _ in range(dice.randint(1, 5))))
+
+
+def _piece(dice: Random) -> Piece:
+    kind = dice.choice(('line', 'arc', 'spiral'))
+    if kind == 'line':
+        return Line(dice.uniform(0.1, 9))
+    if kind == 'arc':
+        return Arc(dice.uniform(3.1, 9), dice.choice((1, -1)) * dice.uniform(5, 200))
+    return SpiralArc(dice.uniform(2.5, 4), dice.uniform(3, 4), dice.uniform(1.5, 2.9), dice.choice(('left', 'right')))
+
+
+@dataclass(frozen=True)
+class Measured:
+    """Errors over promises of M chains, (M, 3, 2); their tiers' places in PROMISING and scenes' numbers, (M,)."""
+
+    shares: Floats
+    tiers: Ints
+    scenes: Ints
+
+
+def measure(chains: float = 1000) -> Measured:
+    """Measure so many chains; progress goes to standard error. An interrupt ends it early with what is done."""
+    parts, done = list[Measured](), 0
+    try:
+        with tqdm(total=int(chains), desc='cost promises', unit='chain', disable=None, mininterval=1) as progress:
+            for part in map(_measured, count()):
+                parts.append(part)
+                done += len(part.shares)
+                progress.update(len(part.shares))
+                if done >= chains:
+                    break
+    except KeyboardInterrupt:
+        if not parts:
+            raise
+    return Measured(*(np.concatenate([getattr(part, each.name) for part in parts]) for each in fields(Measured)))
+
+
+def _measured(number: int) -> Measured:
+    """Measure the chains of one scene; none where the model refuses it."""
+    drawn = random_scene(number)
+    found = shares(*drawn) if drawn else np.empty((0, len(WAYS), len(WHAT)))
+    tier = PROMISING.index(str(drawn[0].accuracy)) if drawn else 0
+    return Measured(found, np.full(len(found), tier), np.full(len(found), number))
+
+
+def _rows(found: Measured) -> list[tuple[str | int | float, ...]]:
+    """Return one row for each tier, way and quantity, under the heads of the CSV."""
+    out: list[tuple[str | int | float, ...]] = []
+    for n, tier in enumerate(PROMISING):
+        mine = np.flatnonzero(found.tiers == n)
+        for m, way in enumerate(WAYS if mine.size else ()):
+            for k, what in enumerate(WHAT):
+                one = found.shares[mine, m, k]
+                figures = [float(f'{x:.3g}') for x in (*np.quantile(one, (0.5, 0.99, 0.999)), np.max(one))]
+                out.append((tier, way, what, one.size, *figures, int(np.sum(one > 1)),
+                            int(found.scenes[mine[np.argmax(one)]])))
+    return out
+
+
+def table(found: Measured) -> str:
+    """Return the distributions as a Markdown table with the circumstances above it."""
+    head = ('| tier | through | error of | chains | median | 99 % | 99.9 % | largest | above 1 | worst scene |\n'
+            '|---|---|---|---:|---:|---:|---:|---:|---:|---:|')
+    lines = [f'| {tier} | {way} | {what} | {chains:,} | ' + ' | '.join(f'{share:.1e}' for share in shown)
+             + f' | {above} | {number} |' for tier, way, what, chains, *shown, above, number in _rows(found)]
+    return '\n'.join([f'{circumstances()}. {summary(found)} Each figure is an error over its promise.', '', head,
+                      *lines])
+
+
+def summary(found: Measured) -> str:
+    """Return one sentence."""
+    above = int(np.sum(found.shares > 1))
+    return (f'On {len(found.shares):,} random chains of 2 to 60 links, each through `state`, `states` and `tick` at '
+            f'one of the tiers, the largest error is {np.max(found.shares):.2g} of its promise; {above} are above 1.')
+
+
+def picture(found: Measured) -> Figure:
+    """Return which part of the chains errs by more than a share of its promise, for positions and speeds."""
+    figure = Figure(figsize=(11, 5), layout='constrained')
+    for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
+        for n, tier in enumerate(PROMISING):
+            worst = np.sort(np.max(found.shares[found.tiers == n, :, k], axis=1))
+            if not worst.size:
+                continue
+            rank = np.arange(worst.size, 0, -1) / worst.size
+            keep = np.unique(np.geomspace(1, worst.size, 600).astype(np.int64))
+            axes.loglog(np.maximum(worst[-keep], 1e-9), rank[-keep], color=_COLOURS[tier], label=tier)
+        axes.axvline(1.0, color='black', linewidth=1)
+        axes.set(title=what.capitalize(), xlabel='error / promise, the worst of state, states and tick')
+        axes.grid(True, which='major', linewidth=0.4)
+        axes.legend(fontsize=9, loc='lower left')
+    figure.supylabel('part of the chains that err by more', fontsize=10)
+    figure.supxlabel(f'{len(found.shares):,} chains; {circumstances()}', fontsize=7)
+    return figure
+
+
+def write(found: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
+    """Write table, CSV and pictures, and the table into the page ``accuracy`` too; return the paths."""
+    folder.mkdir(parents=True, exist_ok=True)
+    paths = [folder / 'promises.md', folder / 'promises.csv']
+    paths[0].write_text(table(found) + '\n', encoding='utf-8')
+    paths[1].write_text(csv_of(_HEAD, _rows(found)), encoding='utf-8')
+    accuracy = folder / 'accuracy.md'
+    if accuracy.exists():
+        page = accuracy.read_text(encoding='utf-8').partition(HEADING)[0]
+        accuracy.write_text(page.rstrip('\n') + '\n' + section(folder), encoding='utf-8')
+        paths.append(accuracy)
+    return [*paths, *save(picture(found), folder / 'promises')]
+
+
+def section(folder: Path) -> str:
+    """Return what the page ``accuracy`` says of the promises that were last measured into a folder; '' if none were."""
+    page = folder / 'promises.md'
+    return f'\n{HEADING}\n\n{page.read_text(encoding="utf-8")}' if page.exists() else ''
