@@ -38,4 +38,6 @@ class Follower(Node):
 
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
 with contextlib.suppress(KeyboardInterrupt):
-    rclpy.spin(Follower())
+    node = Follower()
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.1)

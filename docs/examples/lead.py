@@ -23,4 +23,5 @@ def command() -> None:
 
 node.create_timer(0.1, command)
 with contextlib.suppress(KeyboardInterrupt):
-    rclpy.spin(node)
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.1)

@@ -20,4 +20,5 @@ benches = node.create_publisher(MarkerArray, 'benches', QoSProfile(depth=1000))
 node.create_subscription(PoseArray, 'handles', lambda data: benches.publish(builder.encode(data)),
                          QoSProfile(depth=1000), raw=True)
 with contextlib.suppress(KeyboardInterrupt):
-    rclpy.spin(node)
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.1)

@@ -43,4 +43,6 @@ class Pairs(Node):
 
 rclpy.init(signal_handler_options=SignalHandlerOptions.NO)      # Ctrl-C ends it between two lines, not inside rclpy
 with contextlib.suppress(KeyboardInterrupt):
-    rclpy.spin(Pairs())
+    node = Pairs()
+    while True:
+        rclpy.spin_once(node, timeout_sec=0.1)

@@ -7,6 +7,8 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from dragon_ros.messages.synchronizer import Streams
 from dragon_ros.nodes.base import DragonNode
 
+_UNNAMED = '_NODE_NAME_UNKNOWN_'     # of a publisher that discovery found just before its node
+
 
 class Publishers:
     """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message.
@@ -25,7 +27,8 @@ class Publishers:
         """Look who is there; return the names where there are several, else nothing."""
         before = self._there
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
-                       for one in self._node.get_publishers_info_by_topic(self.topic)}
+                       for one in self._node.get_publishers_info_by_topic(self.topic)
+                       if one.node_name != _UNNAMED}
         gone = before.keys() - self._there.keys()
         if len(self._there) > 1 and (self._known in gone or (self._known is None and gone)):
             self._known = None

@@ -106,7 +106,7 @@ def test_a_led_dragon_stops_with_the_first_tick_in_contact(start, node, act):
         sim.wait_for('holding until a signal')
         assert sim.stop() == 0, sim.text
     assert sim.end() == 0, sim.text
-    assert f'stops: benches 0 and 8 are in contact at {(len(leader.speeds) - 1) / 50:.9f} s' in sim.text
+    node.until(lambda: f'stops: benches 0 and 8 are in contact at {(len(leader.speeds) - 1) / 50:.9f} s' in sim.text)
 
 
 def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):

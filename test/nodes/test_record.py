@@ -10,6 +10,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from zstandard import ZstdError
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import compare_with_model
@@ -39,7 +40,7 @@ def streamed(path):
                     names[record.id] = record.topic
                 if isinstance(record, Message):
                     found.append((names[record.channel_id], record.log_time, record.data))
-    except (EndOfFile, ValueError, OSError):
+    except (EndOfFile, ValueError, OSError, ZstdError):      # the last chunk may be half written
         pass
     return found
 
@@ -232,11 +233,13 @@ def test_of_a_topic_that_two_publish_nobody_says_what_is_missing_and_both_are_na
     for k in range(5):
         for n, out in enumerate(outs):
             out.publish(poses((k + 30 * n) * 10**9))
-    node.until(lambda: heard)
-    (status,) = heard[0].status
-    assert (status.name, status.level) == ('dragon: record: publishers', b'\x01')
-    assert [(pair.key, pair.value) for pair in status.values] == [
-        ('/dragon/handles', '/dragon/observer, /dragon/stranger')]
+    named = ('/dragon/handles', '/dragon/observer, /dragon/stranger')
+
+    def warned():
+        return [status for message in heard for status in message.status
+                if named in [(pair.key, pair.value) for pair in status.values]]
+    node.until(warned)
+    assert (warned()[0].name, warned()[0].level) == ('dragon: record: publishers', b'\x01')
     record.stop()
     assert 'several publish on one topic: /dragon/handles: /dragon/observer and /dragon/stranger' in record.text
     assert 'nobody can say what is missing' in record.text
