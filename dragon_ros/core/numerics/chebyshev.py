@@ -6,6 +6,7 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.numerics.types import Floats
 
+_ENOUGH = 1e-9         # a Newton step, of the interval: the next error is about its square
 _NEWTON_STEPS = 6       # from within a tenth of the interval: quadratic convergence reaches the last digit in five
 
 
@@ -25,8 +26,11 @@ def inverse_series(series: Floats) -> Floats:
     slope = chebyshev.chebder(series)
     u = wanted = np.repeat(x[:, None], series.shape[1], axis=1)
     for _ in range(_NEWTON_STEPS):
-        u = u - (chebyshev.chebval(u, series[:, None, :], tensor=False) - wanted) / chebyshev.chebval(
+        change = (chebyshev.chebval(u, series[:, None, :], tensor=False) - wanted) / chebyshev.chebval(
             u, slope[:, None, :], tensor=False)
+        u = u - change
+        if np.max(np.abs(change), initial=0.0) < _ENOUGH:
+            break
     out: Floats = matrix @ u
     return out
 

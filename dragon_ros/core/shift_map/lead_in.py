@@ -122,13 +122,13 @@ def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, 
     """Return the nodes of the cells of rows (C, nodes), rear first: places, coordinates (C, nodes, 2) and motions."""
     count = table.nodes
     at = chebyshev.chebvander(transform(NODES)[0], count - 1)         # (nodes, K)
-    x = np.einsum('jk,skr->rsj', at, table.coordinates[:, :, rows])
+    x = (at @ table.coordinates[:, :, rows]).transpose(2, 0, 1)
     middle = table.middle[rows]
     segment = np.repeat(table.segment[rows][..., None], NODES, axis=-1).reshape(-1, NODES)
     high, low = plus(middle[..., :1], middle[..., 1:2], x / middle[..., 2:])
     places = segment, high.reshape(-1, NODES), low.reshape(-1, NODES)
-    series = table.motions.reshape(table.parts, count, -1, 2)[:, :, rows]
-    motion = np.einsum('jk,skrd->rsjd', at, series).reshape(-1, NODES, 2)
+    series = table.motions[:, :, 2 * rows[0]:2 * rows[-1] + 2]
+    motion = (at @ series).reshape(table.parts, NODES, -1, 2).transpose(2, 0, 1, 3).reshape(-1, NODES, 2)
     return places, track.points(*places), motion
 
 
@@ -143,7 +143,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     matrix, centre = transform(NODES)[1], NODES // 2
     origin = u[:, centre], lo[:, centre]
     from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
-    places, motions = (np.einsum('kj,cjd->ckd', matrix, values) for values in (p, pace[..., None] * heading))
+    places, motions = (matrix @ values for values in (p, pace[..., None] * heading))
     (x,), (middle,), (scale,) = scaled((matrix @ from_origin.T)[None])
     error_m = table.error_m[rows[cells // table.parts]]
     half = np.hypot(places[:, 1, 0], places[:, 1, 1]) / error_m
