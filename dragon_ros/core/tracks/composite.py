@@ -31,6 +31,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
 _SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
 WIDEST_RAD = 1.3    # about what a link may span on a spiral from afar: further in it may come near its lock
+_ROUNDING = 1e-14   # of a coordinate: a link of no length at the end stays where rounding put the handle before it
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
 
 Places = tuple[Ints, Floats, Floats]        # numbers of the segments, and the coordinates on them as (hi, lo)
@@ -188,7 +189,8 @@ class Track:
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
             return edge
-        return float(edge + direction * _SLACK * chord_m / segment.rate(edge))
+        rate = segment.rate(edge)
+        return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
 
     def across(self, place: Place, chord_m: float, direction: int, tolerance: float) -> tuple[Place, int]:
         """Return the next place beyond one joint or more, and evaluations. Raises TrackEndError where there is none."""
