@@ -8,13 +8,15 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from dragon_ros.api import Bag, Motion, Simulated, compile, design, plot, read_bag, scene  # noqa: A004
+    from dragon_ros.version import __version__ as __version__
 
-__version__ = '0.2.0'
 __all__ = ['Bag', 'Motion', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene']
 
 
 def __getattr__(name: str) -> Any:
-    """Import the public API when one of its names is first asked for (PEP 562)."""
+    """Import the public API, or the version, when one of its names is first asked for (PEP 562)."""
+    if name == '__version__':
+        return import_module('dragon_ros.version').__version__
     if name in __all__:
         return getattr(import_module('dragon_ros.api'), name)
     raise AttributeError(f'module {__name__!r} has no attribute {name!r}')

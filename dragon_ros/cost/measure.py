@@ -9,7 +9,7 @@ from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from statistics import median, quantiles
 
-from dragon_ros import __version__
+from dragon_ros.version import __version__
 
 TIMES = ('median_s', 'low_s', 'high_s', 'calls')
 

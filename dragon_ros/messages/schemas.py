@@ -3,7 +3,7 @@ import re
 from dataclasses import dataclass
 from functools import lru_cache
 
-from dragon_ros import configuration
+from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.scenes.yaml import read_document
 
 PRIMITIVES = {'bool': '?', 'byte': 'B', 'char': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h', 'uint16': 'H',
@@ -31,13 +31,13 @@ class Field:
 @lru_cache
 def schema_text(name: str) -> str:
     """Return the ros2msg schema of a message type such as geometry_msgs/msg/PoseArray."""
-    return (configuration.folder() / 'schemas' / f'{name.replace("/msg/", ".")}.msg').read_text()
+    return (configuration_folder() / 'schemas' / f'{name.replace("/msg/", ".")}.msg').read_text()
 
 
 @lru_cache
 def type_hash(name: str) -> str:
     """Return the RIHS01 hash of a message type."""
-    return str(read_document(configuration.folder() / 'schemas' / 'types.yaml').values[name])
+    return str(read_document(configuration_folder() / 'schemas' / 'types.yaml').values[name])
 
 
 @lru_cache

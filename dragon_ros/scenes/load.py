@@ -5,7 +5,7 @@ from dataclasses import MISSING, fields
 from pathlib import Path
 from typing import Any
 
-from dragon_ros import configuration
+from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -38,7 +38,7 @@ ABOUT = 'about'     # free notes about a scene, without any effect
 
 def scene_names() -> list[str]:
     """Return the names of the scenes that come with the package."""
-    return sorted(path.stem for path in (configuration.folder() / 'scenes').glob('*.yaml'))
+    return sorted(path.stem for path in (configuration_folder() / 'scenes').glob('*.yaml'))
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
@@ -161,7 +161,7 @@ def _find(name_or_file: str) -> Path:
     if name_or_file not in known:
         raise MissingError(f'scene: {name_or_file!r} is not known; the scenes are {", ".join(known)}; '
                            'or give the path of a .yaml file')
-    return configuration.folder() / 'scenes' / f'{name_or_file}.yaml'
+    return configuration_folder() / 'scenes' / f'{name_or_file}.yaml'
 
 
 def _values(part: Any, kinds: dict[str, type]) -> dict[str, Any]:

@@ -10,12 +10,12 @@ from typing import Any
 import numpy as np
 import yaml
 
-from dragon_ros import __version__
 from dragon_ros.core.errors import DragonError, shown
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.yaml import parse_document
+from dragon_ros.version import __version__
 
 RECORD = 'dragon_ros'
 ATTACHMENT = 'scene.yaml'

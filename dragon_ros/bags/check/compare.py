@@ -12,7 +12,6 @@ from math import inf
 
 import numpy as np
 
-from dragon_ros import __version__
 from dragon_ros.bags.read.frames import law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.chain.chain import conditioning
@@ -36,6 +35,7 @@ from dragon_ros.messages.decode import (
 )
 from dragon_ros.messages.encode import Encode, encoders
 from dragon_ros.scenes.provenance import RECORD
+from dragon_ros.version import __version__
 
 _HUGE = 1e100
 _MOST_WAITING = 1000    # ticks that may lack a topic before a whole one

@@ -9,7 +9,6 @@ from mcap.opcode import Opcode
 from mcap.records import Attachment, Channel, Metadata
 from mcap.writer import CompressionType, Writer
 
-from dragon_ros import __version__
 from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
@@ -27,6 +26,7 @@ from dragon_ros.bags.read.mcap import (
 )
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.version import __version__
 
 
 @dataclass

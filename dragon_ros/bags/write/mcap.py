@@ -24,8 +24,8 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
-from dragon_ros import __version__
 from dragon_ros.core.errors import DiskError, MissingError
+from dragon_ros.version import __version__
 
 _CHUNK = struct.Struct('<QQQQQH')       # start, size, raw size, first and last log time, channels
 _COUNT = struct.Struct('<HQ')           # channel, messages; one per channel, before the chunk's own row

@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros import configuration
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, velocity_of
@@ -37,7 +37,7 @@ class Cell:
 
 def cells() -> list[Cell]:
     """Return every printed number of the three tables."""
-    printed = json.loads((configuration.folder() / 'paper' / 'tables.json').read_text(encoding='utf-8'))
+    printed = json.loads((configuration_folder() / 'paper' / 'tables.json').read_text(encoding='utf-8'))
     late, signs = printed['table3_reconstructed_time_s'], printed['table3_sign_corrected_x']
     out = [_cell(1, handle, quantity, t_s, row[t_s][quantity])
            for handle, row in printed['table1'].items() for quantity in 'xy' for t_s in row]
