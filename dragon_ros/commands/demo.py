@@ -27,6 +27,7 @@ from dragon_ros.messages.decode import Status, read_diagnostics
 from dragon_ros.scenes.load import load_scene
 
 SCENE = 'first_contact'
+_DISCOVERY_S = 4.0      # until the recorder knows the monitor, which may report before it otherwise
 _READERS = 'handles=2,benches=2,velocities=1'
 _COMPARED = ('handles', 'benches', 'velocities', 'collision')
 _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
@@ -88,7 +89,8 @@ def _demonstrate(folder: Path, pace: float) -> int:
         _bystanders(start, again)
         topics = '/dragon/handles,/dragon/benches,/dragon/velocities'
         _finished(start('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
-                        ','.join(f'/dragon/{reader}' for reader in _READERS.split(','))))
+                        ','.join(f'/dragon/{reader}' for reader in _READERS.split(',')),
+                        '--ros-args', '-p', f'discovery_s:={_DISCOVERY_S}'))
         start.wait_for_contact()
     return _check(folder, live, again)
 
