@@ -62,17 +62,17 @@ class Monitor(DragonNode):
         self._warn_below_m = self._tracker.near_m = float(self.setting['warn_below_m'])
 
     def _on_handles(self, data: bytes, info: Any) -> None:
-        def take() -> None:
-            poses = read_handles(data)
-            if self._sources['handles'].keeps(raw_subscription.number(info), poses.t_ns):
-                self._observe(self._pairs.add_handles(poses, time.monotonic()))
-        self._guarded(take)
+        self._take('handles', info, lambda: read_handles(data), self._pairs.add_handles)
 
     def _on_benches(self, data: bytes, info: Any) -> None:
+        self._take('benches', info, lambda: read_benches(data), self._pairs.add_benches)
+
+    def _take(self, topic: str, info: Any, read: Callable[[], Any], add: Callable[[Any, float], Any]) -> None:
+        """Read a message, and examine the pair that it completes if it is of the dragon that this node stays with."""
         def take() -> None:
-            shown = read_benches(data)
-            if self._sources['benches'].keeps(raw_subscription.number(info), shown.t_ns):
-                self._observe(self._pairs.add_benches(shown, time.monotonic()))
+            half = read()
+            if self._sources[topic].keeps(raw_subscription.number(info), half.t_ns):
+                self._observe(add(half, time.monotonic()))
         self._guarded(take)
 
     def _on_timer(self) -> None:
