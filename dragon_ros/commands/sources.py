@@ -11,7 +11,7 @@ from typing import Any, Protocol
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import frames, namespace_of
+from dragon_ros.bags.read.frames import frames, namespace_of, scene_of_bag, walked_scene
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
@@ -173,10 +173,15 @@ class BagSource:
         """The bag's file name."""
         return self.bag.path.name
 
-    @property
+    @cached_property
     def track(self) -> Floats | None:
-        """None: a bag does not record its track."""
-        return None
+        """The part of the track on which handles are during the run, by the scene in the bag; None without one."""
+        try:
+            scene = scene_of_bag(self.bag, self.namespace)
+            walked = scene and walked_scene(self.bag, scene, self.namespace)
+        except InputError:      # a scene beyond its budgets; what was recorded is shown all the same
+            return None
+        return compile_scene(walked).track_line(_SAG_M) if walked else None
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:

@@ -22,7 +22,7 @@ _KINDS = {      # what each draws, and an example
     'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
     'speeds': ('the speed along the chain at some times', '--time 0,60,120,180,240,300'),
     'animation': ('the run as an animation: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
-                  '--start 400 --stop 412 --pace 2 --output run.html'),
+                  '--start 400 --stop 413 --pace 2 --output run.html'),
 }
 
 
