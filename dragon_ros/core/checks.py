@@ -3,7 +3,7 @@ from dataclasses import fields
 from math import isfinite
 from typing import Any
 
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, did_you_mean
 
 
 def number(field: str, value: Any, *, low: float | None = None, above: float | None = None,
@@ -33,7 +33,8 @@ def whole(field: str, value: Any, *, low: int, high: int) -> int:
 def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:
     """Return the value if it is one of the choices, else raise FieldError."""
     if value not in choices:
-        raise FieldError(field, value, f'the choices are {", ".join(choices)}', 'give one of these')
+        raise FieldError(field, value, f'the choices are {", ".join(choices)}',
+                         did_you_mean(value, choices, 'give one of these'))
     return str(value)
 
 
