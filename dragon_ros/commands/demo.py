@@ -40,8 +40,8 @@ def main(argv: list[str]) -> int:
                                   'contact; replay the bag, check it against the model, draw the dragon.',
                                   'python -m dragon_ros demo --pace 4')
     options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
-                         help='where the bag and the picture go; files of an earlier demo are replaced (dragon_demo)')
-    options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (2)')
+                         help='where the bag and the picture go; files of an earlier demo are replaced (%(default)s)')
+    options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (%(default)g)')
     arguments = options.parse_args(argv)
     for number in ending():
         signal.signal(number, _end)

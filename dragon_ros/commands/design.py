@@ -61,8 +61,7 @@ def _run(question: Question, arguments: Namespace) -> int:
 
 def _turn_options(parser: ArgumentParser) -> None:
     """Add the scene options and --contact; the scene is the turn's."""
-    command_line.add_scene_options(parser)
-    parser.set_defaults(scene='turning')
+    command_line.add_scene_options(parser, 'turning')
     parser.add_argument('--contact', action='store_true', help='also look for a contact in the smallest circle')
 
 
@@ -130,9 +129,8 @@ def _turn_text(values: dict[str, Any]) -> str:
 
 def _max_speed_options(parser: ArgumentParser) -> None:
     """Add the scene options and the limit; the scene is the turn's."""
-    command_line.add_scene_options(parser)
-    parser.set_defaults(scene='turning')
-    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (2)')
+    command_line.add_scene_options(parser, 'turning')
+    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (%(default)g)')
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
@@ -157,9 +155,9 @@ def _max_speed_text(values: dict[str, Any]) -> str:
 def _min_pitch_options(parser: ArgumentParser) -> None:
     """Add the scene options, the circle and the bounds."""
     command_line.add_scene_options(parser)
-    parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES', help='of the turning circle (9)')
-    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES', help='largest pitch considered (1)')
-    parser.add_argument('--within', type=float, default=2e-11, metavar='METRES', help='width of the bracket (2e-11)')
+    parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES', help='of the turning circle (%(default)g)')
+    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES', help='largest pitch considered (%(default)g)')
+    parser.add_argument('--within', type=float, default=2e-11, metavar='METRES', help='width of the bracket (%(default)g)')
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:

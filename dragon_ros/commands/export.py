@@ -30,10 +30,10 @@ def main(argv: list[str]) -> int:
                                   'each tick and handle) or as arrays (npz: also the benches).',
                                   'python -m dragon_ros export run.mcap --format npz --output run.npz')
     options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
-    options.add_argument('--format', choices=tuple(_FORMATS), default='csv', help='output format (csv)')
+    options.add_argument('--format', choices=tuple(_FORMATS), default='csv', help='output format (%(default)s)')
     options.add_argument('--output', type=Path, metavar='FILE', required=True, help='file to write')
     options.add_argument('--force', action='store_true', help='replace an existing file')
-    options.add_argument('--every', type=int, default=1, metavar='N', help='every Nth tick only (1)')
+    options.add_argument('--every', type=int, default=1, metavar='N', help='every Nth tick only (%(default)s)')
     options.add_argument('--handles', metavar='I,...', help='handles (all)')
     command_line.add_namespace_option(options)
     return command_line.guarded('export', partial(_run, options.parse_args(argv)))

@@ -41,7 +41,7 @@ def main(argv: list[str]) -> int:
                          '(budgets: docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write what is readable to a complete bag')
     options.add_argument('--looks', type=int, default=200, metavar='N',
-                         help='number of evenly spaced ticks that the clearance is computed at; 0: all (200)')
+                         help='number of evenly spaced ticks that the clearance is computed at; 0: all (%(default)s)')
     command_line.add_namespace_option(options)
     command_line.add_output_options(options, ('text', 'json'))
     return command_line.guarded('inspect', partial(_run, options.parse_args(argv)))

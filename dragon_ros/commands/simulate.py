@@ -37,8 +37,8 @@ def main(argv: list[str]) -> int:
                          help='bag to write: a file if it ends in .mcap, else a rosbag2 folder')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     options.add_argument('--rate', type=float, metavar='HZ', help='ticks for each second (as the scene says)')
-    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='of the bag (zstd)')
-    options.add_argument('--namespace', default=_NAMESPACE, help=f'of the topics ({_NAMESPACE})')
+    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='of the bag (%(default)s)')
+    options.add_argument('--namespace', default=_NAMESPACE, help='of the topics (%(default)s)')
     return command_line.guarded('simulate', partial(_run, options.parse_args(argv)))
 
 

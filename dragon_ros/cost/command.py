@@ -24,12 +24,12 @@ def main(argv: list[str]) -> int:
                          'bag: throughput and size of bags by compression; effects: what each effect adds to a tick; '
                          'memory: that of a recorder during a long run')
     options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER',
-                         help='folder for the results (cost)')
-    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (0.3)')
+                         help='folder for the results (%(default)s)')
+    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (%(default)s)')
     options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
-                         help='length of the run of the page memory (10)')
+                         help='length of the run of the page memory (%(default)g)')
     options.add_argument('--chains', type=float, default=1000, metavar='N',
-                         help='how many chains the page promises draws (1000); Ctrl-C ends it early with what is done')
+                         help='how many chains the page promises draws (%(default)s); Ctrl-C ends it early with what is done')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 

@@ -45,7 +45,7 @@ def options() -> argparse.ArgumentParser:
         one.add_argument('--output', type=Path, action='append', metavar='FILE',
                                   help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
-        one.add_argument('--dpi', type=int, default=130, help='dots per inch (130)')
+        one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
         if kind in ('dragon', 'speeds'):
             one.add_argument('--time', metavar='T,...', help='seconds (the start of the run)')
     _add_animation_options(kinds.choices['animation'])
@@ -55,8 +55,8 @@ def options() -> argparse.ArgumentParser:
 def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--start', type=float, metavar='S', help='first time (of the run)')
     parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
-    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (20)')
-    parser.add_argument('--fps', type=int, default=20, help='frames per second (20)')
+    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (%(default)g)')
+    parser.add_argument('--fps', type=int, default=20, help='frames per second (%(default)s)')
 
 
 def _run(arguments: Namespace) -> int:
