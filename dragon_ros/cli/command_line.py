@@ -1,7 +1,5 @@
 """What the command lines of all executables share: options, exit codes, and one-line errors."""
 import argparse
-import csv
-import io
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -100,6 +98,8 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     """Return rows under their column names as CSV; every line ends in a line feed."""
+    import csv
+    import io
     out = io.StringIO()
     csv.writer(out, lineterminator='\n').writerows([head, *rows])
     return out.getvalue()

@@ -5,7 +5,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain as joined
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
 from typing import Any, Protocol
 
@@ -123,7 +123,8 @@ class SceneSource:
 
     def first_touch(self, progress: Progress = iter) -> Touch | None:
         """Return the first contact of the run, exactly."""
-        found = first_contact(self.scene)
+        steps = iter(progress(count()))
+        found = first_contact(self.scene, lambda _: next(steps))
         return Touch(found.t_s, found.benches, found.point_m, found.witness) if isinstance(found, Contact) else None
 
 

@@ -1,5 +1,4 @@
 """Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit."""
-from dataclasses import fields
 from math import isfinite
 from typing import Any
 
@@ -52,6 +51,7 @@ class Settings:
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Return the class and its fields in order."""
+        from dataclasses import fields  # its modules take a sixth of the time of --help
         return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
 
 

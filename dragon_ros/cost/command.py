@@ -29,7 +29,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
                          help='length of the run of the page memory (%(default)g)')
     options.add_argument('--chains', type=float, default=1000, metavar='N',
-                         help='how many chains the page promises draws (%(default)s); Ctrl-C ends it early with what is done')
+                         help='how many chains the page promises draws (%(default)s); Ctrl-C ends it early with '
+                         'what is done')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
 

@@ -6,6 +6,7 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros.configuration import folder as configuration_folder
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -34,11 +35,6 @@ CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # characters of a --set in an error
 ABOUT = 'about'     # free notes about a scene, without any effect
-
-
-def scene_names() -> list[str]:
-    """Return the names of the scenes that come with the package."""
-    return sorted(path.stem for path in (configuration_folder() / 'scenes').glob('*.yaml'))
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:

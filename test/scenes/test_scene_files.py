@@ -3,11 +3,12 @@ import re
 import pytest
 import yaml
 
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels, channels_of, live
-from dragon_ros.scenes.load import load_scene, scene_names, scene_of, scene_values, strangers_scene
+from dragon_ros.scenes.load import load_scene, scene_of, scene_values, strangers_scene
 from dragon_ros.scenes.yaml import parse_document
 
 

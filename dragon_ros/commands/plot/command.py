@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import FieldError, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dragon_ros.commands.sources import Progress, Source
+    from dragon_ros.commands.sources import Source
     from dragon_ros.core.numerics.types import Floats
 
 _COMMAND = 'python -m dragon_ros plot'
@@ -128,6 +129,5 @@ def _times(arguments: Namespace, source: 'Source') -> list[float]:
         raise InputError(f'--time {arguments.time}: write numbers as 0,60,300', field='time') from None
 
 
-def _shown(unit: str, total: int | None = None) -> 'Progress':
-    from tqdm import tqdm
-    return partial(tqdm, desc='plot', unit=f' {unit}', total=total, disable=None, leave=False, delay=0.5)
+def _shown(unit: str, total: int | None = None) -> Progress:
+    return Progress('plot', unit, total)
