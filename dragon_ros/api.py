@@ -195,8 +195,8 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
     """Draw a dragon at a time (the last one) on its track into Matplotlib axes (new ones), and return them."""
     from matplotlib import pyplot as plt
 
-    from dragon_ros.commands.plot.dragon import draw, panel, window
-    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment
+    from dragon_ros.commands.plot.dragon import draw, panel
+    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment, window
     source: Source
     if isinstance(of, Bag):
         source = BagSource(of.reader, of.namespace)

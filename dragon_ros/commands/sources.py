@@ -32,6 +32,8 @@ _AT_ONCE = 64               # states that are computed together
 _SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 _HAIR_S = 1e-9
+_AROUND = 2.0               # lengths of the dragon by which a window may reach beyond it
+_MARGIN = 0.03              # of a window
 
 
 @dataclass(frozen=True)
@@ -134,6 +136,21 @@ def moment(source: Source, t_s: float) -> Moment:
     for one in source.moments(np.array([t_s])):
         return one
     raise InputError(f'{source.name}: has handles but no benches at {t_s:g} s')
+
+
+def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
+    """Return the corners (2, 2) in m, lower left and upper right, of what a picture of these moments shows.
+
+    That is the dragon and its track, wherever they lie: of a track much longer than the dragon the part around it.
+    """
+    corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    reach = _AROUND * float(np.max(high - low))
+    if track is not None:
+        low = np.minimum(low, np.maximum(track.min(axis=0), low - reach))
+        high = np.maximum(high, np.minimum(track.max(axis=0), high + reach))
+    margin = _MARGIN * float(np.max(high - low))
+    return np.array((low - margin, high + margin))
 
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:

@@ -11,9 +11,9 @@ from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli.figures import style
 from dragon_ros.commands.plot.animation import AnimatedFigure, animate
 from dragon_ros.commands.plot.command import options
-from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture, window
+from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture
 from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
-from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
+from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment, window
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.model import compile_scene

@@ -12,8 +12,8 @@ from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, TOUCHED
-from dragon_ros.commands.plot.dragon import draw, panel, sheet, window
-from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, moment, thinned
+from dragon_ros.commands.plot.dragon import draw, panel, sheet
+from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, moment, thinned, window
 from dragon_ros.core.errors import FieldError, InputError, MissingError
 from dragon_ros.core.numerics.types import Floats
 

@@ -1,5 +1,5 @@
 """Pictures of a dragon: its benches on their track, and the contact with a close-up."""
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
@@ -11,14 +11,12 @@ from matplotlib.patches import Patch
 
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, POINT, QUIET, TOUCHED, TRACK
-from dragon_ros.commands.sources import Moment, Source, Touch, moment
+from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
 _MOST_PANELS = 6
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
-_AROUND = 2.0               # lengths of the dragon by which a window may reach beyond it
-_MARGIN = 0.03              # of a window
 _LEAST_IN = np.array((2.7, 1.6))            # of axes: room for a title and for ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
 _LEGEND_IN = 5.0, 0.7       # width and height, a title of the figure included
@@ -63,21 +61,6 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
                     if witness.owner in (inner, outer) else f'benches {inner} and {outer} touch')
     _legend(figure, source.track is not None, True)
     return figure
-
-
-def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
-    """Return the corners (2, 2) in m, lower left and upper right, of what a picture of these moments shows.
-
-    That is the dragon and its track, wherever they lie: of a track much longer than the dragon the part around it.
-    """
-    corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
-    low, high = corners.min(axis=0), corners.max(axis=0)
-    reach = _AROUND * float(np.max(high - low))
-    if track is not None:
-        low = np.minimum(low, np.maximum(track.min(axis=0), low - reach))
-        high = np.maximum(high, np.minimum(track.max(axis=0), high + reach))
-    margin = _MARGIN * float(np.max(high - low))
-    return np.array((low - margin, high + margin))
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
