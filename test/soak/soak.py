@@ -115,8 +115,10 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
             monitor = run.start('monitor')
             run.count('monitors restarted')
         elif act == 'join':     # a late one that leaves again
-            late = run.start('record', '--output', folder / 'late.mcap', '--force')
-            time.sleep(_EVERY_S)
+            (folder / 'late.mcap').unlink(missing_ok=True)
+            late = run.start('record', '--output', folder / 'late.mcap')
+            if not waited_for(folder / 'late.mcap'):
+                run.faults.append(f'late.mcap held nothing after {_BEGUN_S:g} s')
             if ended(late) not in (0, 3):       # 3: it lacks the beginning
                 run.faults.append(f'a late recorder ended with {late.returncode}')
             with BagReader(folder / 'late.mcap') as reader:
