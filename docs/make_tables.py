@@ -73,6 +73,14 @@ def topics() -> str:
         for name, one in channels().items()))
 
 
+def topic_names() -> str:
+    """Return the names of the topics by their publisher."""
+    by_publisher = {one.publisher: [name for name, other in channels().items() if other.publisher == one.publisher]
+                    for one in channels().values()}
+    return '\n'.join(f'- `{publisher}` publishes {", ".join(f"`{name}`" for name in names)}.'
+                     for publisher, names in by_publisher.items())
+
+
 def _says_late(channel: Channel) -> bool:
     return channel.latched and 'latched' not in channel.meaning
 
@@ -184,9 +192,10 @@ def _amount(value: float, unit: str) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    'executables': executables, 'topics': topics, 'qualities': qualities, 'scenes': scenes, 'keys': keys,
-    'effects': effects, 'tiers': tiers, 'limits': limits, 'sim': lambda: parameters(params.SIM),
-    'monitor': lambda: parameters(params.MONITOR), 'replay': lambda: parameters(params.REPLAY)}
+    'executables': executables, 'topic_names': topic_names, 'topics': topics, 'qualities': qualities,
+    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits,
+    'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
+    'replay': lambda: parameters(params.REPLAY)}
 
 if __name__ == '__main__':
     sys.exit(main(sys.argv[1:]))
