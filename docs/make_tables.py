@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
 
-``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
+``./dragon docs`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
 import re
@@ -38,7 +38,7 @@ def main(argv: list[str]) -> int:
     check = options.parse_args(argv).check
     stale = [path for path in DOCUMENTS if renewed(path) != path.read_text(encoding='utf-8')]
     for path in stale:
-        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon python docs/make_tables.py" if check else "renewed"}')
+        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon docs" if check else "renewed"}')
         if not check:
             path.write_text(renewed(path), encoding='utf-8')
     return int(check and bool(stale))

@@ -25,7 +25,7 @@ SUBSTITUTES = {
     './dragon python test/soak/soak.py': (None, 'an hour'),
     './dragon test': (None, 'these are the tests'),
     './dragon check': (None, 'these are the tests'),
-    './dragon python docs/make_tables.py': (None, 'it would write; a test below checks the tables'),
+    './dragon docs': (None, 'it would write; a test below checks the tables'),
     './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares'),
     './dragon python docs/examples/': (None, 'test/nodes/test_examples.py runs it beside a sim'),
     './dragon view': ('view --help', 'it serves until Ctrl-C; test/commands/test_view.py plays the page'),
