@@ -40,7 +40,7 @@ SUBSTITUTES = {
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
                                        'a shorter run, and a certificate that is checked sooner'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/cost measures each page in small'),
-    './dragon plot animation --start': ('plot animation --start 411.8 --stop 412 --pace 2 --output run.html',
+    './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '
                                        '--output run.gif', 'the same in small'),

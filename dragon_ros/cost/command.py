@@ -16,7 +16,7 @@ PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'promises': 'dragon_ros.cost.pr
          'scale': 'dragon_ros.cost.scale', 'bag': 'dragon_ros.cost.bags', 'memory': 'dragon_ros.cost.memory'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[2]
-_CHAINS, _CHAINS_OF_ALL = 1e3, 1e5
+_CHAINS, _CHAINS_OF_ALL = 1000, 100_000
 _END = '<!-- end -->'
 
 
@@ -34,11 +34,12 @@ def main(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')
-    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (0.3)')
+    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (%(default)s)')
     options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
-                         help='length of the run of the page memory (10)')
-    options.add_argument('--chains', type=float, metavar='N', help='how many chains the page promises draws (1000; '
-                         'for all: 100000, an hour); Ctrl-C ends it early with what is done')
+                         help='length of the run of the page memory (%(default)g)')
+    options.add_argument('--chains', type=float, metavar='N',
+                         help=f'how many chains the page promises draws ({_CHAINS:g}; for all: {_CHAINS_OF_ALL:g}, an '
+                         'hour); Ctrl-C ends it early with what is done')
     options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
                          '(for all: README.md of the checkout)')
     return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
