@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
 
-``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
+``./dragon docs`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
 import re
@@ -39,7 +39,7 @@ def main(argv: list[str]) -> int:
     check = options.parse_args(argv).check
     stale = [path for path in DOCUMENTS if renewed(path) != path.read_text(encoding='utf-8')]
     for path in stale:
-        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon python docs/make_tables.py" if check else "renewed"}')
+        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon docs" if check else "renewed"}')
         if not check:
             path.write_text(renewed(path), encoding='utf-8')
     return int(check and bool(stale))
@@ -72,6 +72,14 @@ def topics() -> str:
         (f'`{name}`', one.type.replace('/msg/', '/'), one.publisher,
          f'`{one.effect.names[0]}`' if one.effect else '', one.meaning + (', latched' if _says_late(one) else ''))
         for name, one in channels().items()))
+
+
+def topic_names() -> str:
+    """Return the names of the topics by their publisher."""
+    by_publisher = {one.publisher: [name for name, other in channels().items() if other.publisher == one.publisher]
+                    for one in channels().values()}
+    return '\n'.join(f'- `{publisher}` publishes {", ".join(f"`{name}`" for name in names)}.'
+                     for publisher, names in by_publisher.items())
 
 
 def _says_late(channel: Channel) -> bool:
@@ -185,9 +193,10 @@ def _amount(value: float, unit: str) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    'executables': executables, 'topics': topics, 'qualities': qualities, 'scenes': scenes, 'keys': keys,
-    'effects': effects, 'tiers': tiers, 'limits': limits, 'sim': lambda: parameters(params.SIM),
-    'monitor': lambda: parameters(params.MONITOR), 'replay': lambda: parameters(params.REPLAY)}
+    'executables': executables, 'topic_names': topic_names, 'topics': topics, 'qualities': qualities,
+    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits,
+    'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
+    'replay': lambda: parameters(params.REPLAY)}
 
 if __name__ == '__main__':
     sys.exit(main(sys.argv[1:]))

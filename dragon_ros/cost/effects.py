@@ -1,7 +1,5 @@
 """``cost effects``: what each effect adds to a tick, in microseconds and bytes, alone and in each named scene."""
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
@@ -51,10 +49,6 @@ def table(rows: Measured) -> str:
 def _cell(row: Price) -> str:
     return '-' if row.timing is None else f'{row.timing.median_s * 1e6:.3g}'
 
-
-def summary(rows: Measured) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
 
 
 def csv_text(rows: Measured) -> str:
@@ -106,12 +100,3 @@ def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
     axes.invert_yaxis()
     axes.set(xlabel='a whole tick, computed and encoded (µs)', title='Whole ticks of the classic dragon')
     axes.set_xlim(right=1.2 * axes.get_xlim()[1])
-
-
-def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write tables, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'effects.md': table(rows) + '\n', 'effects.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'effects')]

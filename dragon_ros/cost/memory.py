@@ -2,7 +2,6 @@
 import csv
 import io
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -128,10 +127,6 @@ def table(row: Recorded) -> str:
         'the middleware keeps the memory of the largest.'])
 
 
-def summary(row: Recorded) -> str:
-    """Return the part for the README: everything."""
-    return table(row)
-
 
 def csv_text(row: Recorded) -> str:
     """Return the samples as CSV."""
@@ -156,12 +151,3 @@ def picture(row: Recorded) -> Figure:
     legend_below(axes)
     figure.supxlabel(circumstances(), fontsize=7)
     return figure
-
-
-def write(row: Recorded, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and picture into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'memory.md': table(row) + '\n', 'memory.csv': csv_text(row)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(row), folder / 'memory')]

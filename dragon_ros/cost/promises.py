@@ -5,10 +5,9 @@ S-turn or a composite track, behind a head or a tail, with a shift map or withou
 those at the start, at two times anywhere, and at two close to the end of the model, which often is a lock. Each is held
 against forward placement at the exact tier, which ``cost accuracy`` holds against 50 digits.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import count
-from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -33,7 +32,6 @@ from dragon_ros.cost.measure import circumstances
 PROMISING = tuple(name for name, tier in TIERS.items() if tier is not PAPER)
 WAYS = ('state', 'states', 'tick')
 WHAT = ('positions', 'speeds')
-HEADING = '## Promises on random chains'
 _LONGEST_M = 6.0            # of a link
 _LATEST_S = 100.0
 _HEAD = ('tier', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
@@ -193,21 +191,6 @@ def picture(found: Measured) -> Figure:
     return figure
 
 
-def write(found: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and pictures, and the table into the page ``accuracy`` too; return the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / 'promises.md', folder / 'promises.csv']
-    paths[0].write_text(table(found) + '\n', encoding='utf-8')
-    paths[1].write_text(csv_of(_HEAD, _rows(found)), encoding='utf-8')
-    accuracy = folder / 'accuracy.md'
-    if accuracy.exists():
-        page = accuracy.read_text(encoding='utf-8').partition(HEADING)[0]
-        accuracy.write_text(page.rstrip('\n') + '\n' + section(folder), encoding='utf-8')
-        paths.append(accuracy)
-    return [*paths, *save(picture(found), folder / 'promises')]
-
-
-def section(folder: Path) -> str:
-    """Return what the page ``accuracy`` says of the promises that were last measured into a folder; '' if none were."""
-    page = folder / 'promises.md'
-    return f'\n{HEADING}\n\n{page.read_text(encoding="utf-8")}' if page.exists() else ''
+def csv_text(found: Measured) -> str:
+    """Return the distributions as CSV."""
+    return csv_of(_HEAD, _rows(found))

@@ -2,7 +2,6 @@
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -165,10 +164,6 @@ def _live_table(rows: Measured) -> str:
                                'overrun and no lost message, with sim, monitor and recorder over DDS on this host.')
 
 
-def summary(rows: Measured) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV: stages with time and memory, then the runs of processes."""
@@ -220,12 +215,3 @@ def _rates(axes: Axes, rows: Measured) -> None:
     axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
              title='Sim, monitor and recorder over DDS')
     legend_below(axes, 1, fontsize=8)
-
-
-def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write tables, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'scale.md': table(rows) + '\n', 'scale.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'scale')]
