@@ -53,7 +53,7 @@ def measure(budget_s: float = 0.3) -> list[Start]:
 
 
 def _run(*words: str | Path) -> None:
-    subprocess.run([sys.executable, *words], env=_environment(), stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([sys.executable, *words], env=_environment(), capture_output=True, check=True)
 
 
 def _first_frame(*words: str | Path) -> None:
