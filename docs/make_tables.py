@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from dragon_ros import configuration  # noqa: E402
+from dragon_ros.configuration import scene_names  # noqa: E402
 from dragon_ros.core import limits as budgets  # noqa: E402
 from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
 from dragon_ros.core.model import compile_scene  # noqa: E402
@@ -22,7 +23,7 @@ from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
 from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
-from dragon_ros.scenes.load import PARTS, scene_names  # noqa: E402
+from dragon_ros.scenes.load import PARTS  # noqa: E402
 from dragon_ros.scenes.schema import scene_schema  # noqa: E402
 from dragon_ros.verify import reading  # noqa: E402
 

@@ -19,7 +19,6 @@ ALL = 'all'
 _CHECKOUT = Path(__file__).parents[2]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
 _END = '<!-- end -->'
-Save = Callable[[Any, Path], list[Path]]
 
 
 def main(argv: list[str]) -> int:
@@ -95,7 +94,8 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
     print('\n' + '\n'.join(map(str, paths)))
 
 
-def write(name: str, rows: Any, folder: Path, save: Save = figures.save) -> list[Path]:
+def write(name: str, rows: Any, folder: Path,
+          save: Callable[[Any, Path], list[Path]] = figures.save) -> list[Path]:
     """Write a page, its CSV and its pictures into a folder and return their paths. A page keeps its text."""
     page, text, data = import_module(PAGES[name]), folder / f'{name}.md', folder / f'{name}.csv'
     folder.mkdir(parents=True, exist_ok=True)

@@ -6,10 +6,12 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.flags import known
 from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.cost.prices import ALONE, Price, Whole, price, wholes
-from dragon_ros.scenes.load import load_scene, scene_names
+from dragon_ros.scenes.load import load_scene
 
 
 @dataclass(frozen=True)
@@ -59,7 +61,7 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return two panels: what each effect adds, and whole ticks."""
-    figure = Figure(figsize=(13, 5.5), layout='constrained')
+    figure = Figure(figsize=(13, 5.8), layout='constrained')
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _price_panel(left, rows.prices)
     _whole_panel(right, rows.wholes)
@@ -85,7 +87,7 @@ def _price_panel(axes: Axes, prices: list[Price]) -> None:
     axes.invert_yaxis()
     axes.set(xlabel='added to a tick, computed and encoded (µs)', title='What each effect adds')
     axes.set_xlim(right=1.25 * axes.get_xlim()[1])
-    axes.legend(loc='lower right', fontsize=9)
+    legend_below(axes, fontsize=9)
 
 
 def _whole_panel(axes: Axes, rows: list[Whole]) -> None:

@@ -15,6 +15,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
@@ -172,7 +173,7 @@ def summary(found: Measured) -> str:
 
 def picture(found: Measured) -> Figure:
     """Return which part of the chains errs by more than a share of its promise, for positions and speeds."""
-    figure = Figure(figsize=(11, 5), layout='constrained')
+    figure = Figure(figsize=(11, 5.3), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):
             worst = np.sort(np.max(found.shares[found.tiers == n, :, k], axis=1))
@@ -184,7 +185,7 @@ def picture(found: Measured) -> Figure:
         axes.axvline(1.0, color='black', linewidth=1)
         axes.set(title=what.capitalize(), xlabel='error / promise, the worst of state, states and tick')
         axes.grid(True, which='major', linewidth=0.4)
-        axes.legend(fontsize=9, loc='lower left')
+        legend_below(axes, 4, fontsize=9)
     figure.supylabel('part of the chains that err by more', fontsize=10)
     figure.supxlabel(f'{len(found.shares):,} chains; {circumstances()}', fontsize=7)
     return figure

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -179,7 +180,7 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return three panels: time and memory of the stages against N, and the rates that processes hold."""
-    figure = Figure(figsize=(16, 5.6), layout='constrained')
+    figure = Figure(figsize=(16, 7), layout='constrained')
     time_axes, memory, rates = figure.subplots(1, 3)
     _growth(time_axes, rows.stages, _milliseconds, 'time (ms)', 'Time of each stage')
     _growth(memory, rows.stages, _megabytes, 'memory at once (MB)', 'Memory of each stage')
@@ -200,7 +201,7 @@ def _growth(axes: Axes, rows: list[Stage], value: Callable[[Stage], float], unit
             axes.loglog([row.benches for row in mine], [value(row) for row in mine], f'o{style}', markersize=4,
                         color=_COLOURS[stage], label=f'{name}: N^{exponent(mine, value):.2f}')
     axes.set(ylabel=unit, title=title)
-    axes.legend(fontsize=8)
+    legend_below(axes, fontsize=8)
 
 
 def _rates(axes: Axes, rows: Measured) -> None:
@@ -213,4 +214,4 @@ def _rates(axes: Axes, rows: Measured) -> None:
     axes.plot([], [], 'x', color='#D55E00', label='not held')
     axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
              title='Sim, monitor and recorder over DDS')
-    axes.legend(fontsize=8)
+    legend_below(axes, 1, fontsize=8)

@@ -9,6 +9,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
 from dragon_ros.core.model import compile_scene
@@ -247,4 +248,4 @@ def _hard_panel(axes: Axes, rows: list[Row]) -> None:
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
     axes.set(xlabel='largest error / promise (1 is the limit)', title='Hard cases')
-    axes.legend(fontsize=8, loc='lower left')
+    legend_below(axes, 4, fontsize=8)

@@ -20,6 +20,7 @@ from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.frames import frames, scene_of_bag
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
@@ -28,7 +29,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.scenes.load import load_scene, scene_names, strangers_scene
+from dragon_ros.scenes.load import load_scene, strangers_scene
 from dragon_ros.scenes.provenance import run_metadata, scene_file
 
 ROOT = Path(__file__).parents[2]
