@@ -2,7 +2,6 @@
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -95,8 +94,7 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
     print('\n' + '\n'.join(map(str, paths)))
 
 
-def write(name: str, rows: Any, folder: Path,
-          save: Callable[[Any, Path], list[Path]] = figures.save) -> list[Path]:
+def write(name: str, rows: Any, folder: Path) -> list[Path]:
     """Write a page, its CSV and its pictures into a folder and return their paths. A page keeps its text."""
     page, text, data = import_module(PAGES[name]), folder / f'{name}.md', folder / f'{name}.csv'
     folder.mkdir(parents=True, exist_ok=True)
@@ -104,7 +102,7 @@ def write(name: str, rows: Any, folder: Path,
         text.write_text(f'{_mark(name)}\n{_END}\n', encoding='utf-8')
     renew(text, name, page.table(rows))
     data.write_text(page.csv_text(rows), encoding='utf-8')
-    return [text, data, *save(page.picture(rows), folder / name)]
+    return [text, data, *figures.save(page.picture(rows), folder / name)]
 
 
 def _mark(name: str) -> str:

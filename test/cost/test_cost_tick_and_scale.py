@@ -1,6 +1,5 @@
 """The pages ``cost tick`` and ``cost scale``: their sums, exponents, verdicts and files."""
 import numpy as np
-import pictures
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -36,7 +35,7 @@ def tick_rows():
 
 def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
     with np.errstate(all='warn'):
-        paths = command.write('tick', tick_rows(), tmp_path, pictures.save_readable)
+        paths = command.write('tick', tick_rows(), tmp_path)
     assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']
     assert all(path.stat().st_size for path in paths)
     assert '| 80 | 10.0 |' in ticks.table(tick_rows())
@@ -91,7 +90,7 @@ def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     rates = [run(223, 50), run(223, 70, overruns=3)]
     rows = scale.Measured(stages, [run(223, 0)], rates, [build(Scene(dragon=Dragon(30)))])
     with np.errstate(all='warn'):
-        paths = command.write('scale', rows, tmp_path, pictures.save_readable)
+        paths = command.write('scale', rows, tmp_path)
     assert [path.name for path in paths] == ['scale.md', 'scale.csv', 'scale.png', 'scale.svg']
     text = scale.table(rows)
     assert text.count('N^1.00') == 2 * len(STAGES)
