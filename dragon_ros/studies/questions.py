@@ -127,7 +127,7 @@ class Clearance:
 
 @dataclass(frozen=True)
 class MinPitch:
-    """The smallest pitch at which the head reaches a circle without contact; dragon and track.start_turns are used.
+    """The smallest pitch at which the head reaches a circle without contact, from ``start_turns`` (the scene's) on.
 
     Where benches are equal behind the head, it is proved that none up to ``largest_m`` has a contact. Of mixed benches
     the bracket between ``smallest_m`` and ``largest_m`` is halved: its two ends are proved, what lies above is not.
@@ -137,6 +137,7 @@ class MinPitch:
     largest_m: float = 1.0
     within_m: float = 1e-6
     smallest_m: float | None = None
+    start_turns: float | None = None
     columns: ClassVar[dict[str, type]] = {
         'min_pitch_m': float, 'min_pitch_low_m': float, 'min_pitch_high_m': float, 'min_pitch_inner': int,
         'min_pitch_outer': int, 'min_pitch_radius_m': float, 'min_pitch_proved': bool}
@@ -148,10 +149,13 @@ class MinPitch:
         number('ask.min_pitch.within_m', self.within_m, low=2e-11, high=1.0)
         if self.smallest_m is not None:
             number('ask.min_pitch.smallest_m', self.smallest_m, above=0.0)
+        if self.start_turns is not None:
+            number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
 
     def answer(self, asked: Asked) -> Values:
         """Answer; ``min_pitch_m`` is the upper end of the bracket, from which on a dragon is safe."""
-        dragon, start_turns = asked.scene.dragon, asked.scene.spiral.start_turns
+        dragon = asked.scene.dragon
+        start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
         if not is_even(dragon.link_lengths_m):
             return self._of_mixed(dragon, start_turns, asked.tell)
         low_m, high_m, benches, radius_m = _pitch_of(_Key(self, dragon, start_turns, asked.tell))
