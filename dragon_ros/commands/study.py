@@ -87,7 +87,8 @@ def _computed(arguments: Namespace, data: 'DataSet') -> int:
     if arguments.workers == 0:
         raise InputError('--workers 0: give 1 or more', field='workers')
     with (stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept,
-          tqdm(desc='study', total=data.study.rows, initial=kept.count, unit=' rows', disable=None, leave=False) as bar):
+          tqdm(desc='study', total=data.study.rows, initial=kept.count, unit=' rows', disable=None, leave=False) as bar,
+          ):
         if kept.count:
             print(f'study: {kept.count} of {data.study.rows} rows are there already', file=sys.stderr)
         done = complete(kept, stop, partial(_show, bar), workers, arguments.scheduler)

@@ -107,6 +107,6 @@ def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
     if one['bound'] is not None:
         yield f'{name}: {one["share"]:.1%} of dragons are below {one["bound"]:.9g} (95 % sure)'
         return
-    normal = (f'; if it is normally distributed, below {one["bound_if_normal"]:.9g}' if 'bound_if_normal' in one else '')
+    normal = f'; if it is normally distributed, below {one["bound_if_normal"]:.9g}' if 'bound_if_normal' in one else ''
     yield (f'{name}: below what {one["share"]:.1%} of dragons are takes {one["rows_for_bound"]:,} rows to be 95 % '
            f'sure of{normal}')

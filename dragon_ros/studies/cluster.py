@@ -39,7 +39,7 @@ _WAIT_S = 0.5           # for a batch, before signals and workers are looked at 
 _CONNECT_S = 30.0
 _NO_WORKERS_S = 60.0    # before it is told that no worker is there
 # What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served.
-_ALONE = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': []}
+_ALONE: dict[str, list[str]] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': []}
 
 
 class Batch(NamedTuple):
@@ -52,7 +52,7 @@ class Batch(NamedTuple):
 
 @dataclass
 class Progress:
-    """How far a study is: rows of it that are there, and of those that this run has computed how many of each status."""
+    """How far a study is: rows that are there, and of those that this run has computed how many of each status."""
 
     total: int
     done: int
@@ -83,8 +83,8 @@ def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> Batch:
 def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None:
     for name, version in wanted.items():
         if found.get(name) != version:
-            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process {version}; rows would differ: '
-                             'install the same versions everywhere (docs/studies.md)', field=name)
+            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process {version}; rows would '
+                             'differ: install the same versions everywhere (docs/studies.md)', field=name)
 
 
 @contextmanager
@@ -129,8 +129,8 @@ def check_versions(client: Client) -> None:
              **{f'worker {address}': one for address, one in client.run(versions, on_error='return').items()}}
     for who, one in found.items():
         if isinstance(one, Exception):
-            raise InputError(f'scheduler: {who} cannot import dragon_ros.studies ({type(one).__name__}: {one}); install '
-                             'dragon_ros with its extra study there (docs/studies.md)', field='dragon_ros')
+            raise InputError(f'scheduler: {who} cannot import dragon_ros.studies ({type(one).__name__}: {one}); '
+                             'install dragon_ros with its extra study there (docs/studies.md)', field='dragon_ros')
         _check_same(who, one, wanted)
 
 
@@ -207,8 +207,8 @@ class _Run:
     def _count_workers(self) -> None:
         """Look how many workers there are. Raises DragonError where the scheduler is gone or no worker comes."""
         if self._client.status not in ('running', 'connecting'):
-            raise DragonError(f'study: the scheduler is gone; {self.progress.done} rows are kept, start the study again '
-                              'to go on')
+            raise DragonError(f'study: the scheduler is gone; {self.progress.done} rows are kept, start the study '
+                              'again to go on')
         try:
             self.progress.workers = sum(self._client.nthreads().values())
         except (OSError, TimeoutError) as error:

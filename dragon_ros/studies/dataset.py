@@ -2,8 +2,8 @@
 
 A part holds the rows of one range of indices and is named after it. It is written under another name, brought to disk
 and renamed, so that a killed study, a full disk or a power cut leaves no half of one. Parts of batches are joined into
-larger ones, block by block, and removed then; where a kill comes in between, what is there twice is left out and removed
-by the next run. In the end each block of ``BLOCK`` rows is one file, whatever the batches were.
+larger ones, block by block, and removed then; where a kill comes in between, what is there twice is left out, and
+removed by the next run. In the end each block of ``BLOCK`` rows is one file, whatever the batches were.
 """
 import fcntl
 import os

@@ -1,8 +1,8 @@
 """What a study can ask of a scene: each question with its options, the columns of its answer, and what answers it.
 
 An answer has brackets where the engine gives them, and ``proved`` says whether they are proved (docs/model.md). Rows of
-a batch share what they have in common: scenes of one dragon on one track their compiled model, and the smallest pitch of
-one dragon is searched once.
+a batch share what they have in common: scenes of one dragon on one track their compiled model, and the smallest pitch
+of one dragon is searched once.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace

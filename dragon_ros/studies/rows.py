@@ -7,7 +7,7 @@ import hashlib
 import json
 import time
 from collections.abc import Callable, Iterable
-from functools import lru_cache
+from functools import lru_cache, partial
 from typing import Any, NamedTuple
 
 from dragon_ros.core.errors import DragonError
@@ -77,7 +77,7 @@ def parsed(text: str) -> Study:
 class _Drawn(NamedTuple):
     """The inputs of a row, the mapping of its scene, and what a compiled model is shared by."""
 
-    index: int
+    number: int
     inputs: Row
     scene: dict[str, Any]
     shares: str
@@ -92,18 +92,18 @@ class _Drawn(NamedTuple):
 def _computed(study: Study, drawn: _Drawn) -> Row:
     """Return a row with its answers, its status and what it took."""
     began, row = time.thread_time(), dict.fromkeys(columns_of(study))
-    row |= {'index': drawn.index, **drawn.inputs, 'version': __version__, 'scene_sha256': _hash_of(drawn.scene)}
+    row |= {'index': drawn.number, **drawn.inputs, 'version': __version__, 'scene_sha256': _hash_of(drawn.scene)}
     reasons: list[tuple[str, str]] = []
 
     def tell(_: int) -> None:
         if time.thread_time() - began > study.budget_s:
             raise _OverBudget
 
-    scene = _tried('scene', lambda: scene_of(Document('scene', drawn.scene)), reasons, study)
+    scene = _tried('scene', partial(scene_of, Document('scene', drawn.scene)), reasons, study)
     if isinstance(scene, Scene):
         asked = Asked(scene, tell)
         for question in study.ask:
-            found = _tried(name_of(question), lambda question=question: question.answer(asked), reasons, study)
+            found = _tried(name_of(question), partial(question.answer, asked), reasons, study)
             row |= found if isinstance(found, dict) else {}
             if reasons and reasons[-1][0] == OVER_BUDGET:
                 break

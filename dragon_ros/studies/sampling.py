@@ -30,7 +30,7 @@ def values_of(study: Study, index: int) -> Values:
 
 def scene_values_of(study: Study, values: Values) -> Values:
     """Return the base scene with values in the place of its own, as the mapping of a scene file."""
-    scene = _copied(study.base)
+    scene: Values = _copied(study.base)
     for key, value in values.items():       # groups are split last, so that the others keep their numbers
         if not isinstance(value, list):
             last, target = target_of(scene, key)
@@ -63,7 +63,7 @@ def levels_of(variation: Variation) -> list[Any]:
         return list(variation.values)
     assert isinstance(variation, Range)
     assert variation.steps
-    return np.linspace(variation.low, variation.high, variation.steps).tolist()
+    return [float(one) for one in np.linspace(variation.low, variation.high, variation.steps)]
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
@@ -88,7 +88,7 @@ def _of_two(study: Study, base: int, which: int) -> Floats:
     if which < 2:
         return b if which else a
     ends = np.cumsum((0, *study.widths))
-    mixed = a.copy()
+    mixed: Floats = a.copy()
     key = slice(ends[which - 2], ends[which - 1])
     mixed[key] = b[key]
     return mixed
@@ -110,7 +110,7 @@ class _Sequence:
             self._next = 0
         if index > self._next:
             self._engine.fast_forward(index - self._next)
-        self._last, self._next = self._engine.random(1)[0], index + 1
+        self._last, self._next = np.asarray(self._engine.random(1)[0], dtype=np.float64), index + 1
         return self._last
 
 

@@ -1,7 +1,7 @@
 """A study: a base scene, what varies, by which design, how often, and what is asked. Read from files as scenes are.
 
-A study is complete and plain: it holds its base scene in full and is written as the YAML text that makes it again, which
-is what workers are sent and what a data set carries.
+A study is complete and plain: it holds its base scene in full and is written as the YAML text that makes it again. That
+text is what workers are sent and what a data set carries.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -125,8 +125,9 @@ def _per(is_per_bench: bool) -> Values:
 class Study:
     """What is varied in which scene, and what is asked of each: all that a row depends on, but for its index.
 
-    ``samples`` are the points of a random or Sobol design, and the base points of ``saltelli``, which has a row for each
-    of two of them and for each key besides; a grid has its own number. ``budget_s`` are the CPU seconds of a row.
+    ``samples`` are the points of a random or Sobol design; of ``saltelli`` the base points, with a row for each of the
+    two that belong together and one for each key besides. A grid has its own number. ``budget_s`` are the CPU seconds
+    of a row.
     """
 
     scene: Scene = field(default_factory=Scene)
@@ -153,7 +154,8 @@ class Study:
             settle(self, samples=prod(len(_steps_of(one)) for _, one in self.vary))
         whole('samples', self.samples, low=1, high=MOST_ROWS)
         if self.design == 'saltelli' and self.samples & (self.samples - 1):
-            raise FieldError('samples', self.samples, 'the design saltelli takes a power of 2', 'give 64, 128, 256, ...')
+            raise FieldError('samples', self.samples, 'the design saltelli takes a power of 2',
+                             'give 64, 128, 256, ...')
         whole('rows', self.rows, low=1, high=MOST_ROWS)
         whole('vary', self.dimensions, low=1, high=MOST_DIMENSIONS)
 
