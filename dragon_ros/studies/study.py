@@ -273,7 +273,7 @@ def study_of(document: Document, folder: Path | None) -> Study:
     try:
         scene = _scene(document, folder)
         vary = tuple((key, _variation(document, key, value)) for key, value in document.section('vary').items())
-        single = {key: given[key] for key in ('design', 'samples', 'seed', 'budget_s') if key in given}
+        single = {key: _plain_number(given[key]) for key in ('design', 'samples', 'seed', 'budget_s') if key in given}
         if given.get('design', 'grid') == 'grid' and folder is not None and 'samples' in given:
             document.refuse('samples', 'a grid has its own number; leave it out, or write another design')
         return Study(scene, vary, ask=_questions(document), **single)
