@@ -34,13 +34,14 @@ def study_schema() -> Schema:
     parts = {
         'scene': {'description': 'the base scene: a name, a file beside the study, or its keys',
                   'anyOf': [{'type': 'string'}, scene], 'default': 'winding'},
-        'set': {'description': 'keys of the base scene to change', **{key: scene[key] for key in ('type', 'properties')}},
+        'set': {'description': 'keys of the base scene to change', 'type': 'object',
+                'properties': scene['properties']},
         'vary': {'description': 'what varies, by dotted keys such as track.pitch_m', 'type': 'object',
                  'minProperties': 1, 'additionalProperties': _VARIATION},
         'design': {'description': 'how points are chosen; saltelli is for what matters how much', 'enum': list(DESIGNS),
                    'default': Study.design},
         'samples': {'description': 'number of points; of a grid its own', 'type': 'integer', 'minimum': 1},
-        'seed': {'description': 'of random, sobol and saltelli', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
+        'seed': {'description': 'of all designs but the grid', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
         'ask': {'description': 'what is asked of each scene', 'anyOf': [
             {'type': 'array', 'minItems': 1, 'items': {'enum': list(QUESTIONS)}},
             {'type': 'object', 'minProperties': 1, 'additionalProperties': False, 'properties': questions}]},

@@ -6,7 +6,7 @@ import pytest
 pytest.importorskip('scipy')
 pytest.importorskip('pyarrow')
 
-QUICK = '''
+QUICK = """
 set: {dragon: {benches: 3}}
 vary:
   dragon.width_m: {uniform: [0.2, 0.4]}
@@ -14,9 +14,9 @@ vary:
 design: random
 samples: 12
 ask: [lock]
-'''
+"""
 # Rows of some hundredths of a second: half of them are refused, since the chain is locked from the start.
-SLOWER = '''
+SLOWER = """
 set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 411}}
 vary:
   dragon.width_m: {uniform: [0.1, 0.4]}
@@ -24,7 +24,7 @@ vary:
 design: random
 samples: 48
 ask: [contact, lock]
-'''
+"""
 
 
 @pytest.fixture(scope='session')

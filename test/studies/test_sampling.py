@@ -7,7 +7,7 @@ from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
 from dragon_ros.studies.sampling import scene_values_of, values_of
 
-NORMAL = '''
+NORMAL = """
 set: {dragon: {kind: mixed, groups: [{length_m: 3.41}, {count: 4, length_m: 2.2}, {length_m: 3}]}}
 vary:
   track.pitch_m: {uniform: [0.5, 0.6]}
@@ -17,7 +17,7 @@ design: DESIGN
 samples: 256
 seed: 5
 ask: [lock]
-'''
+"""
 
 
 @pytest.mark.parametrize('design', ['random', 'sobol', 'saltelli'])

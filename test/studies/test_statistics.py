@@ -9,7 +9,7 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.studies import statistics
 from dragon_ros.studies.sampling import values_of
 
-SALTELLI = '''
+SALTELLI = """
 vary:
   track.pitch_m: {uniform: [0, 1]}
   track.start_turns: {uniform: [0, 1]}
@@ -17,7 +17,7 @@ vary:
 design: saltelli
 samples: 512
 ask: [lock]
-'''
+"""
 
 
 def test_intervals_of_the_median_hold_as_often_as_they_say():

@@ -15,7 +15,8 @@ GRID = 'vary: {track.pitch_m: [0.5, 0.6]}\nask: [lock]\n'
 
 
 def test_a_study_is_the_same_when_it_is_written_and_read_again(study):
-    for words in (GRID, MIXED + 'vary: {dragon.groups.2.length_m: {normal: [2.2, 0.01], within: [2.1, 2.3], per: bench}}\n'
+    for words in (GRID, MIXED +
+                  'vary: {dragon.groups.2.length_m: {normal: [2.2, 0.01], within: [2.1, 2.3], per: bench}}\n'
                   'design: sobol\nsamples: 3\nseed: 9\nask: {min_pitch: {diameter_m: 8}, contact: }\nbudget_s: 3'):
         one = study(words)
         assert parsed(one.text) == one
