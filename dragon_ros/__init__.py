@@ -7,12 +7,12 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dragon_ros.api import (  # noqa: A004
+    from dragon_ros.api import (
         Bag,
         Motion,
         Rows,
         Simulated,
-        compile,
+        compile,  # noqa: A004
         design,
         plot,
         read_bag,

@@ -279,8 +279,8 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
           workers: int | None = None, scheduler: str | None = None) -> Rows:
     """Return the rows of a study, by name or file, in the folder ``output``; rows that it lacks are computed first.
 
-    The folder of a data set takes the place of the study. They are computed by processes of this host, one a core, or by
-    a Dask cluster (``docs/studies.md``); a script needs ``if __name__ == '__main__':`` around it for that. Raises
+    The folder of a data set takes the place of the study. They are computed by processes of this host, one a core, or
+    by a Dask cluster (``docs/studies.md``); a script needs ``if __name__ == '__main__':`` around it for that. Raises
     InputError as a scene does, MissingError where Dask is not installed.
     """
     try:

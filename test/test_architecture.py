@@ -31,7 +31,7 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed'}, 'verify': {'flint'},
-             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap'}}
+             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap', 'distributed'}}
 
 
 def imports(path):

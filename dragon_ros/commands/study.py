@@ -83,9 +83,9 @@ def _computed(arguments: Namespace, data: 'DataSet') -> int:
     """Compute what is missing, with a progress bar; return the exit code."""
     from dragon_ros.studies import dataset
     from dragon_ros.studies.cluster import complete
-    workers = arguments.workers and whole('--workers', arguments.workers, low=1, high=_MOST_WORKERS)
-    if arguments.workers == 0:
-        raise InputError('--workers 0: give 1 or more', field='workers')
+    workers = arguments.workers
+    if workers is not None:
+        whole('--workers', workers, low=1, high=_MOST_WORKERS)
     with (stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept,
           tqdm(desc='study', total=data.study.rows, initial=kept.count, unit=' rows', disable=None, leave=False) as bar,
           ):

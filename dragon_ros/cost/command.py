@@ -10,7 +10,8 @@ from dragon_ros.core.errors import MissingError
 
 PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'promises': 'dragon_ros.cost.promises',
          'contact': 'dragon_ros.cost.contacts', 'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
-         'bag': 'dragon_ros.cost.bags', 'effects': 'dragon_ros.cost.effects', 'memory': 'dragon_ros.cost.memory'}
+         'bag': 'dragon_ros.cost.bags', 'effects': 'dragon_ros.cost.effects', 'memory': 'dragon_ros.cost.memory',
+         'study': 'dragon_ros.cost.study'}
 
 
 def main(argv: list[str]) -> int:
@@ -22,7 +23,7 @@ def main(argv: list[str]) -> int:
                          'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'tick: where the time of one tick goes; scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; effects: what each effect adds to a tick; '
-                         'memory: that of a recorder during a long run')
+                         'memory: that of a recorder during a long run; study: rows a second of studies on Dask')
     options.add_argument('--output', type=Path, default=Path('cost'), metavar='FOLDER',
                          help='folder for the results (cost)')
     options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (0.3)')

@@ -6,11 +6,13 @@ that died is computed again by Dask; a batch under which worker after worker die
 """
 import logging
 import os
+import signal
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager, suppress
 from dataclasses import dataclass
+from multiprocessing import resource_tracker
 from pathlib import Path
 from platform import python_version
 from queue import Empty, Queue
@@ -35,7 +37,8 @@ _BATCH_S = 2.0          # of work in a batch: Dask takes some milliseconds for e
 _MOST_ROWS = 4096       # in a batch; a block is a multiple of it
 _AHEAD = 2              # batches for each worker: the next one waits there while one is computed
 _LATEST = 0.3           # weight of the latest batch in the mean time of a row
-_WAIT_S = 0.5           # for a batch, before signals and workers are looked at again
+_WAIT_S = 0.5           # for a batch, before signals are looked at again
+_LOOK_S = 2.0           # between two looks at who is working
 _CONNECT_S = 30.0
 _NO_WORKERS_S = 60.0    # before it is told that no worker is there
 # What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served.
@@ -94,12 +97,28 @@ def local_client(workers: int | None) -> Iterator[Client]:
     They listen on the loopback address, without a dashboard, and speak TLS with keys that exist in their memory alone:
     another user of this host can neither see nor join them.
     """
-    with (TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE),
-          LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True, host='127.0.0.1',
-                       security=True, dashboard_address=None, local_directory=scratch, silence_logs=logging.CRITICAL,
-                       scheduler_kwargs={'dashboard_address': '127.0.0.1:0'}) as cluster,
-          Client(cluster, timeout=_CONNECT_S) as client):
-        yield client
+    with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE):
+        with _deaf_to_ctrl_c():
+            cluster = LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
+                                   host='127.0.0.1', security=True, dashboard_address=None, local_directory=scratch,
+                                   silence_logs=logging.CRITICAL, scheduler_kwargs={'dashboard_address': '127.0.0.1:0'})
+        with cluster, Client(cluster, timeout=_CONNECT_S) as client:
+            yield client
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Let threads and processes that are started inside this block never get SIGINT; for this thread it waits.
+
+    A terminal sends it to all processes: workers are to end with this one, in order, not each with a traceback. The
+    tracker of multiprocessing is started before, since it would let the signal through again.
+    """
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
 
 
 @contextmanager
@@ -173,7 +192,7 @@ class _Run:
         self._row_s: float | None = None
         self.progress = Progress(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
                                  dict.fromkeys(STATUSES, 0))
-        self._seen = monotonic()
+        self._seen, self._look_again = monotonic(), 0.0
 
     @property
     def is_done(self) -> bool:
@@ -182,7 +201,9 @@ class _Run:
 
     def fill(self) -> None:
         """Hand out batches until every worker has enough ahead."""
-        self._count_workers()
+        if monotonic() >= self._look_again:
+            self._count_workers()
+            self._look_again = monotonic() + _LOOK_S
         while self._ranges and len(self.ahead) < _AHEAD * max(1, self.progress.workers):
             start, stop = self._ranges.popleft()
             end = min(stop, start + self._size())

@@ -54,28 +54,34 @@ def started(*arguments, **environment):
         process.wait()
 
 
-@contextmanager
-def dask_cluster(folder):
-    """Yield the scheduler file of a scheduler and workers, and the processes of the workers."""
-    file, folder = folder / 'scheduler.json', folder / 'scratch'
-    alone = ('--host', '127.0.0.1', '--no-dashboard')
-    worker = ('worker', *alone, '--scheduler-file', file, '--nthreads', 1, '--no-nanny', '--local-directory', folder)
-    with started('scheduler', *alone, '--port', 0, '--scheduler-file', file), started(*worker) as one, \
-            started(*worker) as other:
-        wait_for_workers(file, 2)
-        yield str(file), [one, other]
-
-
 def wait_for_workers(file, count, **options):
     with distributed.Client(scheduler_file=str(file), timeout=LONGEST_S, set_as_default=False, **options) as client:
         client.wait_for_workers(count, timeout=LONGEST_S)
 
 
+@contextmanager
+def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
+    """Yield the scheduler file of a scheduler with workers on this host, and both processes."""
+    file, alone = folder / 'scheduler.json', ('--host', '127.0.0.1', '--no-dashboard')
+    with started('scheduler', *alone, '--port', 0, '--scheduler-file', file, *scheduler, **environment) as one, \
+            started('worker', *alone, '--scheduler-file', file, '--nthreads', 1, '--nworkers', count,
+                    '--local-directory', folder / 'scratch', *options, **environment) as other:
+        wait_for_workers(file, count)
+        yield str(file), one, other
+
+
 @pytest.fixture(scope='module')
 def shared(tmp_path_factory):
-    """A cluster whose workers nobody kills."""
-    with dask_cluster(tmp_path_factory.mktemp('dask')) as (file, _):
-        yield file
+    """A scheduler and two workers, with nannies that start them again."""
+    with dask_cluster(tmp_path_factory.mktemp('dask'), count=2) as (file, _, workers):
+        yield file, workers
+
+
+@pytest.fixture
+def long(request):
+    """Run a test only where it is asked for: it starts a cluster of its own."""
+    if not request.config.getoption('--long'):
+        pytest.skip('takes a cluster of its own: --long')
 
 
 @pytest.fixture(scope='module')
@@ -97,28 +103,30 @@ def nothing(progress):
     pass
 
 
-def test_a_worker_that_is_killed_half_way_costs_no_row(study, undisturbed, without_times, tmp_path):
-    with dask_cluster(tmp_path) as (file, workers), writing(tmp_path / 'data', study(SLOWER)) as data:
-        done = cluster.complete(data, Event(), half_way(workers[0].kill), scheduler=file)
-        assert workers[0].wait() == -signal.SIGKILL
-    assert (done.done, done.workers) == (48, 1)
-    assert without_times(open_set(tmp_path / 'data').table()) == undisturbed
+def test_a_worker_that_is_killed_half_way_costs_no_row(study, undisturbed, without_times, shared, tmp_path):
+    file, workers = shared
+    victim = next(one for one in psutil.Process(workers.pid).children() if 'spawn_main' in ' '.join(one.cmdline()))
+    with writing(tmp_path, study(SLOWER)) as data:
+        done = cluster.complete(data, Event(), half_way(victim.kill), scheduler=file)
+    assert not victim.is_running()
+    assert done.done == 48
+    assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
 def test_a_full_disk_half_way_keeps_what_was_there_and_the_next_run_goes_on(study, undisturbed, without_times, shared,
                                                                             tmp_path):
     with writing(tmp_path, study(SLOWER)) as data:
         with ExitStack() as full, pytest.raises(DiskError, match='rows are kept'):
-            cluster.complete(data, Event(), half_way(lambda: full.enter_context(small_disk(100))), scheduler=shared)
+            cluster.complete(data, Event(), half_way(lambda: full.enter_context(small_disk(100))), scheduler=shared[0])
         assert 24 <= data.count < 48
-        cluster.complete(data, Event(), nothing, scheduler=shared)
+        cluster.complete(data, Event(), nothing, scheduler=shared[0])
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
 def test_a_study_that_is_killed_half_way_goes_on(study, undisturbed, without_times, shared, tmp_path):
     (tmp_path / 'study.yaml').write_text(SLOWER)
     command = [sys.executable, '-m', 'dragon_ros', 'study', str(tmp_path / 'study.yaml'), '--output',
-               str(tmp_path / 'data'), '--scheduler', shared]
+               str(tmp_path / 'data'), '--scheduler', shared[0]]
     process = subprocess.Popen(command, env={**os.environ, 'PYTHONPATH': str(ROOT)}, stderr=subprocess.DEVNULL)
     while process.poll() is None and not list((tmp_path / 'data').glob('rows/*.parquet')):
         Event().wait(0.01)
@@ -128,7 +136,7 @@ def test_a_study_that_is_killed_half_way_goes_on(study, undisturbed, without_tim
     assert before
     with writing(tmp_path / 'data', study(SLOWER)) as data:
         there = data.count
-        done = cluster.complete(data, Event(), nothing, scheduler=shared)
+        done = cluster.complete(data, Event(), nothing, scheduler=shared[0])
     assert sum(done.statuses.values()) == 48 - there
     assert without_times(open_set(tmp_path / 'data').table()) == undisturbed
 
@@ -136,26 +144,20 @@ def test_a_study_that_is_killed_half_way_goes_on(study, undisturbed, without_tim
 def test_a_stopped_study_goes_on_where_it_was(study, undisturbed, without_times, shared, tmp_path):
     stop = Event()
     with writing(tmp_path, study(SLOWER)) as data:
-        first = cluster.complete(data, stop, half_way(stop.set), scheduler=shared)
+        first = cluster.complete(data, stop, half_way(stop.set), scheduler=shared[0])
         assert 24 <= first.done < 48
-        second = cluster.complete(data, Event(), nothing, scheduler=shared)
+        second = cluster.complete(data, Event(), nothing, scheduler=shared[0])
         assert first.done + sum(second.statuses.values()) == 48
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
-def test_a_row_that_kills_its_workers_is_a_row_that_says_so(study, tmp_path):
+def test_a_row_that_kills_its_workers_is_a_row_that_says_so(study, tmp_path, long):
     (tmp_path / 'deadly.py').write_text(DEADLY)
     one = study('set: {dragon: {benches: 3}}\nvary: {dragon.width_m: [0.2, 0.25, 0.3, 0.35]}\nask: [lock]')
-    path = os.pathsep.join((str(ROOT), str(tmp_path)))
-    alone = ('--host', '127.0.0.1', '--no-dashboard')
-    file = tmp_path / 'scheduler.json'
-    with started('scheduler', *alone, '--port', 0, '--scheduler-file', file,
-                 DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES='1'), \
-            started('worker', *alone, '--scheduler-file', file, '--nthreads', 1, '--nworkers', 2, '--preload', 'deadly',
-                    '--local-directory', tmp_path / 'scratch', PYTHONPATH=path), \
+    with dask_cluster(tmp_path, '--preload', 'deadly', count=2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES='1',
+                      PYTHONPATH=os.pathsep.join((str(ROOT), str(tmp_path)))) as (file, *_), \
             writing(tmp_path / 'data', one) as data:
-        wait_for_workers(file, 2)
-        cluster.complete(data, Event(), nothing, scheduler=str(file))
+        cluster.complete(data, Event(), nothing, scheduler=file)
         table = data.table()
     row = table.to_pylist()[1]
     assert (row['status'], row['lock_t_s']) == ('failed', None)
@@ -167,7 +169,7 @@ def test_other_versions_are_refused_before_anything_is_computed(study, shared, t
     wanted = cluster.versions() | {'numpy': '0.9'}
     monkeypatch.setattr(cluster, 'versions', lambda: wanted)
     with writing(tmp_path, study()) as data, pytest.raises(InputError, match=r'has numpy \S+, this process 0.9'):
-        cluster.complete(data, Event(), nothing, scheduler=shared)
+        cluster.complete(data, Event(), nothing, scheduler=shared[0])
     assert list((tmp_path / 'rows').iterdir()) == []
 
 
@@ -183,15 +185,10 @@ def test_a_scheduler_that_is_not_there_is_named(study, tmp_path, monkeypatch, ad
         cluster.complete(data, Event(), nothing, scheduler=address)
 
 
-def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(study, undisturbed, tmp_path):
-    alone = ('--host', '127.0.0.1', '--no-dashboard')
-    file = tmp_path / 'scheduler.json'
-    with started('scheduler', *alone, '--port', 0, '--scheduler-file', file) as scheduler, \
-            started('worker', *alone, '--scheduler-file', file, '--nthreads', 1, '--no-nanny', '--local-directory',
-                    tmp_path / 'scratch'), writing(tmp_path / 'data', study(SLOWER)) as data:
-        wait_for_workers(file, 1)
+def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(study, tmp_path, long):
+    with dask_cluster(tmp_path) as (file, scheduler, _), writing(tmp_path / 'data', study(SLOWER)) as data:
         with pytest.raises(DragonError, match='rows are kept'):
-            cluster.complete(data, Event(), half_way(scheduler.kill), scheduler=str(file))
+            cluster.complete(data, Event(), half_way(scheduler.kill), scheduler=file)
         assert 24 <= data.count < 48
 
 
@@ -222,7 +219,7 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
     assert open_set(tmp_path / 'data').count > 0
 
 
-def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path):
+def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path, long):
     from distributed.security import Security
     security = Security.temporary()
     made = {'ca': security.tls_ca_file, 'key': security.tls_client_key, 'cert': security.tls_client_cert}
