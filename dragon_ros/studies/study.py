@@ -25,6 +25,8 @@ MOST_ROWS = 10**9
 MOST_DIMENSIONS = 10_000        # of Sobol sequences, twice as many for saltelli; scipy has 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
+_MOST_DIGITS = 6        # of the number of a list's item
+_FAR = 1e300            # so that differences are finite
 Values = dict[str, Any]
 
 
@@ -62,7 +64,7 @@ class Range:
 
     def __post_init__(self) -> None:
         """Refuse a range that is none."""
-        settle(self, low=number('from', self.low), high=number('to', self.high, above=self.low))
+        settle(self, low=number('from', self.low, low=-_FAR), high=number('to', self.high, above=self.low, high=_FAR))
         if self.steps is not None:
             whole('steps', self.steps, low=2, high=_MOST_STEPS)
 
@@ -82,7 +84,8 @@ class Uniform:
 
     def __post_init__(self) -> None:
         """Refuse a distribution that is none."""
-        settle(self, low=number('uniform', self.low), high=number('uniform', self.high, above=self.low))
+        settle(self, low=number('uniform', self.low, low=-_FAR),
+               high=number('uniform', self.high, above=self.low, high=_FAR))
 
     @property
     def as_value(self) -> Any:
@@ -102,8 +105,9 @@ class Normal:
 
     def __post_init__(self) -> None:
         """Refuse a distribution that is none, or that is cut off from all of its mass."""
-        settle(self, mean=number('normal', self.mean), deviation=number('normal', self.deviation, above=0.0),
-               low=number('within', self.low), high=number('within', self.high, above=self.low))
+        settle(self, mean=number('normal', self.mean, low=-_FAR, high=_FAR),
+               deviation=number('normal', self.deviation, above=0.0, high=_FAR),
+               low=number('within', self.low, low=-_FAR), high=number('within', self.high, above=self.low, high=_FAR))
         if not (self.mean - self.high < 6 * self.deviation and self.low - self.mean < 6 * self.deviation):
             raise FieldError('within', [self.low, self.high], 'it lies more than 6 deviations from the mean',
                              'give bounds nearer to it')
@@ -230,7 +234,8 @@ def target_of(scene: Values, key: str) -> tuple[str, Values]:
     target: Any = scene
     for section in sections:
         if isinstance(target, list):
-            target = target[int(section) - 1] if section.isdigit() and 1 <= int(section) <= len(target) else None
+            number_of = int(section) if section.isdecimal() and len(section) <= _MOST_DIGITS else 0
+            target = target[number_of - 1] if 1 <= number_of <= len(target) else None
         else:
             target = target.get(section) if isinstance(target, dict) else None
     if not isinstance(target, dict) or last not in target:
@@ -303,6 +308,8 @@ def _scene(document: Document, folder: Path | None) -> Scene:
 def _variation(document: Document, key: str, given: Any) -> Variation:
     """Return how a key varies; errors have the key's name."""
     at = f'vary.{key}'
+    if not isinstance(key, str):
+        document.refuse(at, 'it is no key of a scene; write one such as track.pitch_m')
     try:
         if isinstance(given, list):
             return Listed(tuple(_plain_number(one) for one in given))
