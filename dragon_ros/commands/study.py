@@ -3,6 +3,7 @@ import json
 import shlex
 import sys
 from argparse import Namespace
+from collections.abc import Callable
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -42,7 +43,7 @@ def main(argv: list[str]) -> int:
 
 def _run(arguments: Namespace) -> int:
     try:
-        from dragon_ros.studies import answers, dataset
+        from dragon_ros.studies import answers, cluster, dataset
         from dragon_ros.studies.study import load_study
     except ImportError as error:
         raise MissingError(f"{error.name}: is not installed; studies need it: pip install 'dragon_ros[study]', or use "
@@ -54,7 +55,7 @@ def _run(arguments: Namespace) -> int:
         data = dataset.DataSet(folder, data.study.with_samples(arguments.samples))
     code = command_line.OK
     if not (is_folder and arguments.plot):
-        code = _computed(arguments, data)
+        code = _computed(arguments, data, cluster.complete)
     elif arguments.workers is not None or arguments.scheduler is not None:
         raise InputError('--plot: draws a folder as it is; leave out --workers and --scheduler', field='plot')
     found = answers.summary(data)
@@ -79,10 +80,9 @@ def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
     return arguments.output, False
 
 
-def _computed(arguments: Namespace, data: 'DataSet') -> int:
+def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'Progress']) -> int:
     """Compute what is missing, with a progress bar; return the exit code."""
     from dragon_ros.studies import dataset
-    from dragon_ros.studies.cluster import complete
     workers = arguments.workers
     if workers is not None:
         whole('--workers', workers, low=1, high=_MOST_WORKERS)

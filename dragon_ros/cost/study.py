@@ -111,7 +111,7 @@ def _complete(client: Client, folder: Path, study: Study) -> float:
 
 def _cpu_s(client: Client) -> float:
     """Return the CPU seconds of all processes so far: the scheduler is in this one."""
-    return time.process_time() + sum(client.run(time.process_time).values())
+    return time.process_time() + float(sum(client.run(time.process_time).values()))
 
 
 def _most_mb() -> float:

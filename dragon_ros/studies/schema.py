@@ -10,6 +10,7 @@ from dragon_ros.studies.questions import QUESTIONS
 from dragon_ros.studies.study import DESIGNS, Study
 
 _PAIR: Schema = {'type': 'array', 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2}
+_ENDS: dict[str, Schema] = {'from': {'type': 'number'}, 'to': {'type': 'number'}}
 _PER: Schema = {'description': 'one value for each bench of a group', 'const': 'bench'}
 
 
@@ -20,8 +21,7 @@ def _form(description: str, required: list[str], **properties: Schema) -> Schema
 
 _VARIATION: Schema = {'anyOf': [
     {'description': 'these values', 'type': 'array', 'minItems': 1, 'items': {'type': ['number', 'string', 'boolean']}},
-    _form('values between two, both included', ['from', 'to'], **{
-        'from': {'type': 'number'}, 'to': {'type': 'number'}, 'steps': {'type': 'integer', 'minimum': 2}}),
+    _form('values between two, both included', ['from', 'to'], **_ENDS, steps={'type': 'integer', 'minimum': 2}),
     _form('any value between two alike', ['uniform'], uniform=_PAIR, per=_PER),
     _form('mean and deviation, truncated', ['normal', 'within'], normal=_PAIR, within=_PAIR, per=_PER)]}
 

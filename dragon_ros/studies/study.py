@@ -157,6 +157,9 @@ class Study:
         if self.design == 'grid':
             settle(self, samples=prod(len(_steps_of(one)) for _, one in self.vary))
         whole('samples', self.samples, low=1, high=MOST_ROWS)
+        if self.design == 'saltelli' and len(self.vary) < 2:
+            raise FieldError('vary', [key for key, _ in self.vary], 'the design saltelli tells which of several keys '
+                             'matters how much', 'vary at least two')
         if self.design == 'saltelli' and self.samples & (self.samples - 1):
             raise FieldError('samples', self.samples, 'the design saltelli takes a power of 2',
                              'give 64, 128, 256, ...')

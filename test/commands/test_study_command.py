@@ -1,5 +1,7 @@
 """``study`` computes, goes on, tells and draws; a mistake is one line."""
 import json
+import subprocess
+import sys
 
 import pytest
 
@@ -14,8 +16,8 @@ vary:
   dragon.hole_inset_m: [0.25, 0.275]
 ask: [contact, lock]
 """
-RANDOM = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {uniform: [0.5, 0.6]}}\nask: [lock]\n' \
-         'design: DESIGN\nsamples: 16\n'
+RANDOM = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {uniform: [0.5, 0.6]}, dragon.width_m: [0.2, 0.3]}\n' \
+         'ask: [lock]\ndesign: DESIGN\nsamples: 16\n'
 CURVE = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {from: 0.4, to: 0.6, steps: 5}}\nask: [lock]'
 
 
@@ -58,7 +60,7 @@ def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch,
 @pytest.mark.parametrize(('text', 'rows', 'said'), [
     (RANDOM.replace('DESIGN', 'random'), None, 'takes 2,995 rows to be 95 % sure'),
     (RANDOM.replace('DESIGN', 'sobol'), 9, 'data: 9 of 16 rows'),
-    (RANDOM.replace('DESIGN', 'saltelli'), None, 'data: 48 of 48 rows'),
+    (RANDOM.replace('DESIGN', 'saltelli'), None, 'data: 64 of 64 rows'),
     (CURVE, None, 'data: 5 of 5 rows')])
 def test_each_design_has_its_picture(computed, capsys, text, rows, said):
     folder = computed(text, rows)
@@ -108,9 +110,10 @@ def test_a_mistake_is_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, ar
     assert err.count('\n') == 1
 
 
-def test_a_missing_library_is_named_with_the_cure(tmp_path, monkeypatch, capsys):
-    monkeypatch.setitem(__import__('sys').modules, 'pyarrow', None)
-    for name in [name for name in __import__('sys').modules if name.startswith('dragon_ros.studies.')]:
-        monkeypatch.delitem(__import__('sys').modules, name)
-    assert main(['study', 'pitch_map', '--output', str(tmp_path)]) == 2
-    assert "pip install 'dragon_ros[study]'" in capsys.readouterr().err
+def test_a_missing_library_is_named_with_the_cure(tmp_path):
+    for name in ('pyarrow', 'distributed'):
+        code = f'import sys; sys.modules[{name!r}] = None\nfrom dragon_ros.__main__ import main\n' \
+               f'sys.exit(main(["study", "pitch_map", "--output", {str(tmp_path)!r}]))'
+        done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert f"{name}: is not installed; studies need it: pip install 'dragon_ros[study]'" in done.stderr

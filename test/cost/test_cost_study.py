@@ -27,7 +27,7 @@ def test_the_page_shows_each_row_and_a_million_on_paper(tmp_path):
     assert sorted(path.name for path in paths) == ['study.csv', 'study.md', 'study.png', 'study.svg']
     text = (tmp_path / 'study.md').read_text()
     assert '| its lock | none | 1,000 | 10 | 90 | 3.6 | 4.0% | 150 |' in text
-    assert '| its lock | 13 h | 24.4 min | 93.6 s |' in text
+    assert '| its lock | 13 h | 24.4 min | 1.56 min |' in text
     found = list(csv.DictReader(io.StringIO((tmp_path / 'study.csv').read_text())))
     assert [row['workers'] for row in found] == ['0', '1', '2'] * 2
     assert study.summary(rows()) == study.table(rows())

@@ -62,7 +62,8 @@ def wait_for_workers(file, count, **options):
 @contextmanager
 def dask_cluster(folder, *options, count=1, scheduler=(), **environment):
     """Yield the scheduler file of a scheduler with workers on this host, and both processes."""
-    file, alone = folder / 'scheduler.json', ('--host', '127.0.0.1', '--no-dashboard')
+    file = folder / 'scheduler.json'
+    alone = ('--host', '127.0.0.1', '--no-dashboard', '--dashboard-address', '127.0.0.1:0')
     with started('scheduler', *alone, '--port', 0, '--scheduler-file', file, *scheduler, **environment) as one, \
             started('worker', *alone, '--scheduler-file', file, '--nthreads', 1, '--nworkers', count,
                     '--local-directory', folder / 'scratch', *options, **environment) as other:
@@ -193,9 +194,10 @@ def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(study, tmp_pat
 
 
 def test_the_embedded_cluster_is_on_this_host_alone_and_encrypted(study, without_times, tmp_path):
+    before = set(psutil.Process().children(recursive=True))
     with cluster.local_client(1) as client, writing(tmp_path, study()) as data:
         assert client.scheduler.address.startswith('tls://127.0.0.1:')
-        tree = [psutil.Process(), *psutil.Process().children(recursive=True)]
+        tree = {psutil.Process(), *psutil.Process().children(recursive=True)} - before
         listening = {one.laddr.ip for process in tree for one in process.net_connections('tcp')
                      if one.status == psutil.CONN_LISTEN}
         assert listening == {'127.0.0.1'}
@@ -227,7 +229,7 @@ def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path, long)
         (tmp_path / f'{name}.pem').write_text(text)
     paths = {name: str(tmp_path / f'{name}.pem') for name in ('ca', 'key', 'cert')}
     tls = ('--tls-ca-file', paths['ca'], '--tls-cert', paths['cert'], '--tls-key', paths['key'])
-    alone = ('--host', 'tls://127.0.0.1', '--no-dashboard', *tls)
+    alone = ('--host', 'tls://127.0.0.1', '--no-dashboard', '--dashboard-address', '127.0.0.1:0', *tls)
     file = tmp_path / 'scheduler.json'
     with started('scheduler', *alone, '--port', 0, '--scheduler-file', file), \
             started('worker', *alone, '--scheduler-file', file, '--nthreads', 1, '--no-nanny', '--local-directory',
