@@ -196,17 +196,17 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
     """Draw a dragon at a time (the last one) on its track into Matplotlib axes (new ones), and return them."""
     from matplotlib import pyplot as plt
 
-    from dragon_ros.commands.plot.dragon import draw, extent, frame
-    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment
+    from dragon_ros.commands.plot.dragon import draw, panel
+    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment, window
     source: Source
     if isinstance(of, Bag):
         source = BagSource(of.reader, of.namespace)
     else:
         source = SceneSource('dragon', of.scene if isinstance(of, Simulated) else of)
-    axes = plt.subplots(figsize=(7.2, 7.2))[1] if ax is None else ax
     one = moment(source, source.span_s[1] if t_s is None else t_s)
-    draw(axes, source.track, one)
-    frame(axes, extent(one))
+    inches, seen = panel(window(source.track, [one]), 6.4)
+    axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
+    draw(axes, seen, source.track, one)
     axes.set_title(f'{len(one.benches.centre)} benches at {one.t_s:g} s')
     return axes
 

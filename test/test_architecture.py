@@ -28,7 +28,7 @@ CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'design':
 CORE_IS_IN_ROOMS = (PACKAGE / 'core' / 'tracks').is_dir()
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(), 'scenes': {'numpy', 'yaml'},
              'messages': {'numpy'},
-             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib'},
+             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed'}, 'verify': {'flint'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap', 'distributed'}}

@@ -1,7 +1,6 @@
 """``cost study``: rows a second of studies on one worker and on two, what Dask costs a row, a million rows on paper."""
 import resource
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -146,11 +145,6 @@ def _duration(seconds: float) -> str:
     return f'{seconds:.3g} s'
 
 
-def summary(rows: list[Row]) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
-
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV."""
     return csv_of(['study', 'workers', 'rows', 'wall_s', 'work_s', 'cpu_s', 'memory_mb'],
@@ -167,12 +161,3 @@ def picture(rows: list[Row]) -> Figure:
         axes.set(ylabel='rows a second', title=name)
     figure.supxlabel(circumstances(), fontsize=7)
     return figure
-
-
-def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write tables, CSV and picture into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'study.md': table(rows) + '\n', 'study.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'study')]

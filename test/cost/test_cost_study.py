@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip('distributed')
 
-from dragon_ros.cli import figures
 from dragon_ros.cost import study
+from dragon_ros.cost.command import write
 
 
 def rows():
@@ -23,14 +23,13 @@ def test_rates_and_overhead_follow_from_what_was_measured():
 
 
 def test_the_page_shows_each_row_and_a_million_on_paper(tmp_path):
-    paths = study.write(rows(), tmp_path, figures.save)
+    paths = write('study', rows(), tmp_path)
     assert sorted(path.name for path in paths) == ['study.csv', 'study.md', 'study.png', 'study.svg']
     text = (tmp_path / 'study.md').read_text()
     assert '| its lock | none | 1,000 | 10 | 90 | 3.6 | 4.0% | 150 |' in text
     assert '| its lock | 13 h | 24.4 min | 1.56 min |' in text
     found = list(csv.DictReader(io.StringIO((tmp_path / 'study.csv').read_text())))
     assert [row['workers'] for row in found] == ['0', '1', '2'] * 2
-    assert study.summary(rows()) == study.table(rows())
 
 
 def test_a_study_is_measured_without_dask_and_on_a_worker():
