@@ -39,6 +39,10 @@ SUBSTITUTES = {
                                 'them'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
                                        'a shorter run, and a certificate that is checked sooner'),
+    './dragon study pitch_map --output': ('study --help', 'it takes minutes; test/commands/test_study_command.py has '
+                                          'smaller ones'),
+    './dragon study tolerances': ('study --help', 'it takes hours; test/studies runs smaller ones'),
+    'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py has both'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/cost measures each page in small'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),
@@ -129,6 +133,7 @@ def _steady(text):
 # The examples of python.md are one program, which test_api runs.
 @pytest.mark.parametrize('path', [path for path in DOCUMENTS if path.name != 'python.md'], ids=lambda path: path.name)
 def test_every_python_program_in_a_document_runs(path, tmp_path):
+    write_files(path, tmp_path)
     for text in re.findall(r'^```python\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
         if 'rclpy' in text:
             pytest.importorskip('rclpy')

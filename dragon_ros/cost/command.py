@@ -14,7 +14,7 @@ from dragon_ros.core.errors import DragonError, MissingError
 PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'promises': 'dragon_ros.cost.promises',
          'contact': 'dragon_ros.cost.contacts', 'effects': 'dragon_ros.cost.effects', 'tick': 'dragon_ros.cost.ticks',
          'scale': 'dragon_ros.cost.scale', 'bag': 'dragon_ros.cost.bags', 'memory': 'dragon_ros.cost.memory',
-         'startup': 'dragon_ros.cost.startup'}
+         'startup': 'dragon_ros.cost.startup', 'study': 'dragon_ros.cost.study'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[2]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
@@ -31,7 +31,8 @@ def main(argv: list[str]) -> int:
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; memory: that of a recorder during a long '
-                         'run; startup: of every executable; all: one after the other, for some hours')
+                         'run; startup: of every executable; study: rows a second of studies on Dask; all: one after '
+                         'the other, for some hours')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')

@@ -156,6 +156,20 @@ def override(folder: Path) -> Target:
     return Target(seeds, run, (b'=', b'.', b'\n', *_YAML))
 
 
+def study(folder: Path) -> Target:
+    """Study files, as they stand in a data set."""
+    from dragon_ros.studies.sampling import scene_values_of, values_of
+    from dragon_ros.studies.study import load_study, study_from, study_names
+
+    def run(data: bytes) -> None:
+        with suppress(DragonError):
+            found = study_from('study', data.decode(errors='replace'))
+            scene_values_of(found, values_of(found, found.rows - 1))
+    drawn = b'vary: {dragon.width_m: {normal: [0.3, 0.1], within: [0.2, 0.4]}}\ndesign: sobol\nsamples: 3\nask: [lock]'
+    return Target([*(load_study(name).text.encode() for name in study_names()), b'scene: {}\n' + drawn], run,
+                  (*_YAML, b'vary: ', b'per: bench', b'design: saltelli', b'dragon.groups.2.length_m', b'{from: 1}'))
+
+
 def certificate(folder: Path) -> Target:
     """Certificates, for the checker that stands alone."""
     from dragon_ros.commands.certificate import as_values
@@ -316,7 +330,7 @@ def command(folder: Path) -> Target:
 
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
-    'request': request, 'command_line': command_line, 'message': message,
+    'study': study, 'request': request, 'command_line': command_line, 'message': message,
     'command': command}
 
 
