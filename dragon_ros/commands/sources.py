@@ -15,10 +15,10 @@ from dragon_ros.bags.read.frames import frames, namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.signed_distance import Witness, gaps, witness
+from dragon_ros.core.contact.near_pairs import closeness
+from dragon_ros.core.contact.signed_distance import Witness, witness
 from dragon_ros.core.contact.tracker import ContactTracker, Observation
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.limits import PICTURE_TICKS
@@ -46,7 +46,7 @@ class Moment:
     @property
     def clearance_m(self) -> float:
         """The smallest signed gap of benches that are not neighbours in the chain; inf without any."""
-        return float(np.min(gaps(self.benches, *candidates(self.p, self.benches)), initial=np.inf))
+        return closeness(self.p, self.benches).clearance_m
 
 
 @dataclass(frozen=True)
