@@ -24,6 +24,8 @@ from dragon_ros.cli.dds_domain import free_domain, local_environment
 RATE_HZ = 100
 _EVERY_S = 5.0          # between two acts, and between two looks at the memory
 _SETTLED_S = 120.0      # growth of memory is counted from here on
+_BEGUN_S = 60.0         # by then a recorder has something on disk ...
+_BEGUN_BYTES = 200_000  # ... this much
 _NS = 10**9
 Stamps = np.ndarray[tuple[int], np.dtype[np.int64]]
 
@@ -93,9 +95,13 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
         act = ('kill', 'stall', 'monitor', 'join', 'look')[acts % 5]
         acts += 1
         if act == 'kill':       # a recorder, and what is left is repaired and replayed elsewhere
+            bag = folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap'
+            begun = waited_for(bag)
             ended(extra, signal.SIGKILL)
-            if (bag := folder / f'extra_{run.counts.get("recorders killed", 0)}.mcap').exists():
+            if begun:
                 killed(run, bag)
+            else:
+                run.faults.append(f'{bag.name} held nothing after {_BEGUN_S:g} s')
             run.count('recorders killed')
             extra = run.start('record', '--output', folder / f'extra_{run.counts["recorders killed"]}.mcap')
         elif act == 'stall':    # the recorder that must lose nothing
@@ -109,8 +115,10 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
             monitor = run.start('monitor')
             run.count('monitors restarted')
         elif act == 'join':     # a late one that leaves again
-            late = run.start('record', '--output', folder / 'late.mcap', '--force')
-            time.sleep(_EVERY_S)
+            (folder / 'late.mcap').unlink(missing_ok=True)
+            late = run.start('record', '--output', folder / 'late.mcap')
+            if not waited_for(folder / 'late.mcap'):
+                run.faults.append(f'late.mcap held nothing after {_BEGUN_S:g} s')
             if ended(late) not in (0, 3):       # 3: it lacks the beginning
                 run.faults.append(f'a late recorder ended with {late.returncode}')
             with BagReader(folder / 'late.mcap') as reader:
@@ -124,6 +132,16 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
     for process in extra, monitor:
         ended(process)
     run.count('exit code of the recorder', whole.wait(timeout=120))
+
+
+def waited_for(bag: Path) -> bool:
+    """Wait until a chunk of a bag is on disk: what is killed before holds nothing to compare."""
+    until = time.monotonic() + _BEGUN_S
+    while time.monotonic() < until:
+        if bag.exists() and bag.stat().st_size >= _BEGUN_BYTES:
+            return True
+        time.sleep(0.1)
+    return False
 
 
 def killed(run: Soak, bag: Path) -> None:

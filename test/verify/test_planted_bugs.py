@@ -13,7 +13,7 @@ from dragon_ros.core.chain import head_law as head_module
 from dragon_ros.core.chain import rectangles as benches_module
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.contact import conservative_advancement, search_domain, second_order_bounds
+from dragon_ros.core.contact import conservative_advancement, narrow_phase, search_domain, second_order_bounds
 from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks import composite, s_turn
@@ -127,6 +127,9 @@ def sizes(patch, length_m, width_m):
     for name, module in list(sys.modules.items()):
         if name.startswith('dragon_ros.core') and getattr(module, 'Benches', None) is true:
             patch.setattr(module, 'Benches', made)
+    sampled = narrow_phase.Sizes
+    patch.setattr(narrow_phase, 'Sizes', lambda b_m, error_m, links_m, half_length_m, half_width_m, longest_m: sampled(
+        b_m, error_m, links_m, half_length_m + length_m, half_width_m + width_m, longest_m))
 
 
 def constant_of_the_second_order_bound(patch):

@@ -112,6 +112,28 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     return _stacked(rows), spent
 
 
+def forward_each(track: Track, links_m: Floats, leaders: Places, effort: Effort) -> tuple[Places, int]:
+    """Return the handles behind many leaders (M,), each with its own links (M, L), as arrays (L + 1, M), evaluations.
+
+    The leaders are on a first segment that winds in from afar, and no link is of no length. Raises as ``forward``.
+    """
+    spiral, rows, spent, past = track.from_afar, [leaders], 0, list[Floats]()
+    assert spiral
+    for i in range(links_m.shape[1]):
+        (number, u, lo), link_m = rows[-1], links_m[:, i]
+        past = past if i and np.array_equal(link_m, links_m[:, i - 1]) else []
+        newton = min(effort.newton, TIGHT) if spiral.near_centre(u, effort.near_m) else effort.newton
+        try:
+            shift, more = spiral.shifts_outwards(u, link_m, newton, Past(*past) if len(past) == 3 else None)
+        except ChainLockError as error:
+            theta = error.fields['theta_rad']
+            raise locked(track, i, theta, float(link_m[np.flatnonzero(u == theta)[0]])) from None
+        rows.append((number, *plus(u, lo, shift)))
+        past = [spiral.squares(u, shift), *past[:2]]
+        spent += more
+    return _stacked(rows), spent
+
+
 def _stacked(rows: list[Places]) -> Places:
     segment, u, lo = (np.array(values) for values in zip(*rows, strict=True))
     return segment, u, lo

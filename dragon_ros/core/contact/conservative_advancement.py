@@ -19,7 +19,7 @@ import numpy as np
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import swept_pairs
 from dragon_ros.core.contact.certificate import ALL, Interval
-from dragon_ros.core.contact.interval_clearing import Judgement, clear
+from dragon_ros.core.contact.interval_clearing import Judgement, clear, parts_for
 from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.second_order_bounds import ABOVE
@@ -34,8 +34,6 @@ _PARTS_OF_ROOT = 1.5    # so long are the roots of a block that they are cut int
 _FINER = 0.25           # but no less than this, nor more than its inverse, of what they were
 _MOST = 2_000_000       # of them: some hours
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
-_SHARE = 0.9            # of the room for a step: gaps shrink on the way
-_MOST_PARTS = 3         # that an interval is cut into at once: shorter ones have more room than that of a long one says
 _REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
 _SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
 _FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
@@ -91,7 +89,7 @@ class _Space:
         self._count: Ints = np.empty(0, dtype=np.int64)
         self._others_m: Floats = np.empty(0)                # a bound of the gaps of each group's other pairs
 
-    def sample(self, places: Floats) -> ChainSamples:
+    def sample(self, places: Floats, _: Ints) -> ChainSamples:
         """Return samples."""
         at_once = max(1, _AT_ONCE // self._domain.dragon.benches)
         return self.joined([self._sample(places[n:n + at_once]) for n in range(0, places.size, at_once)])
@@ -156,10 +154,9 @@ class _Space:
         touching = np.zeros((2, group.size), dtype=bool)
         for end, gap in enumerate((gap_a, gap_b)):
             touching[end, row[gap <= 0]] = True
-        parts = np.ceil(1 / (_SHARE * np.maximum(least, 0.5 / _MOST_PARTS)))
         settled = low_m > np.maximum(self.tolerance_m, _SETTLED * np.minimum(gap_a, gap_b))
         rest = self._without(settled, at, row, low_m, group, np.flatnonzero(bound_m <= self.tolerance_m))
-        return Judgement(bound_m, touching, np.clip(parts, 2, _MOST_PARTS).astype(np.int64), rest)
+        return Judgement(bound_m, touching, parts_for(least), rest)
 
     def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
         """Return groups (M,): for ``which`` intervals new ones, without the pairs of theirs that are settled."""

@@ -14,7 +14,7 @@ import numpy as np
 from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.contact.certificate import Certificate, Contact, Interval, NoContact, together
 from dragon_ros.core.contact.conservative_advancement import WholeChain
-from dragon_ros.core.contact.leading_benches import classes_of, provable_m, searchable_m
+from dragon_ros.core.contact.leading_benches import BodyBenches, classes_of, provable_m, searchable_m
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.signed_distance import witness
 from dragon_ros.core.errors import FieldError
@@ -196,8 +196,11 @@ class _Search:
 
 
 def parts_of(domain: SearchDomain) -> list[Part]:
-    """Return the parts that a domain is cleared in: classes of benches on a first spiral, and the whole chain."""
-    parts: list[Part] = [*classes_of(domain)] if domain.track.from_afar else []
+    """Return the parts that a domain is cleared in: the head and the body on a first spiral, and the whole chain."""
+    parts = list[Part]()
+    if domain.track.from_afar:
+        head, *body = classes_of(domain)
+        parts = [head, BodyBenches(domain, body)] if body else [head]
     if len(domain.track.segments) > 1 or not parts:
         parts.append(WholeChain(domain, bool(parts)))
     return parts

@@ -6,7 +6,6 @@ exceed what positions may err is cut into parts, at once into as many as the bou
 as short as is asked for. The parts of one interval are at most half as long as it is, so an interval of length L takes
 no more than log2(L / finest) rounds, and the whole search ends.
 """
-from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from typing import Any, Protocol
 
@@ -15,6 +14,8 @@ from numpy.typing import NDArray
 
 from dragon_ros.core.numerics.types import Floats, Ints
 
+_SHARE = 0.9        # of the room for an interval: gaps shrink on the way
+_MOST_PARTS = 3     # that an interval is cut into at once: shorter ones have more room than that of a long one says
 _AT_ONCE = 4096     # intervals that are bounded together; later ones wait, so that a long search keeps to its memory
 Bools = NDArray[np.bool_]
 
@@ -49,6 +50,7 @@ class Space(Protocol):
     """What is searched: it samples places, and bounds the gaps between two of them.
 
     The first intervals are the ``roots``, which are judged with their own numbers; all others are parts of them.
+    Windows are told by their numbers in the list that ``clear`` was given.
     """
 
     @property
@@ -56,8 +58,8 @@ class Space(Protocol):
         """What a bound must exceed for the positions that it was computed from."""
         ...
 
-    def sample(self, places: Floats) -> Any:
-        """Return the samples of places."""
+    def sample(self, places: Floats, window: Ints) -> Any:
+        """Return the samples of places (M,) of windows (M,)."""
         ...
 
     def joined(self, parts: list[Any]) -> Any:
@@ -90,18 +92,25 @@ class Cleared:
     touching: bool
 
 
+def parts_for(room: Floats) -> Ints:
+    """Return how many parts to cut intervals into that could be so many times as long, below 1, to be cleared."""
+    parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
+    return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
+
+
 def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> list[Cleared]:
     """Clear windows, given as places (monotone), each up to the first place that cannot be cleared.
 
     Intervals are cut down to the first of ``finest_m``; where one is still neither cleared nor touching, the rest of
     its window is cleared again from there on, down to the next.
     """
-    out = list(_cleared(space, windows, finest_m[0]))
-    again = [n for n, cleared in enumerate(out) if cleared.hit and not cleared.touching]
-    if again and len(finest_m) > 1:
-        rest = clear(space, [_after(windows[n], out[n].hit) for n in again], finest_m[1:])
-        for n, more in zip(again, rest, strict=True):
+    out, left = [Cleared([], None, False) for _ in windows], dict(enumerate(windows))
+    for finest in finest_m:
+        if not left:
+            break
+        for n, more in _cleared(space, left, finest).items():
             out[n] = Cleared([*out[n].rows, *more.rows], more.hit, more.touching)
+        left = {n: _after(window, out[n].hit) for n, window in left.items() if out[n].hit and not out[n].touching}
     return out
 
 
@@ -112,11 +121,11 @@ def _after(window: Floats, hit: tuple[float, float, float] | None) -> Floats:
     return np.concatenate(([hit[0]], window[sign * window > sign * hit[0]]))
 
 
-def _cleared(space: Space, windows: list[Floats], finest_m: float) -> Iterator[Cleared]:
+def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[int, Cleared]:
     search = _Search(space, windows)
     while search.waiting:
         search.judge(finest_m)
-    return (search.result(number) for number in range(len(windows)))
+    return {number: search.result(number) for number in windows}
 
 
 @dataclass(frozen=True)
@@ -137,15 +146,16 @@ class _Batch:
 class _Search:
     """Intervals of windows that are still to be cleared, and what has been found of them."""
 
-    def __init__(self, space: Space, windows: list[Floats]) -> None:
-        self._space = space
-        of = np.repeat(np.arange(len(windows)), [window.size for window in windows])
-        self._sign = np.array([1.0 if window[-1] >= window[0] else -1.0 for window in windows])
-        self._touch: Floats = np.full(len(windows), np.inf)      # progress to the first touching place
-        self._limit: Floats = np.full(len(windows), np.inf)      # and to the first place that cannot be cleared
+    def __init__(self, space: Space, windows: dict[int, Floats]) -> None:
+        self._space, size = space, 1 + max(windows)
+        of = np.repeat([*windows], [window.size for window in windows.values()])
+        self._sign = np.ones(size)
+        self._sign[[*windows]] = [1.0 if window[-1] >= window[0] else -1.0 for window in windows.values()]
+        self._touch: Floats = np.full(size, np.inf)      # progress to the first touching place
+        self._limit: Floats = np.full(size, np.inf)      # and to the first place that cannot be cleared
         self._done: list[tuple[Floats, Ints]] = []
         self._stuck: list[tuple[Floats, Ints]] = []
-        samples, first = space.sample(np.concatenate(windows)), np.flatnonzero(np.diff(of) == 0)
+        samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
         pairs = np.stack((first, first + 1))
         space.begin(samples, pairs, of[first])
         self.waiting = [_Batch(samples, pairs, of[first], np.arange(first.size))] if first.size else []
@@ -191,7 +201,7 @@ class _Search:
         share = nth / parts[of]
         places = np.where(parts[of] == 2, 0.5 * (start + stop)[of], start[of] + share * (stop - start)[of])
         new = batch.samples.places.size + np.arange(of.size)
-        samples = self._space.joined([batch.samples, self._space.sample(places)])
+        samples = self._space.joined([batch.samples, self._space.sample(places, batch.window[of])])
         # Each interval's rows in order: its start, the new ones, its stop.
         fronts, owner = np.empty(of.size + count, dtype=np.int64), np.repeat(np.arange(count), parts)
         heads = np.cumsum(parts) - parts

@@ -3,7 +3,8 @@
 Where the first segment winds in from afar, what follows a bench there depends on where the bench is, and on its links
 from there on. So benches fall into classes with identical remaining link sequences; the first of each leads, and its
 whole class is cleared over the track that its front handles go through. Where that does not clear, each bench's own
-part of it is: what it goes through, without what another one of its class has gone through before.
+part of it is: what it goes through, without what another one of its class has gone through before. Mixed benches make
+many classes: all behind the head are sampled and bounded together.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +14,7 @@ import numpy as np
 from dragon_ros.core.chain.dragon import goes_on_alike, is_even
 from dragon_ros.core.chain.lock import turning_places
 from dragon_ros.core.contact.certificate import Interval
-from dragon_ros.core.contact.interval_clearing import Cleared, Judgement, clear
+from dragon_ros.core.contact.interval_clearing import Cleared, Judgement, clear, parts_for
 from dragon_ros.core.contact.narrow_phase import BenchSampler, BenchSamples, joined
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.second_order_bounds import bounds, comes_in
@@ -26,18 +27,24 @@ _FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the larger 
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
 _MOST_PLACES = 50_000   # of one window to begin with, for the memory
 _MOST_RAD = 2e6         # of a domain: a million first places
+_TOGETHER, _USUAL = 2**20, 256      # handles at the first places of windows that are cleared together, for the memory;
+                        # no more than so many benches behind one usually matter
+_IN_CACHE = 2**14       # pairs that are bounded together
 _CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
 
 
 class _Space:
-    """Places of one class's leading bench, for ``clear``; ``behind`` are the benches behind in each window."""
+    """Places of leading benches, for ``clear``: of each window's own, which has so many behind it there."""
 
-    def __init__(self, sampler: BenchSampler, behind: list[int], tolerance_m: float) -> None:
-        self.sampler, self.tolerance_m, self._behind = sampler, tolerance_m, np.array(behind)
+    def __init__(self, sampler: BenchSampler, windows: 'list[_Window]', tolerance_m: float) -> None:
+        self.sampler, self.tolerance_m = sampler, tolerance_m
+        self._behind = np.array([window.behind for window in windows])
+        self._lead = np.array([sampler.leads.index(window.of.lead) for window in windows])
+        self._window: Ints = np.empty(0, dtype=np.int64)
 
-    def sample(self, places: Floats) -> BenchSamples:
+    def sample(self, places: Floats, window: Ints) -> BenchSamples:
         """Return samples."""
-        return self.sampler.sample(places)
+        return self.sampler.sample(places, self._lead[window])
 
     def joined(self, parts: list[BenchSamples]) -> BenchSamples:
         """Return several samples as one."""
@@ -45,14 +52,18 @@ class _Space:
 
     def begin(self, _: BenchSamples, __: Ints, window: Ints) -> None:
         """Take the roots."""
-        self._behind = self._behind[window]
+        self._window = window
 
     def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
-        """Judge intervals by their second-order bounds; they are halved."""
-        behind = self._behind[group]
-        there = np.arange(2, a.offset.shape[1] + 2) <= behind[:, None]
+        """Judge intervals by their second-order bounds; cut as the room asks for."""
+        behind = self._behind[self._window[group]]
+        there = np.arange(2, a.apart.shape[1] + 2) <= behind[:, None]
         touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
-        return Judgement(bounds(a, b, self.sampler.sizes, behind), touching, np.full(behind.size, 2), group)
+        rows = 1 + _IN_CACHE // a.delta.shape[1]
+        parts = [slice(at, at + rows) for at in range(0, behind.size, rows)]
+        found = [bounds(a.rows(part), b.rows(part), self.sampler.sizes, behind[part]) for part in parts]
+        bound_m, room = (np.concatenate(each) for each in zip(*found, strict=True))
+        return Judgement(bound_m, touching, parts_for(room), group)
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
         """Return upper bounds of the lengths of intervals."""
@@ -62,8 +73,9 @@ class _Space:
 
 @dataclass(frozen=True)
 class _Window:
-    """Places (monotone) that the front handle of a bench goes through, with so many benches ``behind`` it."""
+    """Places (monotone) that the front handle of a bench ``of`` a class goes through, with so many ``behind`` it."""
 
+    of: 'LeadingBenches'
     bench: int
     places: Floats
     behind: int
@@ -90,7 +102,7 @@ class LeadingBenches:
         self._spiral = domain.track.from_afar.curve
         self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
-        self._first_m, self._finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
+        self._first_m, self.finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
         self._rows: list[_Row] = []
         self._hit: Bracket | None = None
 
@@ -106,19 +118,38 @@ class LeadingBenches:
 
     def clear(self, stop_m: float) -> Bracket | None:
         """Clear what the class meets up to a place of the leader; return the first bracket of places that is not."""
-        phases, ends = self.phases(stop_m)
-        self._rows, self._hit = [], None
-        outer, inner = self._track(ends)
-        if self._single and ends[0][0] < ends[-1][0]:
-            outer, inner = inner, outer
-        for whole in self._cleared([*self._window(self.lead, outer, inner, self._behind)]):
-            if whole.hit is None or self._single:
-                self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
-                return self._hit
-            self._rows = []
-            for n in range(len(phases) - 1):
-                self._hit = self._hit or self._clear_phase((phases[n], phases[n + 1]), ends[n], ends[n + 1])
+        self.forget()
+        for window in self.whole(stop_m):
+            (cleared,) = _cleared(self._domain, [window])
+            if cleared.hit:
+                self.clear_apart(stop_m, cleared)
         return self._hit
+
+    def whole(self, stop_m: float) -> Iterator['_Window']:
+        """Yield the window of all that the class meets up to a place of the leader, if that is anything."""
+        outer, inner = self._track(self.phases(stop_m)[1])
+        if self._single and self._on_spiral(self._domain.start_m)[0] < self._on_spiral(stop_m)[0]:
+            outer, inner = inner, outer
+        yield from self._window(self.lead, outer, inner, self._behind)
+
+    def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
+        """Clear bench by bench what has not been cleared as a whole; return the first bracket that is not clear."""
+        phases, ends = self.phases(stop_m)
+        if self._single:
+            self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
+            return self._hit
+        self._rows = []
+        for n in range(len(phases) - 1):
+            self._hit = self._hit or self._clear_phase((phases[n], phases[n + 1]), ends[n], ends[n + 1])
+        return self._hit
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._rows, self._hit = [], None
+
+    def keep(self, cleared: Cleared, behind: int) -> None:
+        """Add what is clear, with so many benches behind."""
+        self._rows += [_Row(*row, behind) for row in cleared.rows]
 
     def prove(self, stop_m: float) -> Bracket | None:
         """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
@@ -143,7 +174,7 @@ class LeadingBenches:
         sign = 1.0 if stop > start else -1.0
         self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
         last, self._hit = self._rows[-1].stop_rad if self._rows else start, None
-        for rest in self._cleared([*self._window(0, last, stop, self._behind)]):
+        for rest in _cleared(self._domain, [*self._window(0, last, stop, self._behind)]):
             self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
 
     def _trim(self, stop_m: float) -> None:
@@ -191,7 +222,7 @@ class LeadingBenches:
         """Clear the part of the track of each bench while the leader goes through a phase."""
         windows = [*self._parts(here, there)]
         hits = [self._bracket(window.bench, cleared.hit, phase)
-                for window, cleared in zip(windows, self._cleared(windows), strict=True) if cleared.hit]
+                for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True) if cleared.hit]
         return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
 
     def _parts(self, here: Floats, there: Floats) -> Iterator[_Window]:
@@ -222,25 +253,74 @@ class LeadingBenches:
         if self._domain.track.may_lock:
             places = np.concatenate((places, turning_places(*self._two(self.lead), *sorted((start, stop)))))
         places = np.unique(places)
-        yield _Window(bench, places if stop > start else places[::-1], behind)
+        yield _Window(self, bench, places if stop > start else places[::-1], behind)
 
     def sampler(self, ends: Floats) -> BenchSampler:
         """Return what samples the class between two places, with the followers that can matter there."""
-        domain = self._domain
-        return BenchSampler(domain.track, domain.dragon, self.lead, domain.dragon.benches - self.lead, domain.effort,
-                            domain.count, domain.error_m).reaching(ends)
+        return _sampler(self._domain, (self.lead,)).reaching(ends)
 
-    def _cleared(self, windows: list[_Window]) -> list[Cleared]:
-        """Clear windows and keep what is clear."""
-        if not windows:
-            return []
-        ends = np.concatenate([window.places[[0, -1]] for window in windows])
-        sampler = self.sampler(np.array([np.min(ends), np.max(ends)]))
-        space = _Space(sampler, [window.behind for window in windows], self.tolerance_m)
-        out = clear(space, [window.places for window in windows], self._finest_m)
-        self._rows += [_Row(*row, window.behind) for window, cleared in zip(windows, out, strict=True)
-                       for row in cleared.rows]
-        return out
+
+class BodyBenches:
+    """All classes of benches behind the head: their whole tracks are cleared together."""
+
+    def __init__(self, domain: SearchDomain, classes: list[LeadingBenches]) -> None:
+        """Take the classes."""
+        self._domain, self._classes = domain, classes
+        self.tolerance_m = 2 * domain.error_m
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear what all classes meet up to a place of the leader; return the first bracket of places that is not."""
+        hit: Bracket | None = None
+        for each in self._classes:
+            each.forget()
+        for windows in self._together([window for each in self._classes for window in each.whole(stop_m)]):
+            for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True):
+                if cleared.hit:
+                    hit = window.of.clear_apart(hit.other_m if hit else stop_m, cleared) or hit
+        return hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        hits = [hit for each in self._classes if (hit := each.prove(stop_m))]
+        return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        for each in self._classes:
+            yield from each.intervals()
+
+    def _together(self, windows: list[_Window]) -> Iterator[list[_Window]]:
+        """Yield windows by as many as the memory allows; one by one where links of no length need their own care."""
+        size, most, one_by_one = 0, list[_Window](), not np.all(self._domain.dragon.link_lengths_m)
+        for window in windows:
+            more = window.places.size * min(window.behind, _USUAL)
+            if most and (one_by_one or size + more > _TOGETHER):
+                yield most
+                size, most = 0, []
+            size, most = size + more, [*most, window]
+        if most:
+            yield most
+
+
+def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
+    """Return what samples leading benches with all that follow."""
+    return BenchSampler(domain.track, domain.dragon, leads, domain.dragon.benches - min(leads), domain.effort,
+                        domain.count, domain.error_m)
+
+
+def _cleared(domain: SearchDomain, windows: list[_Window]) -> list[Cleared]:
+    """Clear windows, and let their classes keep what is clear."""
+    if not windows:
+        return []
+    leads = tuple(dict.fromkeys(window.of.lead for window in windows))
+    ends = np.array([(lead, places[0], places[-1]) for window in windows
+                     for lead, places in [(leads.index(window.of.lead), window.places)]])
+    sampler = _sampler(domain, leads).reaching(ends[:, 1:].reshape(-1), np.repeat(ends[:, 0].astype(np.int64), 2))
+    space = _Space(sampler, windows, 2 * domain.error_m)
+    out = clear(space, [window.places for window in windows], windows[0].of.finest_m)
+    for window, cleared in zip(windows, out, strict=True):
+        window.of.keep(cleared, window.behind)
+    return out
 
 
 def classes_of(domain: SearchDomain) -> list[LeadingBenches]:

@@ -33,15 +33,46 @@ All is rounded outwards: balls by themselves (``ball_arithmetic``), separations 
 the formulas that put bounds together, sums and products of a few dozen positive numbers, by the factor ABOVE.
 """
 from dataclasses import dataclass
+from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.contact.narrow_phase import BenchSamples, Sizes, beyond, further
+from dragon_ros.core.contact.narrow_phase import BenchSamples, Sizes, beyond, further, separations
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between, side_by_side
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 ABOVE = 1 + 2.0**-40    # of bounds: more than eight thousand roundings of positive numbers take away
+_SETTLED = 0.5      # of a gap: a first-order bound that is as near to it will do
+_SURE = 8           # times the position error: more than any tolerance
+_STRAIGHT_M = 1e-200    # corners may not leave straight lines at all
 _STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves by more than positions may err
+
+
+At = tuple[Any, Any]    # rows and columns
+
+
+class _Pairs(NamedTuple):
+    """Where leading benches' front and rear handles stand among handles (M, K+1), and those of others.
+
+    A bench's link has the number of its front handle.
+    """
+
+    lead: At
+    lead_rear: At
+    other: At
+    other_rear: At
+
+
+def _all_pairs(count: int) -> _Pairs:
+    """Return the pairs of bench 0 with benches 2 to ``count`` - 1 of all rows."""
+    lead, other = slice(0, 1), slice(2, count)
+    return _Pairs(*((slice(None), handles) for handles in (lead, slice(1, 2), other, slice(3, count + 1))))
+
+
+def _some_pairs(row: Ints, bench: Ints) -> _Pairs:
+    """Return pairs (P,) of bench 0 with others."""
+    first = np.zeros_like(row)
+    return _Pairs((row, first), (row, first + 1), (row, bench), (row, bench + 1))
 
 
 @dataclass(frozen=True)
@@ -104,39 +135,40 @@ def spans(theta: Ball, delta: Ball) -> Spans:
     return Spans(theta, delta, outer, sin, cos, less, (delta + theta * less + theta * outer * sin).inverse())
 
 
-def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
+def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | None = None) -> Floats:
     """Return bounds (M, K-2, 2) of second derivatives on M intervals, in units of b per square radian.
 
     ``theta`` (M, K+1) are all angles that handles have on an interval, ``delta`` (M, K) all that links span, ``chord``
     and ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of
-    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs. Infinite where
-    nothing is known: close to a lock.
+    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; of some pairs
+    alone they are (P, 2). Infinite where nothing is known: close to a lock.
     """
     with np.errstate(all='ignore'):
-        return corners(_motion(theta, _slopes(theta, delta, chord)), arm)
+        return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
 
 
-def corners(moving: Motion, arm: Floats, growth: float = 0.0) -> Floats:
-    """Return bounds as ``bend`` does; arms grow by ``growth`` of their length for each unit, steadily."""
+def corners(moving: Motion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
+    """Return bounds as ``bend`` does, or (P, 2) of some pairs; arms grow by ``growth`` of their length a unit."""
+    pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
     with np.errstate(all='ignore'):
-        in_lead, in_other = _middles(moving, slice(0, 1)), _middles(moving, slice(2, None))
-        dw, dw_rate = moving.w[:, 2:] - moving.w[:, :1], moving.w_rate[:, 2:] - moving.w_rate[:, :1]
+        (lead, lead_rate), (other, other_rate) = ((moving.w[at], moving.w_rate[at]) for at in (pairs.lead, pairs.other))
+        dw, dw_rate = other - lead, other_rate - lead_rate
         spin = np.hypot(dw_rate.most, dw.most**2) + 2 * growth * dw.most
-        out: Floats = ABOVE * np.stack((in_lead + arm[:, 2:] * spin, in_other + arm[:, :1] * spin), axis=-1)
+        in_lead, in_other = _middles(moving, pairs, lead, lead_rate), _middles(moving, pairs, other, other_rate)
+        out: Floats = ABOVE * np.stack((in_lead + arm[pairs.other] * spin, in_other + arm[pairs.lead] * spin), axis=-1)
     return np.where(np.isfinite(out), out, np.inf)
 
 
-def _middles(moving: Motion, frame: slice) -> Floats:
-    """Return bounds of how middles of benches accelerate as seen from the middle of bench 0, in the frame of some."""
-    handles = slice(0, 1), slice(1, 2), slice(2, -1), slice(3, None)
-    one, two, three, four = (_acceleration(moving, frame, handle) for handle in handles)
+def _middles(moving: Motion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
+    """Return bounds of how middles of benches accelerate as seen from those of leading ones, in frames that turn."""
+    one, two, three, four = (_acceleration(moving, at, w, w_rate) for at in pairs)
     return 0.5 * (one + two + three + four)
 
 
-def _acceleration(moving: Motion, frame: slice, handle: slice) -> Floats:
-    theta, p, a = moving.theta[:, handle], moving.p[:, handle], moving.a[:, handle]
-    v = moving.turned[:, handle] - moving.w[:, frame]
-    outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - moving.w_rate[:, frame])
+def _acceleration(moving: Motion, handle: At, w: Ball, w_rate: Ball) -> Floats:
+    theta, p, a = moving.theta[handle], moving.p[handle], moving.a[handle]
+    v = moving.turned[handle] - w
+    outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - w_rate)
     return np.hypot(outwards.most, across.most)
 
 
@@ -188,49 +220,82 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
             side_by_side([*a, bent * p[-1].squared() + after * a[-1]]))
 
 
-def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> Floats:
-    """Return lower bounds (M,) of the gaps on intervals between samples a and b; not positive: not cleared.
+def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
+    """Return lower bounds (M,) of the gaps on intervals between samples a and b, and room; not positive: not cleared.
 
-    Only the next ``behind`` (M,) benches count.
+    Room is how many times as long an interval might have been, no more than once. Only the next ``behind`` (M,) benches
+    count. Pairs that the ways of benches, or the circle, show to keep most of their gap are not looked at more closely.
     """
-    sides = [np.minimum(side * a.offset - a.extent, side * b.offset - b.extent) for side in (1, -1)]
-    separation, sag = np.maximum(*sides), _sag(a, b, sizes)
-    low = np.maximum(np.max(separation[..., :2], axis=-1) - sag[..., 0],
-                     np.max(separation[..., 2:], axis=-1) - sag[..., 1])
-    way = _way(a, b, sizes)
-    low = np.maximum(low, np.maximum(a.apart, b.apart) - way[:, :1] - way[:, 2:])
-    low -= sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))[:, None]
-    circle = beyond(a, b, sizes)
-    out: Floats = np.min(np.where(_there(circle, behind), np.maximum(low, circle), np.inf), axis=1)
+    sizes = sizes.of(a.lead)
+    circle, one, two = beyond(a, b, sizes), a.apart, b.apart
+    off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
+    low = np.maximum(np.maximum(one, two) - _way(a, b, sizes) - off[:, None], circle)
+    there = np.arange(2, circle.shape[1] + 2) <= behind[:, None]
+    row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.error_m)))
+    room = np.ones(behind.size)
+    if row.size:
+        bent, enough = _bent(a, b, sizes, row, other)
+        low[row, other] = np.maximum(low[row, other], bent - off[row])
+        np.minimum.at(room, row, enough)
+    out: Floats = np.min(low, axis=1, where=there, initial=np.inf)
     unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)
-    return np.where(unseen | _turns_back(a, b), -np.inf, out)
+    return np.where(unseen | _turns_back(a, b), -np.inf, out), room
 
 
-def _there(gap: Floats, behind: Ints) -> Array:
-    """Return which of the benches (M, K-2) are there at all."""
-    out: Array = np.arange(2, gap.shape[1] + 2) <= behind[:, None]
-    return out
+def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
+    """Return second-order bounds (P,) of the gaps of pairs, numbered from the second bench behind on, and room."""
+    sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
+    half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
+    ends = [separations((each.centre[row, 0], each.centre[row, other + 2]),
+                        (each.axis[row, 0], each.axis[row, other + 2]), half_length_m, sizes.half_width_m)
+            for each in (a, b)]
+    along = [np.maximum(*(np.minimum(*side) for side in zip(*sides, strict=True))) for sides in zip(*ends, strict=True)]
+    sag = _sag(a, b, sizes, row, other + 2)
+    ahead, aside = np.maximum(*along[:2]), np.maximum(*along[2:])
+    share = [np.maximum(each, 0.0) / np.maximum(bent, _STRAIGHT_M)
+             for each, bent in zip((ahead, aside), sag.T, strict=True)]
+    room = np.sqrt(np.maximum(*share))
+    return np.maximum(ahead - sag[:, 0], aside - sag[:, 1]), room
 
 
-def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far corners leave straight lines, (M, K-2, 2) in metres: in the leading bench's frame, and others'."""
-    arm = np.hypot(sizes.half_length_m, sizes.half_width_m)[None] / sizes.b_m
-    chord = sizes.links_m[None] / sizes.b_m
-    length = (a.places - b.places)[:, None, None]
-    off = sizes.angle_errors(np.minimum(a.theta, b.theta))
-    theta, delta = between(a.theta, b.theta, off), between(a.delta, b.delta, 2 * off[:, :-1])
-    most = bend(theta, delta, between(chord, chord), arm)
+def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
+    """Return how far corners leave straight lines, (P, 2) in metres: in leading benches' frames, and in others'.
+
+    Chains are followed as far as the last of these benches, in the rows in which there is one.
+    """
+    used, row = np.unique(row, return_inverse=True)
+    count = int(np.max(bench)) + 1
+    one, two = (each.theta[used, :count + 1] for each in (a, b))
+    off = sizes.angle_errors(np.minimum(one, two))
+    links, half_length = (each[used if each.shape[0] > 1 else slice(None), :count]
+                          for each in (sizes.links_m, sizes.half_length_m))
+    theta = between(one, two, off)
+    delta = between(a.delta[used, :count], b.delta[used, :count], 2 * off[:, :-1])
+    chord, arm = links / sizes.b_m, np.hypot(half_length, sizes.half_width_m) / sizes.b_m
+    most = bend(theta, delta, between(chord, chord), arm, _some_pairs(row, bench))
+    length = (a.places - b.places)[used][row, None]
     out: Floats = most * (sizes.b_m * length * length / 8)
     return out
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far corners go at most (M, K) in metres: as far as a handle, times the bench's lever."""
+    """Return how far corners of pairs (M, K-2) go at most in metres, both together: the smaller of two bounds.
+
+    A corner goes as far as a handle, times the bench's lever. Handles go along their track; or, seen from a frame that
+    turns about the centre as the leading one does, inwards by b times what their angle changes, and around by as much
+    as all spans from the leading one on change. Each of these changes one way.
+    """
     outer = np.maximum(a.theta, b.theta)
-    handle = ABOVE * (sizes.b_m * np.abs(a.theta - b.theta) * np.sqrt(1 + outer * outer) + 4 * sizes.error_m)
+    inwards = sizes.b_m * np.abs(a.theta - b.theta)
+    along = ABOVE * (inwards * np.sqrt(1 + outer * outer) + 4 * sizes.error_m)
+    off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
+    around = np.cumsum(np.abs(a.delta - b.delta) + 4 * off, axis=1)
+    around = (1 + 2.0**-52 * around.shape[1]) * np.concatenate((np.zeros_like(around[:, :1]), around), axis=1)
+    turned = ABOVE * (inwards + sizes.b_m * outer * around + 4 * sizes.error_m)
     overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
     lever = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
-    out: Floats = lever * np.maximum(handle[:, :-1], handle[:, 1:])
+    ways = [lever * np.maximum(handle[:, :-1], handle[:, 1:]) for handle in (along, turned)]
+    out: Floats = np.minimum(*(way[:, :1] + way[:, 2:] for way in ways))
     return out
 
 

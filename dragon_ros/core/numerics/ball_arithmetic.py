@@ -10,7 +10,7 @@ Each radius is therefore multiplied by 1 + 2^-14; that of a sum of K numbers, wh
 u / LEAST more. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
 """
 from dataclasses import dataclass
-from typing import Union
+from typing import Any, Union
 
 import numpy as np
 
@@ -53,7 +53,7 @@ class Ball:
 
     __radd__, __rmul__ = __add__, __mul__
 
-    def __getitem__(self, index: tuple[slice, slice]) -> 'Ball':
+    def __getitem__(self, index: tuple[Any, Any]) -> 'Ball':
         """Return some of the numbers."""
         return Ball(self.mid[index], self.rad[index])
 

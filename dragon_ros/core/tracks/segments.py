@@ -53,6 +53,11 @@ class Past(NamedTuple):
     d3: Floats
 
 
+def _ahead(past: Past | None) -> Floats | None:
+    """Return the predicted differences of squared angles."""
+    return np.maximum(next_square(past.d1, past.d2, past.d3), 0.0) if past else None    # type: ignore[arg-type]
+
+
 class Segment(Protocol):
     """What a track asks of a segment. An open end has an infinite coordinate."""
 
@@ -426,16 +431,21 @@ class SpiralSegment:
     def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
                past: Past | None) -> tuple[Floats, int]:
         """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations."""
-        chord = chord_m / self.curve.b_m
-        ahead = np.maximum(next_square(past.d1, past.d2, past.d3), 0.0) if past else None   # type: ignore[arg-type]
         if direction == self.way:
-            guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
-            return steps(u, chord, guess, tolerance)
+            return self.shifts_outwards(u, chord_m, tolerance, past)
+        chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         inner = None if ahead is None else u * u - ahead
         guess = (first_guesses_in(u, chord) if inner is None or np.any(inner <= 0) else
                  ahead / (u + np.sqrt(inner)))
         delta, spent = steps_in(u, chord, guess, self._arc(chord_m), tolerance)
         return -delta, spent
+
+    def shifts_outwards(self, u: Floats, chord_m: float | Floats, tolerance: float,
+                        past: Past | None) -> tuple[Floats, int]:
+        """Return ``shifts`` to places further out, at one chord for all or at one for each."""
+        chord, ahead = chord_m / self.curve.b_m, _ahead(past)
+        guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
+        return steps(u, chord, guess, tolerance)
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
         """Return the differences of squared angles of changes of coordinates."""

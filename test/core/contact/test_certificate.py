@@ -32,7 +32,8 @@ EFFORT = Effort()
 
 
 def sampler(first=0, follow=60, scene=CLASSIC):
-    return BenchSampler(compile_scene(scene).model.track, scene.dragon, first, follow, EFFORT, lambda states: None, 0.0)
+    track = compile_scene(scene).model.track
+    return BenchSampler(track, scene.dragon, (first,), follow, EFFORT, lambda states: None, 0.0)
 
 
 def test_the_classic_run_in_is_proved_with_few_looks():
@@ -62,7 +63,7 @@ def inside(first, scene, start, stop):
     watch = sampler(first, 40, scene)
     view = watch.sample(np.linspace(start, stop, 41))
     behind = np.array([scene.dragon.benches - 1 - first])
-    low = bounds(view.rows(np.array([0])), view.rows(np.array([40])), watch.sizes, behind)[0]
+    low = bounds(view.rows(np.array([0])), view.rows(np.array([40])), watch.sizes, behind)[0][0]
     return low, np.min(view.apart)
 
 

@@ -16,6 +16,7 @@ from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.narrow_phase import BenchSampler, beyond, further
 from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.contact.second_order_bounds import bounds
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -43,12 +44,12 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
         track = compile_scene(scene).model.track
-        sampler = BenchSampler(track, dragon, 0, dragon.benches, Effort(), lambda states: None, 0.0)
+        sampler = BenchSampler(track, dragon, (0,), dragon.benches, Effort(), lambda states: None, 0.0)
         views = [sampler.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)
     bound = further(*views, sampler.sizes, beyond(*views, sampler.sizes))[0]
-    if sampler.sizes.longest_m is None:
+    if not np.any(sampler.sizes.longest_m):
         return
     for view in views:
         chain = Scene(dragon=dragon, track=Spiral(pitch, view.places[0] / (2 * np.pi)))
@@ -58,6 +59,30 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
         nearest = np.min(np.hypot(*np.moveaxis(ends[0] + share * (ends[1] - ends[0]), -1, 0)), axis=(0, 2))
         furthest = np.max(np.hypot(*np.moveaxis(corners[0], -1, 0)))
         assert np.all(bound <= np.minimum.accumulate(nearest[::-1])[::-1] - furthest + 1e-9)
+
+
+@settings(max_examples=15)
+@given(mixed, st.floats(2.5, 9), st.floats(1e-3, 2))
+def test_benches_sampled_together_are_as_if_each_were_alone_and_their_bounds_hold_in_between(dragon, theta, way):
+    assume(dragon.benches > 3 and np.all(dragon.link_lengths_m))
+    places = 2 * theta + way * np.linspace(0, 1, 9)
+    leads, ends = tuple(range(dragon.benches - 2)), [np.array([n]) for n in (0, 8)]
+
+    def sampler(*leads):
+        return BenchSampler(track, dragon, leads, dragon.benches - leads[0], Effort(), lambda states: None, 0.0)
+
+    try:
+        track = compile_scene(Scene(dragon=dragon, track=Spiral(1.6, 4.0))).model.track
+        together = sampler(*leads)
+        for number, lead in enumerate(leads):
+            count, alone = dragon.benches - lead, sampler(lead).sample(places)
+            seen = together.sample(places, np.full(9, number))
+            assert np.allclose(seen.theta[:, :count + 1], alone.theta, rtol=0, atol=1e-12)
+            assert np.allclose(seen.apart[:, :count - 2], alone.apart, rtol=0, atol=1e-12)
+            low, _ = bounds(*(seen.rows(end) for end in ends), together.sizes, np.array([count - 1]))
+            assert low[0] <= np.min(alone.apart) + 1e-12
+    except ChainLockError:
+        assume(False)
 
 
 @settings(max_examples=12, deadline=None)

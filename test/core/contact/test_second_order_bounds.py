@@ -109,7 +109,7 @@ def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
 
 
 def sampler(dragon, first=1):
-    return BenchSampler(track_of(Spiral()), dragon, first, dragon.benches - first, EFFORT, lambda states: None, 0.0)
+    return BenchSampler(track_of(Spiral()), dragon, (first,), dragon.benches - first, EFFORT, lambda states: None, 0.0)
 
 
 @given(st.floats(0.6, 4), st.floats(10, 90), st.floats(0, 2))
@@ -134,9 +134,9 @@ def test_a_stretch_on_which_a_handle_turns_back_is_never_cleared():
     view = watch.sample(np.array([turn - 1e-3, turn, turn + 1e-3]))
     rows = [view.rows(np.array([n])) for n in range(3)]
     behind = np.array([COUNT - 1])
-    assert np.isneginf(bounds(rows[0], rows[2], watch.sizes, behind)[0])
-    assert np.all(np.isfinite([bounds(rows[0], rows[1], watch.sizes, behind)[0],
-                               bounds(rows[1], rows[2], watch.sizes, behind)[0]]))
+    assert np.isneginf(bounds(rows[0], rows[2], watch.sizes, behind)[0][0])
+    assert np.all(np.isfinite([bounds(rows[0], rows[1], watch.sizes, behind)[0][0],
+                               bounds(rows[1], rows[2], watch.sizes, behind)[0][0]]))
 
 
 numbers = st.floats(-3, 3)
