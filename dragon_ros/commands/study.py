@@ -8,8 +8,6 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from tqdm import tqdm
-
 from dragon_ros.cli import command_line, figures
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.checks import whole
@@ -37,7 +35,7 @@ def main(argv: list[str]) -> int:
                          'the scheduler file of its scheduler')
     options.add_argument('--plot', action='store_true', help='draw what is there into the folder, as PNG and SVG; of a '
                          'FOLDER nothing is computed then')
-    options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (text)')
+    options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
     return command_line.guarded('study', partial(_run, options.parse_args(argv)))
 
 
@@ -82,6 +80,8 @@ def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
 
 def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'Progress']) -> int:
     """Compute what is missing, with a progress bar; return the exit code."""
+    from tqdm import tqdm
+
     from dragon_ros.studies import dataset
     workers = arguments.workers
     if workers is not None:

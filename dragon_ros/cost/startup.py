@@ -1,5 +1,6 @@
 """``cost startup``: how long each executable takes to start: its help, and the smallest thing that it does."""
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
@@ -14,7 +15,6 @@ from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
-from dragon_ros.executables import EXECUTABLES
 
 _MODULE = '-m', 'dragon_ros'
 _BAG = 'simulate', '--force', '--set', 'run.stop_s=2', '--output'
@@ -44,7 +44,7 @@ def measure(budget_s: float = 0.3) -> list[Start]:
         _run(*_MODULE, *_BAG, bag)
         jobs: list[tuple[str, str, Callable[[], None]]] = [
             (name, ' '.join(words), partial(_run, *words)) for name, words in FLOORS.items()]
-        jobs += [(name, HELP, partial(_run, *_MODULE, name, HELP)) for name in EXECUTABLES]
+        jobs += [(name, HELP, partial(_run, *_MODULE, name, HELP)) for name in names()]
         for name, line in SMALLEST.items():
             words = line.replace('BAG', str(bag)).replace('OUT', str(out)).split()
             jobs.append((name, line, partial(_first_frame if name == 'view' else _run, *_MODULE, *words)))
@@ -52,8 +52,14 @@ def measure(budget_s: float = 0.3) -> list[Start]:
                 tqdm(jobs, desc='cost startup', unit='start', disable=None)]
 
 
+def names() -> list[str]:
+    """Return the names of all executables, as the package's help lists them."""
+    listed = subprocess.run([sys.executable, *_MODULE, HELP], capture_output=True, text=True, check=True).stdout
+    return re.findall(r'^  (\w+) ', listed, re.MULTILINE)
+
+
 def _run(*words: str | Path) -> None:
-    subprocess.run([sys.executable, *words], env=_environment(), stdout=subprocess.DEVNULL, check=True)
+    subprocess.run([sys.executable, *words], env=_environment(), capture_output=True, check=True)
 
 
 def _first_frame(*words: str | Path) -> None:
@@ -78,7 +84,7 @@ def table(rows: list[Start]) -> str:
     done = {(row.name, row.arguments == HELP): row for row in rows}
     lines = [circumstances(), '', '| executable | `--help` (ms) | smallest use | (ms) |', '|---|---:|---|---:|']
     lines += [f'| {name} | | `{done[name, False].arguments}` | {_ms(done[name, False])} |' for name in FLOORS]
-    for name in EXECUTABLES:
+    for name in dict.fromkeys(row.name for row in rows if row.name not in FLOORS):
         use = done.get((name, False))
         lines.append(f'| `{name}` | {_ms(done[name, True])} | {f"`{use.arguments}`" if use else ""} '
                      f'| {_ms(use) if use else ""} |')
