@@ -20,6 +20,7 @@ class Progress:
         self._options = {'desc': what, 'unit': unit if unit == 'B' else f' {unit}', 'total': total, **options}
         self._began_s = time.monotonic()
         self._bar: Any = None
+        self._note = ''
         self._is_seen = sys.stderr is not None and sys.stderr.isatty()
 
     def update(self, more: float = 1) -> None:
@@ -33,6 +34,12 @@ class Progress:
     def reach(self, done: float) -> None:
         """Count up to a number."""
         self.update(done - self.done)
+
+    def note(self, text: str) -> None:
+        """Say something beside the count."""
+        self._note = text
+        if self._bar is not None:
+            self._bar.set_postfix_str(text, refresh=False)
 
     def __call__(self, rows: Iterable[T]) -> Iterator[T]:
         """Yield what is gone through, and count it, from nothing."""
@@ -56,4 +63,5 @@ class Progress:
         from tqdm import tqdm
         self._bar = tqdm(leave=False, **self._options)
         self._bar.start_t = self._began_s - time.monotonic() + self._bar.start_t
+        self._bar.set_postfix_str(self._note, refresh=False)
         self._bar.update(self.done)

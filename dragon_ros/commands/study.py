@@ -6,15 +6,16 @@ from argparse import Namespace
 from collections.abc import Callable
 from functools import partial
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import InputError, MissingError
 
 if TYPE_CHECKING:
-    from dragon_ros.studies.cluster import Progress
+    from dragon_ros.studies.cluster import State
     from dragon_ros.studies.dataset import DataSet
 
 _MOST_WORKERS = 1024
@@ -78,30 +79,27 @@ def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
     return arguments.output, False
 
 
-def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'Progress']) -> int:
+def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'State']) -> int:
     """Compute what is missing, with a progress bar; return the exit code."""
-    from tqdm import tqdm
-
     from dragon_ros.studies import dataset
     workers = arguments.workers
     if workers is not None:
         whole('--workers', workers, low=1, high=_MOST_WORKERS)
-    with (stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept,
-          tqdm(desc='study', total=data.study.rows, initial=kept.count, unit=' rows', disable=None, leave=False) as bar,
-          ):
-        if kept.count:
-            print(f'study: {kept.count} of {data.study.rows} rows are there already', file=sys.stderr)
-        done = complete(kept, stop, partial(_show, bar), workers, arguments.scheduler)
+    with stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept:
+        there = kept.count
+        if there:
+            print(f'study: {there} of {data.study.rows} rows are there already', file=sys.stderr)
+        with Progress('study', 'rows', data.study.rows, initial=there) as shown:
+            done = complete(kept, stop, partial(_show, shown, there), workers, arguments.scheduler)
     if done.done == done.total:
         return command_line.OK
     print(f'study: stopped with {done.done} of {done.total} rows; to go on: {_again(arguments)}', file=sys.stderr)
     return command_line.FAILED
 
 
-def _show(bar: Any, progress: 'Progress') -> None:
-    bar.set_postfix_str(f'{progress.refused} refused, {progress.workers} workers', refresh=False)
-    bar.update(progress.done - bar.n)
-    bar.refresh()
+def _show(shown: Progress, there: int, state: 'State') -> None:
+    shown.note(f'{state.refused} refused, {state.workers} workers')
+    shown.reach(state.done - there)
 
 
 def _again(arguments: Namespace) -> str:

@@ -8,10 +8,10 @@ from threading import Event
 
 from distributed import Client
 from matplotlib.figure import Figure
-from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import LINES
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.scene import Scene
 from dragon_ros.cost.measure import circumstances
 from dragon_ros.studies.cluster import local_client, run
@@ -66,7 +66,7 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     """Measure everything: each study for about a hundred budgets on each number of workers, all of them up before."""
     jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
     return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
-            tqdm(jobs, desc='cost study', unit='part', disable=None)]
+            Progress('cost study', 'parts', len(jobs))(jobs)]
 
 
 def _study(name: str, rows: int) -> Study:

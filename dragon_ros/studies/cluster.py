@@ -54,7 +54,7 @@ class Batch(NamedTuple):
 
 
 @dataclass
-class Progress:
+class State:
     """How far a study is: rows that are there, and of those that this run has computed how many of each status."""
 
     total: int
@@ -160,7 +160,7 @@ def _asked(call: Callable[[], Any]) -> Any:
         return error
 
 
-def run(data: DataSet, client: Client, stop: Event, tell: Callable[[Progress], object]) -> Progress:
+def run(data: DataSet, client: Client, stop: Event, tell: Callable[[State], object]) -> State:
     """Compute the rows that a data set lacks and keep them, until all are there or ``stop`` is set.
 
     ``tell`` is called after each batch. Raises DiskError where rows cannot be kept, DragonError where the cluster is
@@ -190,7 +190,7 @@ class _Run:
         self.ahead: dict[Future, tuple[int, int]] = {}
         self._came: Queue[Future] = Queue()
         self._row_s: float | None = None
-        self.progress = Progress(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
+        self.progress = State(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
                                  dict.fromkeys(STATUSES, 0))
         self._seen, self._look_again = monotonic(), 0.0
 
@@ -290,15 +290,15 @@ def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
             start = end
 
 
-def complete(data: DataSet, stop: Event, tell: Callable[[Progress], object], workers: int | None = None,
-             scheduler: str | None = None) -> Progress:
+def complete(data: DataSet, stop: Event, tell: Callable[[State], object], workers: int | None = None,
+             scheduler: str | None = None) -> State:
     """Compute what a data set lacks, on processes of this host or on the cluster of a scheduler (``run``).
 
     Where nothing is missing no process is started.
     """
     if not data.missing:
         data.join_blocks()
-        return Progress(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))
+        return State(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))
     if scheduler is not None and workers is not None:
         raise InputError('--workers: a cluster that is joined brings its own workers; leave it out', field='workers')
     with joined_client(scheduler) if scheduler is not None else local_client(workers) as client:
