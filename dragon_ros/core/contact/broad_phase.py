@@ -7,6 +7,7 @@ own layer or the next but one: ``adjacent_layer_windows``. ``candidates`` asks i
 and a distance from the origin, turn by turn, which is complete wherever the benches are, and the same few benches
 where the paper is right.
 """
+from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
@@ -16,6 +17,7 @@ from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.numerics.types import Floats, Ints
 
+_TOGETHER = 4   # steps of a chain whose boxes are looked up together
 _AT_ONCE = 256
 _MOST_PAIRS = 1_000_000     # or, if that is more,
 _MOST_EACH = 16             # for each bench
@@ -168,9 +170,39 @@ def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
 
     The gaps of all other pairs exceed it at each of the M states.
     """
-    count = corners.shape[1]
-    hair = 0.5 * reach_m + _HAIR * float(np.max(np.abs(corners)))
-    low, high = corners.min(axis=(0, 2)) - hair, corners.max(axis=(0, 2)) + hair
+    (found,) = pairs_on_steps(corners.min(axis=(0, 2))[None], corners.max(axis=(0, 2))[None], np.array([reach_m]))
+    return found
+
+
+def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
+    """Yield for each of M steps the pairs whose boxes come within a reach (M,), as ``swept_pairs`` does for one.
+
+    ``low`` and ``high`` (M, N, 2) are the corners of the boxes. Those of some steps are looked up together, unless they
+    would fill the memory so.
+    """
+    hair = (0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high)))))[:, None, None]
+    low, high = low - hair, high + hair
+    for start in range(0, reach_m.size, _TOGETHER):
+        some = low[start:start + _TOGETHER], high[start:start + _TOGETHER]
+        try:
+            yield from _on_steps(*some)
+        except CrowdError:
+            for one in zip(*some, strict=True):
+                yield from _on_steps(*(each[None] for each in one))
+
+
+def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:
+    """Return the pairs whose boxes (M, N, 2) meet on each of M steps."""
+    i, j = np.divmod(_meeting(np.min(low, axis=0), np.max(high, axis=0)), low.shape[1])
+    beside = j - i <= 3
+    kept = (beside | np.all((one[i] <= other[j]) & (one[j] <= other[i]), axis=1)
+            for one, other in zip(low, high, strict=True))
+    return [(i[keep], j[keep]) for keep in kept]
+
+
+def _meeting(low: Floats, high: Floats) -> Ints:
+    """Return the pairs i, j of boxes (N, 2) that meet, and those with |i - j| = 2 and 3, as sorted numbers i N + j."""
+    count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)
     found = [own * count + own + step for step in (2, 3) for own in [np.arange(max(0, count - step))]]
@@ -181,5 +213,4 @@ def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
         if (total := total + int(np.sum(keep))) > most:
             raise CrowdError(f'{count} benches lie so close that more than {most:,} pairs may touch; '
                              'spread them out, or use fewer', benches=count, limit=most)
-    i, j = np.divmod(np.sort(np.concatenate(found)), count)
-    return i, j
+    return np.sort(np.concatenate(found))

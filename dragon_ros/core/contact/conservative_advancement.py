@@ -17,7 +17,7 @@ from dataclasses import dataclass, fields
 import numpy as np
 
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.contact.broad_phase import swept_pairs
+from dragon_ros.core.contact.broad_phase import pairs_on_steps
 from dragon_ros.core.contact.certificate import ALL, Interval
 from dragon_ros.core.contact.interval_clearing import Judgement, clear, parts_for
 from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
@@ -37,7 +37,7 @@ _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: 
 _REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
 _SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
 _FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
-_AT_ONCE = 2**16        # benches that are sampled together, for the memory
+_AT_ONCE = 2**17        # benches that are sampled together, for the memory
 _FEW = 8                # roots of the first block; later ones are twice as long each
 _SETTLED = 0.5          # of a gap: a bound that is as near to it is not looked at again on parts of its interval
 _STILL_M = 1e-200       # two states may round to one place
@@ -112,19 +112,21 @@ class _Space:
         """Take the roots: look which pairs come near on each."""
         moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
         reach_m = _REACH * 2 * moved_m + self._far_m
-        found = [self._near(samples, rows, reach) for rows, reach in zip(pairs.T, reach_m.tolist(), strict=True)]
+        found = [*self._near(samples, pairs, reach_m)]
         self._count = np.array([i.size for i, _ in found])
         self._first = np.cumsum(self._count) - self._count
         self._pairs = np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
         self._others_m = reach_m - 2 * moved_m
 
-    def _near(self, samples: ChainSamples, rows: Ints, reach_m: float) -> tuple[Ints, Ints]:
-        """Return the pairs that are to be looked at on a root: all within reach, but those that others speak for."""
-        half_length, half_width = self._half
-        benches = Benches(samples.centre[rows], samples.axis[rows], half_length, half_width)
-        i, j = swept_pairs(benches.corners, reach_m)
-        keep = np.any(samples.segment[rows][:, i] > 0, axis=0) if self._only_beyond else slice(None)
-        return i[keep], j[keep]
+    def _near(self, samples: ChainSamples, pairs: Ints, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
+        """Yield the pairs that are to be looked at on roots: all within reach, but those that others speak for."""
+        corners = Benches(samples.centre, samples.axis, *self._half).corners
+        low, high = corners.min(axis=2), corners.max(axis=2)
+        low, high = np.minimum(*(low[rows] for rows in pairs)), np.maximum(*(high[rows] for rows in pairs))
+        beyond = np.any(samples.segment[pairs] > 0, axis=0)
+        for (i, j), there in zip(pairs_on_steps(low, high, reach_m), beyond, strict=True):
+            keep = there[i] if self._only_beyond else slice(None)
+            yield i[keep], j[keep]
 
     def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
         """Return how far points of benches (M, N) go at most between samples."""
