@@ -1,6 +1,6 @@
 """Write the tables of the documents from the code, between <!-- table NAME --> and <!-- end --> in each of them.
 
-``python3 docs/make_tables.py`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
+``./dragon docs`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
 import re
@@ -14,6 +14,7 @@ ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
 from dragon_ros import configuration  # noqa: E402
+from dragon_ros.configuration import scene_names  # noqa: E402
 from dragon_ros.core import limits as budgets  # noqa: E402
 from dragon_ros.core.flags import MEANINGS, NEEDS  # noqa: E402
 from dragon_ros.core.model import compile_scene  # noqa: E402
@@ -22,7 +23,7 @@ from dragon_ros.core.tiers import TIERS, Tier  # noqa: E402
 from dragon_ros.executables import EXECUTABLES  # noqa: E402
 from dragon_ros.messages.channels import Channel, channels  # noqa: E402
 from dragon_ros.nodes import params  # noqa: E402
-from dragon_ros.scenes.load import PARTS, scene_names  # noqa: E402
+from dragon_ros.scenes.load import PARTS  # noqa: E402
 from dragon_ros.scenes.schema import scene_schema  # noqa: E402
 from dragon_ros.verify import reading  # noqa: E402
 
@@ -38,7 +39,7 @@ def main(argv: list[str]) -> int:
     check = options.parse_args(argv).check
     stale = [path for path in DOCUMENTS if renewed(path) != path.read_text(encoding='utf-8')]
     for path in stale:
-        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon python docs/make_tables.py" if check else "renewed"}')
+        print(f'{path.relative_to(ROOT)}: {"stale; run ./dragon docs" if check else "renewed"}')
         if not check:
             path.write_text(renewed(path), encoding='utf-8')
     return int(check and bool(stale))
@@ -71,6 +72,14 @@ def topics() -> str:
         (f'`{name}`', one.type.replace('/msg/', '/'), one.publisher,
          f'`{one.effect.names[0]}`' if one.effect else '', one.meaning + (', latched' if _says_late(one) else ''))
         for name, one in channels().items()))
+
+
+def topic_names() -> str:
+    """Return the names of the topics by their publisher."""
+    by_publisher = {one.publisher: [name for name, other in channels().items() if other.publisher == one.publisher]
+                    for one in channels().values()}
+    return '\n'.join(f'- `{publisher}` publishes {", ".join(f"`{name}`" for name in names)}.'
+                     for publisher, names in by_publisher.items())
 
 
 def _says_late(channel: Channel) -> bool:
@@ -184,9 +193,10 @@ def _amount(value: float, unit: str) -> str:
 
 
 TABLES: dict[str, Callable[[], str]] = {
-    'executables': executables, 'topics': topics, 'qualities': qualities, 'scenes': scenes, 'keys': keys,
-    'effects': effects, 'tiers': tiers, 'limits': limits, 'sim': lambda: parameters(params.SIM),
-    'monitor': lambda: parameters(params.MONITOR), 'replay': lambda: parameters(params.REPLAY)}
+    'executables': executables, 'topic_names': topic_names, 'topics': topics, 'qualities': qualities,
+    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits,
+    'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
+    'replay': lambda: parameters(params.REPLAY)}
 
 if __name__ == '__main__':
     sys.exit(main(sys.argv[1:]))

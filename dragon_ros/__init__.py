@@ -7,10 +7,21 @@ from importlib import import_module
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
-    from dragon_ros.api import Bag, Motion, Simulated, compile, design, plot, read_bag, scene  # noqa: A004
+    from dragon_ros.api import (
+        Bag,
+        Motion,
+        Rows,
+        Simulated,
+        compile,  # noqa: A004
+        design,
+        plot,
+        read_bag,
+        scene,
+        study,
+    )
     from dragon_ros.version import __version__ as __version__
 
-__all__ = ['Bag', 'Motion', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene']
+__all__ = ['Bag', 'Motion', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
 
 
 def __getattr__(name: str) -> Any:

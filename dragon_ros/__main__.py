@@ -4,7 +4,6 @@ import signal
 if __name__ == '__main__' and signal.getsignal(signal.SIGINT) is signal.default_int_handler:
     signal.signal(signal.SIGINT, signal.SIG_DFL)        # until all is imported, Ctrl-C ends this without a traceback
 
-import difflib
 import importlib
 import os
 import sys
@@ -22,8 +21,8 @@ def main(argv: list[str]) -> int:
         return 0 if argv else 2
     name, *rest = argv
     if name not in EXECUTABLES:
-        near = difflib.get_close_matches(name, EXECUTABLES, n=1)
-        hint = f'did you mean {near[0]}?' if near else f'the names are {", ".join(EXECUTABLES)}'
+        from dragon_ros.core.errors import did_you_mean
+        hint = did_you_mean(name, EXECUTABLES, f'the names are {", ".join(EXECUTABLES)}')
         print(f'dragon_ros: unknown executable {name!r}; {hint}', file=sys.stderr)
         return 2
     executable = EXECUTABLES[name]

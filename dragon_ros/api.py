@@ -9,6 +9,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
+from threading import Event
 from types import TracebackType
 from typing import TYPE_CHECKING, Any
 
@@ -195,17 +196,17 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
     """Draw a dragon at a time (the last one) on its track into Matplotlib axes (new ones), and return them."""
     from matplotlib import pyplot as plt
 
-    from dragon_ros.commands.plot.dragon import draw, extent, frame
-    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment
+    from dragon_ros.commands.plot.dragon import draw, panel
+    from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment, window
     source: Source
     if isinstance(of, Bag):
         source = BagSource(of.reader, of.namespace)
     else:
         source = SceneSource('dragon', of.scene if isinstance(of, Simulated) else of)
-    axes = plt.subplots(figsize=(7.2, 7.2))[1] if ax is None else ax
     one = moment(source, source.span_s[1] if t_s is None else t_s)
-    draw(axes, source.track, one)
-    frame(axes, extent(one))
+    inches, seen = panel(window(source.track, [one]), 6.4)
+    axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
+    draw(axes, seen, source.track, one)
     axes.set_title(f'{len(one.benches.centre)} benches at {one.t_s:g} s')
     return axes
 
@@ -248,6 +249,54 @@ class _Design:
 
 
 design = _Design()
+
+
+@dataclass(frozen=True, eq=False)
+class Rows:
+    """The rows of a study, and the folder that holds them: ``table`` is a pyarrow.Table, a row for each index."""
+
+    folder: Path
+    table: Any
+
+    def __len__(self) -> int:
+        """Return how many rows there are."""
+        return len(self.table)
+
+    def __getitem__(self, column: str) -> Floats:
+        """Return a column of numbers as an array (rows,), nan where it is empty."""
+        from dragon_ros.studies.answers import numbers
+        return read_only(numbers(self.table, column).copy())
+
+    def frame(self) -> Any:
+        """Return a pandas DataFrame. Raises MissingError without pandas."""
+        try:
+            return self.table.to_pandas()
+        except ImportError:
+            raise MissingError('frame: pandas is not installed: pip install pandas') from None
+
+
+def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None = None, samples: int | None = None,
+          workers: int | None = None, scheduler: str | None = None) -> Rows:
+    """Return the rows of a study, by name or file, in the folder ``output``; rows that it lacks are computed first.
+
+    The folder of a data set takes the place of the study. They are computed by processes of this host, one a core, or
+    by a Dask cluster (``docs/studies.md``); a script needs ``if __name__ == '__main__':`` around it for that. Raises
+    InputError as a scene does, MissingError where Dask is not installed.
+    """
+    try:
+        from dragon_ros.studies.cluster import complete
+        from dragon_ros.studies.dataset import DataSet, open_set, writing
+        from dragon_ros.studies.study import load_study
+    except ImportError as error:
+        raise MissingError(f"{error.name}: is not installed: pip install 'dragon_ros[study]'") from None
+    path = Path(name_or_path)
+    if output is None and not path.is_dir():
+        raise InputError('output: say in which folder the rows are kept', field='output')
+    known = open_set(path) if output is None else DataSet(Path(output), load_study(fspath(name_or_path)))
+    wanted = known.study if samples is None else known.study.with_samples(samples)
+    with writing(known.folder, wanted) as data:
+        complete(data, Event(), lambda progress: None, workers, scheduler)
+    return Rows(data.folder, data.table())
 
 
 def _draw_in_jupyter() -> None:

@@ -20,6 +20,11 @@ def folder() -> Path:
                        'colcon and source its setup file)')
 
 
+def scene_names() -> list[str]:
+    """Return the names of the scenes that come with the package."""
+    return sorted(path.stem for path in (folder() / 'scenes').glob('*.yaml'))
+
+
 def _candidates() -> Iterator[Path]:
     here = Path(__file__).resolve()
     yield here.parents[1] / 'msg_configs'

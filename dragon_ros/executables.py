@@ -11,22 +11,23 @@ class Executable(NamedTuple):
 
 
 NODES = 'dragon_ros.nodes.command_lines'
+_COMMANDS = 'dragon_ros.commands.command_lines'
 EXECUTABLES = {
     'sim': Executable(NODES, 'simulate a scene and publish it', 'sim'),
     'monitor': Executable(NODES, 'watch a published dragon and report its contacts',
                           'monitor'),
     'record': Executable(NODES, 'record the topics of a dragon as an MCAP bag', 'record'),
     'replay': Executable(NODES, 'publish a bag as it was recorded', 'replay'),
-    'table': Executable('dragon_ros.commands.table', 'print positions and velocities, without ROS'),
+    'table': Executable(_COMMANDS, 'print positions and velocities, without ROS', 'table'),
     'contact': Executable('dragon_ros.commands.contact', 'find the first contact of a scene, without ROS'),
-    'inspect': Executable('dragon_ros.commands.inspect', 'show what is in a bag, check or repair it'),
-    'export': Executable('dragon_ros.commands.export', 'write what is in a bag as CSV, Parquet or NumPy'),
-    'simulate': Executable('dragon_ros.commands.simulate',
-                           'write the bag of a scene, without ROS and faster than real time'),
+    'inspect': Executable(_COMMANDS, 'show what is in a bag, check or repair it', 'inspect'),
+    'export': Executable(_COMMANDS, 'write what is in a bag as CSV, Parquet or NumPy', 'export'),
+    'simulate': Executable(_COMMANDS, 'write the bag of a scene, without ROS and faster than real time', 'simulate'),
     'plot': Executable('dragon_ros.commands.plot.command',
                        'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
     'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),
     'design': Executable('dragon_ros.commands.design', 'answer a question about what to build'),
+    'study': Executable('dragon_ros.commands.study', 'vary a scene a thousand times or a million, and ask each'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
-    'demo': Executable('dragon_ros.commands.demo', 'run everything once: sim, monitor, bag, replay, picture'),
+    'demo': Executable(_COMMANDS, 'run everything once: sim, monitor, bag, replay, picture', 'demo'),
 }

@@ -1,10 +1,13 @@
-"""Write ``scene.schema.json`` from the code: run it after a change of the scene format, and commit the result.
+"""Write ``scene.schema.json`` and ``study.schema.json`` from the code: run it after a change of a format.
 
+Both are committed.
 PYTHONPATH=. python msg_configs/make_scene_schema.py
 """
 from pathlib import Path
 
-from dragon_ros.scenes.schema import text
+from dragon_ros.scenes.schema import text as of_scenes
+from dragon_ros.studies.schema import text as of_studies
 
 if __name__ == '__main__':
-    Path(__file__).with_name('scene.schema.json').write_text(text(), encoding='utf-8')
+    for name, text in (('scene', of_scenes()), ('study', of_studies())):
+        Path(__file__).with_name(f'{name}.schema.json').write_text(text, encoding='utf-8')

@@ -6,6 +6,7 @@ from hypothesis import HealthCheck, settings
 
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
+    parser.addoption('--long', action='store_true', help='also run what takes many processes (test/studies)')
 
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,

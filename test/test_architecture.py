@@ -20,18 +20,18 @@ PACKAGE = ROOT / 'dragon_ros'
 # Each room and what it may import besides itself; rooms that are not there yet are left out of the tests.
 BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
-         'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES, 'cost': BELOW_NODES,
-         'api': (*BELOW_NODES, 'commands'), 'verify': ()}
+         'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
+         'cost': (*BELOW_NODES, 'studies'), 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
 # The rooms and modules of the core, from the bottom: each may import those before it.
 CORE = ('numerics', 'tracks', 'chain', 'shift_map', 'model', 'contact', 'effects', 'step')
 CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'design': CORE[:CORE.index('contact') + 1]}
 CORE_IS_IN_ROOMS = (PACKAGE / 'core' / 'tracks').is_dir()
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(), 'scenes': {'numpy', 'yaml'},
              'messages': {'numpy'},
-             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib'},
+             'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
-             'verify': {'flint'},
-             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap'}}
+             'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed'}, 'verify': {'flint'},
+             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap', 'distributed'}}
 
 
 def imports(path):

@@ -6,14 +6,17 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import dragon_ros as dr
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
-COMMANDED = [path for path in DOCUMENTS if path.parent.name != 'cost']
 LONGEST_S = 50
+CONTEST_ROWS = {0: 'head', 1: 'section 1', 51: 'section 51', 101: 'section 101', 151: 'section 151', 201: 'section 201',
+                223: 'tail, rear'}
 
 # What a document's command begins with, what is run in its place (None: nothing), and why. Longer ones come first.
 SUBSTITUTES = {
@@ -22,7 +25,8 @@ SUBSTITUTES = {
     './dragon python test/soak/soak.py': (None, 'an hour'),
     './dragon test': (None, 'these are the tests'),
     './dragon check': (None, 'these are the tests'),
-    './dragon python docs/make_tables.py': (None, 'it would write; a test below checks the tables'),
+    './dragon docs': (None, 'it would write; a test below checks the tables'),
+    './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares'),
     './dragon python docs/examples/': (None, 'test/nodes/test_examples.py runs it beside a sim'),
     './dragon view': ('view --help', 'it serves until Ctrl-C; test/commands/test_view.py plays the page'),
     './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
@@ -35,8 +39,12 @@ SUBSTITUTES = {
                                 'them'),
     './dragon contact --near-misses': ('contact --scene first_contact --near-misses 0.01 --certificate proof.json',
                                        'a shorter run, and a certificate that is checked sooner'),
+    './dragon study pitch_map --output': ('study --help', 'it takes minutes; test/commands/test_study_command.py has '
+                                          'smaller ones'),
+    './dragon study tolerances': ('study --help', 'it takes hours; test/studies runs smaller ones'),
+    'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py has both'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/cost measures each page in small'),
-    './dragon plot animation --start': ('plot animation --start 411.8 --stop 412 --pace 2 --output run.html',
+    './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '
                                        '--output run.gif', 'the same in small'),
@@ -95,7 +103,7 @@ def write_files(path, folder):
         (folder / name).write_text(text)
 
 
-@pytest.mark.parametrize('path', COMMANDED, ids=lambda path: path.name if path.parent == ROOT else str(
+@pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name if path.parent == ROOT else str(
     path.relative_to(ROOT)))
 def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path):
     pytest.importorskip('rclpy')
@@ -123,8 +131,9 @@ def _steady(text):
 
 
 # The examples of python.md are one program, which test_api runs.
-@pytest.mark.parametrize('path', [path for path in COMMANDED if path.name != 'python.md'], ids=lambda path: path.name)
+@pytest.mark.parametrize('path', [path for path in DOCUMENTS if path.name != 'python.md'], ids=lambda path: path.name)
 def test_every_python_program_in_a_document_runs(path, tmp_path):
+    write_files(path, tmp_path)
     for text in re.findall(r'^```python\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
         if 'rclpy' in text:
             pytest.importorskip('rclpy')
@@ -133,7 +142,7 @@ def test_every_python_program_in_a_document_runs(path, tmp_path):
 
 
 def test_every_substitute_stands_for_a_command_of_a_document():
-    commands = [' '.join(shlex.split(command, comments=True)) for path in COMMANDED
+    commands = [' '.join(shlex.split(command, comments=True)) for path in DOCUMENTS
                 for lines, _ in blocks(path) for command in lines]
     unused = [start for start in SUBSTITUTES if not any(command.startswith(start) for command in commands)]
     assert not unused
@@ -164,15 +173,40 @@ def test_every_document_can_be_reached_from_the_readme():
         reached.add(path)
         names = re.findall(r'\]\(([^)#\s]+\.md)', path.read_text())
         ahead += [file for name in names if (file := (path.parent / name).resolve()) not in reached]
-    assert set(COMMANDED) <= reached
+    assert set(DOCUMENTS) <= reached
+
+
+def loaded(path):
+    """Return a program of the documents as a module."""
+    spec = importlib.util.spec_from_file_location(path.stem, path)
+    module = importlib.util.module_from_spec(spec)
+    spec.loader.exec_module(module)
+    return module
 
 
 @pytest.fixture(scope='module')
 def tables():
-    spec = importlib.util.spec_from_file_location('make_tables', ROOT / 'docs' / 'make_tables.py')
-    module = importlib.util.module_from_spec(spec)
-    spec.loader.exec_module(module)
-    return module
+    return loaded(ROOT / 'docs' / 'make_tables.py')
+
+
+MISTAKES = loaded(ROOT / 'docs' / 'examples' / 'common_mistakes.py')
+
+
+@pytest.mark.parametrize('question', MISTAKES.QUESTIONS)
+def test_common_mistakes_give_what_the_contest_page_says(question):
+    page = (ROOT / 'docs' / 'cumcm-2024-a.md').read_text()
+    found = re.search(rf'<!-- mistakes {question} -->\n(.*?)\n<!-- end -->', page, re.DOTALL)
+    assert found
+    assert found[1] == MISTAKES.table(MISTAKES.QUESTIONS[question]())
+
+
+def test_the_contest_page_has_the_positions_of_the_table():
+    page = (ROOT / 'docs' / 'cumcm-2024-a.md').read_text()
+    motion = dr.compile(dr.scene('winding')).states([60.0 * n for n in range(6)])
+    for handle, name in CONTEST_ROWS.items():
+        cells = ' | '.join(f'{x + 0.0:.6f}, {y + 0.0:.6f}' for x, y in np.round(motion.handles_m[:, handle], 6))
+        speeds = ' | '.join(f'{speed:.6f}' for speed in motion.speed_m_s[:, handle])
+        assert f'| {name}: x, y (m) | {cells} |\n| speed (m/s) | {speeds} |' in page
 
 
 def test_the_tables_of_the_documents_are_those_of_the_code(tables, capsys):
@@ -184,11 +218,11 @@ def test_every_table_stands_in_one_document(tables):
 
 
 def test_a_stale_table_is_found_and_renewed(tables, tmp_path, monkeypatch, capsys):
-    copy = tmp_path / 'README.md'
-    copy.write_text((ROOT / 'README.md').read_text().replace('| `winding` |', '| `unwound` |'))
+    copy, page = tmp_path / 'reference.md', ROOT / 'docs' / 'reference.md'
+    copy.write_text(page.read_text().replace('| `winding` |', '| `unwound` |'))
     monkeypatch.setattr(tables, 'DOCUMENTS', (copy,))
     monkeypatch.setattr(tables, 'ROOT', tmp_path)
     assert tables.main(['--check']) == 1
-    assert 'README.md: stale' in capsys.readouterr().out
+    assert 'reference.md: stale' in capsys.readouterr().out
     assert tables.main([]) == 0
-    assert copy.read_text() == (ROOT / 'README.md').read_text()
+    assert copy.read_text() == page.read_text()

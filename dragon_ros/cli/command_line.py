@@ -1,7 +1,5 @@
 """What the command lines of all executables share: options, exit codes, and one-line errors."""
 import argparse
-import csv
-import io
 import os
 import sys
 from collections.abc import Callable, Iterable, Sequence
@@ -64,10 +62,10 @@ def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
                   formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
-def add_scene_options(options: argparse.ArgumentParser) -> None:
-    """Add --scene, --set and --accuracy."""
-    options.add_argument('--scene', default=DEFAULT_SCENE, metavar='NAME|FILE',
-                         help=f'scene by name or file ({DEFAULT_SCENE})')
+def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
+    """Add --scene with its default, --set and --accuracy; without a default it is as a parameter says."""
+    options.add_argument('--scene', default=scene, metavar='NAME|FILE',
+                         help='scene by name or file' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
                          help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
     options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or by tier')
@@ -87,7 +85,7 @@ def add_namespace_option(options: argparse.ArgumentParser) -> None:
 
 def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...] = ('text', 'csv', 'json')) -> None:
     """Add --format and --output."""
-    options.add_argument('--format', choices=formats, default=formats[0], help=f'output format ({formats[0]})')
+    options.add_argument('--format', choices=formats, default=formats[0], help='output format (%(default)s)')
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file instead of standard output')
 
 
@@ -100,6 +98,8 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     """Return rows under their column names as CSV; every line ends in a line feed."""
+    import csv
+    import io
     out = io.StringIO()
     csv.writer(out, lineterminator='\n').writerows([head, *rows])
     return out.getvalue()

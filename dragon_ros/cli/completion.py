@@ -2,12 +2,8 @@
 import argparse
 import os
 from collections.abc import Iterable, Iterator
-from dataclasses import fields
 from pathlib import Path
 from typing import Any
-
-from dragon_ros.core.tiers import TIERS
-from dragon_ros.scenes.load import SECTIONS, SINGLES, scene_names
 
 
 def chosen(names: Iterable[str]) -> str:
@@ -47,9 +43,23 @@ def _completer(action: argparse.Action) -> Any:
     if action.type is Path:
         return FilesCompleter()
     if action.dest == 'scene':
+        from dragon_ros.configuration import scene_names
         return lambda prefix, **_: [*scene_names(), *FilesCompleter(('yaml', 'yml'))(prefix)]
     if action.dest == 'overrides':
-        keys = {f'{name}.{each.name}' for name, kinds in SECTIONS.items() for kind in kinds.values()
-                for each in fields(kind)}
-        return lambda **_: [f'{key}=' for key in (*sorted(keys), *SINGLES)]
-    return (lambda **_: sorted(TIERS)) if action.dest == 'accuracy' else SuppressCompleter()
+        return lambda **_: _keys()
+    return (lambda **_: _tiers()) if action.dest == 'accuracy' else SuppressCompleter()
+
+
+def _keys() -> list[str]:
+    """Return the keys of scenes, for --set; only where they are asked for, which takes numpy."""
+    from dataclasses import fields
+
+    from dragon_ros.scenes.load import SECTIONS, SINGLES
+    keys = {f'{name}.{each.name}' for name, kinds in SECTIONS.items() for kind in kinds.values()
+            for each in fields(kind)}
+    return [f'{key}=' for key in (*sorted(keys), *SINGLES)]
+
+
+def _tiers() -> list[str]:
+    from dragon_ros.core.tiers import TIERS
+    return sorted(TIERS)

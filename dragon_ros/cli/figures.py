@@ -1,5 +1,5 @@
 """The style of all figures, and figures as files. matplotlib is only imported where something is drawn."""
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
@@ -16,11 +16,43 @@ _STYLE = {
     'figure.constrained_layout.w_pad': 0.08, 'font.family': 'DejaVu Sans', 'font.size': 10, 'axes.titlesize': 11,
     'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False, 'axes.edgecolor': QUIET,
     'axes.axisbelow': True, 'axes.grid': True, 'grid.color': '#E6E6E6', 'grid.linewidth': 0.6, 'lines.linewidth': 1.6,
-    'legend.frameon': False, 'legend.fontsize': 9, 'svg.hashsalt': 'dragon_ros',
+    'legend.frameon': False, 'legend.fontsize': 9, 'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
+    'figure.titlesize': 12,
 }
+_LONGEST_NAME = 40          # characters of a name in a title
+_CHARACTERS_PER_INCH = 11   # of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
 FORMATS = tuple(_UNDATED)
+
+
+def short(name: str) -> str:
+    """Return a name as a title shows it: without its middle where it is long."""
+    half = _LONGEST_NAME // 2
+    return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
+
+
+def titled(name: str, text: str, inches: float) -> str:
+    """Return ``name: text`` for a title, on two lines where axes of a width have no room for one."""
+    name = short(name)
+    return f'{name}: {text}' if len(name) + len(text) + 2 <= _CHARACTERS_PER_INCH * inches else f'{name}:\n{text}'
+
+
+def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
+    """Put the legend of axes below them, where it hides nothing; constrained layout makes the room."""
+    axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
+
+
+def spread(values: Sequence[float], least: float, end: float) -> list[float]:
+    """Return increasing values, moved apart to ``least`` where they are closer, up to ``end`` where that fits."""
+    out: list[float] = []
+    for value in values:
+        out.append(max(value, out[-1] + least) if out else value)
+    room = end
+    for n in reversed(range(len(out))):
+        out[n] = min(out[n], room)
+        room = out[n] - least
+    return out
 
 
 @contextmanager

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:       # --verify starts without the solver
@@ -42,14 +43,12 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     if arguments.verify:
         return _verify(arguments.verify, arguments.output)
-    from tqdm import tqdm
-
     from dragon_ros.commands import certificate
     from dragon_ros.core.contact.first_contact import first_contact
     from dragon_ros.core.contact.near_misses import near_misses
     scene = _scene_of(arguments)
     start = time.perf_counter()
-    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+    with Progress('contact', 'states') as bar:
         found = first_contact(scene, bar.update)
     values = values_of(found)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}

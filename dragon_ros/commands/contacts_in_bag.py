@@ -4,10 +4,9 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from tqdm import tqdm
-
 from dragon_ros.bags.read.frames import BagFrame, frames
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import InputError
@@ -41,7 +40,7 @@ def _searched(scene: Scene, trust: bool) -> Contact | NoContact:
     benches, states = scene.dragon.benches, 0
     if benches > SEARCHED_BENCHES and not trust:
         raise InputError(f'it has {benches} benches and is not searched beyond {SEARCHED_BENCHES}; give --trust')
-    with tqdm(desc='contact', unit=' states', disable=None, leave=False, delay=1) as bar:
+    with Progress('contact', 'states') as bar:
         def spend(more: int) -> None:
             nonlocal states
             states += more
@@ -103,14 +102,13 @@ def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) ->
 
 
 def _every(bag: BagReader, namespace: str, ticks: int) -> Iterator[BagFrame]:
-    yield from tqdm(frames(bag, namespace), desc='clearance', total=ticks, unit=' ticks', disable=None, leave=False,
-                    delay=1)
+    yield from Progress('clearance', 'ticks', ticks)(frames(bag, namespace))
 
 
 def _some(bag: BagReader, namespace: str, looks: int) -> Iterator[BagFrame]:
     """Yield the first tick at or after each of ``looks`` evenly spaced times."""
     span = bag.end_ns - bag.start_ns
-    for n in tqdm(range(looks), desc='clearance', unit=' ticks', disable=None, leave=False, delay=1):
+    for n in Progress('clearance', 'ticks', looks)(range(looks)):
         frame = next(frames(bag, namespace, bag.start_ns + span * n // max(1, looks - 1)), None)
         if frame is not None:
             yield frame

@@ -9,7 +9,6 @@ from argparse import Namespace
 from collections.abc import Iterator
 from contextlib import contextmanager
 from fcntl import LOCK_EX, LOCK_NB, flock
-from functools import partial
 from pathlib import Path
 from typing import IO, NoReturn
 
@@ -34,26 +33,15 @@ _PROGRESS = re.compile(r'at ([\d.]+) s, tick')
 _LONGEST_S = 120.0
 
 
-def main(argv: list[str]) -> int:
-    """Run the demonstration; return the exit code."""
-    options = command_line.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first '
-                                  'contact; replay the bag, check it against the model, draw the dragon.',
-                                  'python -m dragon_ros demo --pace 4')
-    options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
-                         help='where the bag and the picture go; files of an earlier demo are replaced (dragon_demo)')
-    options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (2)')
-    arguments = options.parse_args(argv)
-    for number in ending():
-        signal.signal(number, _end)
-    return command_line.guarded('demo', partial(_run, arguments))
-
-
 def _end(*_: object) -> NoReturn:
     """End as on Ctrl-C, so that no process remains."""
     raise KeyboardInterrupt
 
 
-def _run(arguments: Namespace) -> int:
+def run(arguments: Namespace) -> int:
+    """Run the demonstration; return the exit code. A signal ends it, and all its processes."""
+    for number in ending():
+        signal.signal(number, _end)
     folder: Path = arguments.output
     try:
         folder.mkdir(parents=True, exist_ok=True)

@@ -2,26 +2,17 @@
 import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
-from dataclasses import asdict, replace
 from functools import partial
-from typing import Any, NamedTuple
-
-from tqdm import tqdm
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dragon_ros.cli import command_line
-from dragon_ros.core.chain.head_law import Head
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
-from dragon_ros.core.contact.certificate import Contact
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.design.bounding_box import bounding_box, fits
-from dragon_ros.core.design.max_speed import max_speed
-from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import FieldError, InputError
-from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.tracks.composite import least_radius_m
-from dragon_ros.core.tracks.s_turn import shortest_bent
-from dragon_ros.core.tracks.spec import STurn
+
+if TYPE_CHECKING:       # each question imports what it needs
+    from dragon_ros.core.scene import Scene
+    from dragon_ros.core.tracks.spec import STurn
 
 Values = dict[str, Any]
 _PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
@@ -61,13 +52,13 @@ def _run(question: Question, arguments: Namespace) -> int:
 
 def _turn_options(parser: ArgumentParser) -> None:
     """Add the scene options and --contact; the scene is the turn's."""
-    command_line.add_scene_options(parser)
-    parser.set_defaults(scene='turning')
+    command_line.add_scene_options(parser, 'turning')
     parser.add_argument('--contact', action='store_true', help='also look for a contact in the smallest circle')
 
 
 def _turn_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the length of the scene's turn, and of shorter alternatives."""
+    from dragon_ros.core.tracks.composite import least_radius_m
     scene = command_line.scene_from(arguments)
     turn = _turn_of(scene)
     values = _figures_of(turn, least_radius_m(scene.dragon.link_lengths_m))
@@ -76,26 +67,38 @@ def _turn_answer(arguments: Namespace) -> dict[str, Any]:
     return values
 
 
-def _contact_m(scene: Scene, diameter_m: float) -> float | None:
+def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
     """Return how far the head is from the entry of the smallest turn at the first contact there; None without one.
 
     The search goes from the head's entry until the whole dragon has left the turn.
     """
+    from dataclasses import replace
+
+    from dragon_ros.core.chain.head_law import Head
+    from dragon_ros.core.contact.certificate import Contact
+    from dragon_ros.core.contact.first_contact import first_contact
+    from dragon_ros.core.model import compile_scene
+    from dragon_ros.core.scene import Run
+    from dragon_ros.core.tracks.spec import STurn
     turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
     run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
-    with tqdm(desc='turn', unit=' states', disable=None, leave=False, delay=1) as bar:
+    with Progress('turn', 'states') as bar:
         found = first_contact(replace(scene, track=turn, head=Head(), run=run), bar.update)
     return found.t_s if isinstance(found, Contact) else None
 
 
-def _turn_of(scene: Scene) -> STurn:
+def _turn_of(scene: 'Scene') -> 'STurn':
+    from dragon_ros.core.tracks.spec import STurn
     if isinstance(scene.track, STurn):
         return scene.track
     raise InputError('--scene: its track has no S-turn; give a scene whose track.kind is turn', field='track.kind')
 
 
-def _figures_of(turn: STurn, least_radius_m: float) -> dict[str, Any]:
+def _figures_of(turn: 'STurn', least_radius_m: float) -> dict[str, Any]:
     """Return the figures of a turn whose arcs may have a least radius."""
+    from dataclasses import asdict, replace
+
+    from dragon_ros.core.tracks.s_turn import shortest_bent
     smallest, bent = turn.smallest_diameter_m(least_radius_m), shortest_bent(turn, least_radius_m)
     return {'length_m': turn.length_m, 'radii_m': list(turn.radii_m), 'angle_rad': turn.angle_rad,
             'shortened_by_ratio': False, 'least_radius_m': least_radius_m,
@@ -130,16 +133,18 @@ def _turn_text(values: dict[str, Any]) -> str:
 
 def _max_speed_options(parser: ArgumentParser) -> None:
     """Add the scene options and the limit; the scene is the turn's."""
-    command_line.add_scene_options(parser)
-    parser.set_defaults(scene='turning')
-    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (2)')
+    command_line.add_scene_options(parser, 'turning')
+    parser.add_argument('--limit', type=float, default=2.0, metavar='M_S', help='of every handle, in m/s (%(default)g)')
 
 
 def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the leader's largest speed, and which handle reaches the limit, and where; a profile is scaled."""
+    from dataclasses import asdict
+
+    from dragon_ros.core.design.max_speed import max_speed
     limit = number('--limit', arguments.limit, above=0.0, high=1e9)
     scene = command_line.scene_from(arguments)
-    with tqdm(desc='max-speed', unit=' places', disable=None, leave=False, delay=1) as bar:
+    with Progress('max-speed', 'places') as bar:
         found = max_speed(scene, bar.update)
     return {'speed_m_s': limit / found.ratio, 'uncertainty_m_s': limit / found.ratio - limit / found.bound,
             'limit_m_s': limit, **asdict(found)}
@@ -157,15 +162,21 @@ def _max_speed_text(values: dict[str, Any]) -> str:
 def _min_pitch_options(parser: ArgumentParser) -> None:
     """Add the scene options, the circle and the bounds."""
     command_line.add_scene_options(parser)
-    parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES', help='of the turning circle (9)')
-    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES', help='largest pitch considered (1)')
-    parser.add_argument('--within', type=float, default=2e-11, metavar='METRES', help='width of the bracket (2e-11)')
+    parser.add_argument('--diameter', type=float, default=9.0, metavar='METRES',
+                        help='of the turning circle (%(default)g)')
+    parser.add_argument('--largest', type=float, default=1.0, metavar='METRES',
+                        help='largest pitch considered (%(default)g)')
+    parser.add_argument('--within', type=float, default=2e-11, metavar='METRES',
+                        help='width of the bracket (%(default)g)')
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket of the smallest pitch; only the scene's dragon and track.start_turns are used."""
+    from dataclasses import asdict
+
+    from dragon_ros.core.design.min_pitch import min_pitch
     scene = command_line.scene_from(arguments)
-    with tqdm(desc='min-pitch', unit=' states', disable=None, leave=False, delay=1) as bar:
+    with Progress('min-pitch', 'states') as bar:
         try:
             found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
                               arguments.within, bar.update)
@@ -195,9 +206,12 @@ def _fit_options(parser: ArgumentParser) -> None:
 
 def _fit_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the smallest squares, what touches the centred one, and whether the run fits into the given one."""
+    from dataclasses import asdict
+
+    from dragon_ros.core.design.bounding_box import bounding_box, fits
     scene = command_line.scene_from(arguments)
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
-    with tqdm(desc='fit', unit=' looks', disable=None, leave=False, delay=1) as bar:
+    with Progress('fit', 'looks') as bar:
         found = bounding_box(scene, progress=bar.update)
     return {'centred_m': found.centred_m, 'free_m': found.free_m, 'touching': asdict(found.touching),
             'reaches': [asdict(reach) for reach in found.reaches], 'looks': found.looks, 'square_m': side,

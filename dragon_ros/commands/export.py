@@ -4,18 +4,17 @@ import zipfile
 from argparse import Namespace
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from functools import partial
 from itertools import islice
 from pathlib import Path
 from typing import IO, Any
 
 import numpy as np
-from tqdm import tqdm
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.cli import command_line
+from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.table import COLUMNS, handles_of, values_of
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
@@ -24,22 +23,8 @@ from dragon_ros.core.scene import NS
 _TICKS = 64         # per row group of Parquet
 
 
-def main(argv: list[str]) -> int:
+def run(arguments: Namespace) -> int:
     """Write the file; return the exit code."""
-    options = command_line.parser('export', 'Write handles and velocities of a bag as a table (CSV, Parquet: a row for '
-                                  'each tick and handle) or as arrays (npz: also the benches).',
-                                  'python -m dragon_ros export run.mcap --format npz --output run.npz')
-    options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
-    options.add_argument('--format', choices=tuple(_FORMATS), default='csv', help='output format (csv)')
-    options.add_argument('--output', type=Path, metavar='FILE', required=True, help='file to write')
-    options.add_argument('--force', action='store_true', help='replace an existing file')
-    options.add_argument('--every', type=int, default=1, metavar='N', help='every Nth tick only (1)')
-    options.add_argument('--handles', metavar='I,...', help='handles (all)')
-    command_line.add_namespace_option(options)
-    return command_line.guarded('export', partial(_run, options.parse_args(argv)))
-
-
-def _run(arguments: Namespace) -> int:
     if arguments.every < 1:
         raise InputError(f'--every {arguments.every}: give 1 or more', field='every')
     with BagReader(arguments.bag) as bag:
@@ -64,8 +49,7 @@ class _Source:
 
     def frames(self, what: str) -> Iterator[BagFrame]:
         """Yield them, with a progress bar. Raises InputError where the number of handles changes."""
-        shown = tqdm(frames(self._bag, self._namespace), desc=what, total=self._ticks, unit=' ticks', disable=None,
-                     leave=False, delay=1)
+        shown = Progress(what, 'ticks', self._ticks)(frames(self._bag, self._namespace))
         for frame in islice(shown, 0, None, self._every):
             if frame.handles_m.shape != self.first.handles_m.shape:
                 raise InputError(f'{self._bag.path}: {len(frame.handles_m)} handles at {frame.t_ns / NS:.9f} s, '

@@ -4,20 +4,16 @@ from argparse import Namespace
 from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
-from functools import partial
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from tqdm import tqdm
-
-from dragon_ros.bags.check.compare import Comparison, compare_with_model
 from dragon_ros.bags.check.examine import Contents, examine, gaps_of
-from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.frames import frame_of_bag, log_times_are_ticks, namespace_of, scene_of_bag, walked_scene
 from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
+from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
@@ -26,28 +22,15 @@ from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
 
+if TYPE_CHECKING:       # what checks and repairs is imported where it does
+    from dragon_ros.bags.check.compare import Comparison
+
 _SHOWN = 20     # lines of faults
 _STEPS = 8      # of the clearance over time
 
 
-def main(argv: list[str]) -> int:
-    """Inspect, check or repair; return the exit code (1 where something is wrong with the bag)."""
-    options = command_line.parser('inspect', 'Show what is in a bag: topics, rates, missing ticks, scene, first '
-                                  'contact, clearance, integrity.', 'python -m dragon_ros inspect run.mcap --check')
-    options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
-    options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
-                         'compare bit for bit, or to the promise of its tier where bits differ')
-    options.add_argument('--trust', action='store_true', help='compute with the scene in the bag however large it is '
-                         '(budgets: docs/limits.md)')
-    options.add_argument('--repair', type=Path, metavar='OUT', help='write what is readable to a complete bag')
-    options.add_argument('--looks', type=int, default=200, metavar='N',
-                         help='number of evenly spaced ticks that the clearance is computed at; 0: all (200)')
-    command_line.add_namespace_option(options)
-    command_line.add_output_options(options, ('text', 'json'))
-    return command_line.guarded('inspect', partial(_run, options.parse_args(argv)))
-
-
-def _run(arguments: Namespace) -> int:
+def run(arguments: Namespace) -> int:
+    """Inspect, check or repair; return the exit code."""
     if arguments.looks < 0:
         raise InputError(f'--looks {arguments.looks}: give 0 (all ticks) or more', field='looks')
     body = _repair if arguments.repair else _check if arguments.check else _inspect
@@ -79,7 +62,7 @@ def _inspect(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 def _examined(path: Path) -> Contents:
     total = sum(each.stat().st_size for each in files_of(path) if each.exists())
-    with tqdm(desc='read', total=total, unit='B', unit_scale=True, disable=None, leave=False, delay=1) as bar:
+    with Progress('read', 'B', total, unit_scale=True) as bar:
         return examine(path, bar.update)
 
 
@@ -120,6 +103,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    from dragon_ros.bags.check.compare import compare_with_model
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
         scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
@@ -127,21 +111,22 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
             raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
                            'topic scene); it cannot be recomputed')
         ticks = compile_scene(scene).last_tick + 1
-        with tqdm(desc='check', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
-            found = compare_with_model(bag, scene, namespace, lambda k: bar.update(k + 1 - bar.n), frame_id)
+        with Progress('check', 'ticks', ticks) as bar:
+            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id)
     code = command_line.FAILED if found.fault_count else command_line.OK
     return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
 
 
-def _verdict(path: Path, found: Comparison, tier: str) -> dict[str, Any]:
+def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'fault_count': found.fault_count,
             'missing_count': found.missing_count, 'faults': found.faults}
 
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    from dragon_ros.bags.check.repair import repair
     total = sum(each.stat().st_size for each in files_of(arguments.bag) if each.exists())
-    with tqdm(desc='repair', total=total, unit='B', unit_scale=True, disable=None, leave=False, delay=1) as bar:
+    with Progress('repair', 'B', total, unit_scale=True) as bar:
         done = repair(arguments.bag, arguments.repair, bar.update)
     values = {'bag': str(arguments.bag), 'repaired': str(arguments.repair), 'messages': done.messages,
               'lost_count': done.lost.count, 'lost': done.lost.lines}

@@ -3,15 +3,11 @@ import sys
 import time
 from argparse import Namespace
 from dataclasses import replace
-from functools import partial
-from pathlib import Path
 from threading import Event
 
-from tqdm import tqdm
-
-from dragon_ros.bags.write.mcap import COMPRESSIONS
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli import command_line
+from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
@@ -22,27 +18,12 @@ from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.markers import track_marker
 from dragon_ros.scenes import provenance
 
-_NAMESPACE = '/dragon'      # default of the live nodes
 _FRAME_ID = 'dragon'
 _SHOW = 100                 # ticks between two updates of the progress bar
 
 
-def main(argv: list[str]) -> int:
-    """Write the bag; return the exit code (1 where a signal ended it early; the bag is complete then, too)."""
-    options = command_line.parser('simulate', 'Write the bag that `sim` and `record` would, without ROS and without '
-                                  'waiting: the same messages, bit for bit.',
-                                  'python -m dragon_ros simulate --scene winding --output run.mcap')
-    command_line.add_scene_options(options)
-    options.add_argument('--output', type=Path, metavar='BAG', required=True,
-                         help='bag to write: a file if it ends in .mcap, else a rosbag2 folder')
-    options.add_argument('--force', action='store_true', help='replace an existing bag')
-    options.add_argument('--rate', type=float, metavar='HZ', help='ticks for each second (as the scene says)')
-    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='of the bag (zstd)')
-    options.add_argument('--namespace', default=_NAMESPACE, help=f'of the topics ({_NAMESPACE})')
-    return command_line.guarded('simulate', partial(_run, options.parse_args(argv)))
-
-
-def _run(arguments: Namespace) -> int:
+def run(arguments: Namespace) -> int:
+    """Write the bag; return the exit code."""
     scene = command_line.scene_from(arguments)
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
@@ -75,7 +56,7 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
     topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
     ticks = compile_scene(scene).last_tick + 1
-    with tqdm(desc='simulate', total=ticks, unit=' ticks', disable=None, leave=False, delay=1) as bar:
+    with Progress('simulate', 'ticks', ticks) as bar:
         for k in range(ticks):
             if stop.is_set():
                 return k
@@ -83,5 +64,5 @@ def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
             for topic, encode in topics:
                 bag.write(topic, encode(frame), frame.t_ns, k + 1)
             if not k % _SHOW:
-                bar.update(k - bar.n)
+                bar.reach(k)
     return ticks

@@ -5,33 +5,32 @@ from contextlib import contextmanager
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain as joined
-from itertools import islice
+from itertools import count, islice
 from pathlib import Path
-from typing import Any, Protocol
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import frames, namespace_of
-from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.contact.certificate import Contact
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.near_pairs import closeness
-from dragon_ros.core.contact.signed_distance import Witness, witness
-from dragon_ros.core.contact.tracker import ContactTracker, Observation
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.limits import PICTURE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import states, velocity_of
-from dragon_ros.messages.decode import read_stamp_ns
+
+if TYPE_CHECKING:       # a picture of a scene starts without bags, and one without contacts without their search
+    from dragon_ros.bags.read.reader import BagReader
+    from dragon_ros.core.contact.signed_distance import Witness
+    from dragon_ros.core.contact.tracker import Observation
 
 _AT_ONCE = 64               # states that are computed together
 _SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
 _HAIR_S = 1e-9
+_AROUND = 2.0               # lengths of the dragon by which a window may reach beyond it
+_MARGIN = 0.03              # of a window
 
 
 @dataclass(frozen=True)
@@ -46,6 +45,7 @@ class Moment:
     @property
     def clearance_m(self) -> float:
         """The smallest signed gap of benches that are not neighbours in the chain; inf without any."""
+        from dragon_ros.core.contact.near_pairs import closeness
         return closeness(self.p, self.benches).clearance_m
 
 
@@ -56,7 +56,7 @@ class Touch:
     t_s: float
     benches: tuple[int, int]
     point_m: tuple[float, float]
-    witness: Witness
+    witness: 'Witness'
 
 
 class Source(Protocol):
@@ -123,7 +123,10 @@ class SceneSource:
 
     def first_touch(self, progress: Progress = iter) -> Touch | None:
         """Return the first contact of the run, exactly."""
-        found = first_contact(self.scene)
+        from dragon_ros.core.contact.certificate import Contact
+        from dragon_ros.core.contact.first_contact import first_contact
+        steps = iter(progress(count()))
+        found = first_contact(self.scene, lambda _: next(steps))
         return Touch(found.t_s, found.benches, found.point_m, found.witness) if isinstance(found, Contact) else None
 
 
@@ -133,6 +136,21 @@ def moment(source: Source, t_s: float) -> Moment:
     for one in source.moments(np.array([t_s])):
         return one
     raise InputError(f'{source.name}: has handles but no benches at {t_s:g} s')
+
+
+def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
+    """Return the corners (2, 2) in m, lower left and upper right, of what a picture of these moments shows.
+
+    That is the dragon and its track, wherever they lie: of a track much longer than the dragon the part around it.
+    """
+    corners = np.concatenate([one.benches.corners.reshape(-1, 2) for one in moments])
+    low, high = corners.min(axis=0), corners.max(axis=0)
+    reach = _AROUND * float(np.max(high - low))
+    if track is not None:
+        low = np.minimum(low, np.maximum(track.min(axis=0), low - reach))
+        high = np.maximum(high, np.minimum(track.max(axis=0), high + reach))
+    margin = _MARGIN * float(np.max(high - low))
+    return np.array((low - margin, high + margin))
 
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:
@@ -156,8 +174,9 @@ def thinned(first: int, last: int, most: int) -> Ints:
         first, last + 1)
 
 
-def witness_at(moment: Moment, pair: tuple[int, int]) -> Witness:
+def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
     """Return how two benches meet at a moment."""
+    from dragon_ros.core.contact.signed_distance import witness
     return witness(moment.benches, *pair)
 
 
@@ -165,7 +184,7 @@ def witness_at(moment: Moment, pair: tuple[int, int]) -> Witness:
 class BagSource:
     """A dragon whose topics are in one namespace of an open bag; its times are those of its ticks."""
 
-    bag: BagReader
+    bag: 'BagReader'
     namespace: str
 
     @property
@@ -173,14 +192,21 @@ class BagSource:
         """The bag's file name."""
         return self.bag.path.name
 
-    @property
+    @cached_property
     def track(self) -> Floats | None:
-        """None: a bag does not record its track."""
-        return None
+        """The part of the track on which handles are during the run, by the scene in the bag; None without one."""
+        from dragon_ros.bags.read.frames import scene_of_bag, walked_scene
+        try:
+            scene = scene_of_bag(self.bag, self.namespace)
+            walked = scene and walked_scene(self.bag, scene, self.namespace)
+        except InputError:      # a scene beyond its budgets; what was recorded is shown all the same
+            return None
+        return compile_scene(walked).track_line(_SAG_M) if walked else None
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:
         """Stamp and log time of each tick, in ns, in order of stamps."""
+        from dragon_ros.messages.decode import read_stamp_ns
         handles = f'{self.namespace}/handles'
         count = next(topic.messages for topic in self.bag.topics if topic.name == handles)
         if count > PICTURE_TICKS:
@@ -222,6 +248,7 @@ class BagSource:
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
+        from dragon_ros.core.contact.tracker import ContactTracker
         tracker = ContactTracker()
         for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
             for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
@@ -229,16 +256,19 @@ class BagSource:
                 return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches))
         return None
 
-    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple[Observation, Floats | None]]:
+    def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:
         """Yield observations and speeds of the ticks logged between two times, in order."""
+        from dragon_ros.bags.read.frames import frames
+        from dragon_ros.core.contact.tracker import Observation
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
                 speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)
                 yield Observation(frame.t_ns, frame.handles_m, frame.benches, frame.frame_id), speeds
 
 
-def dragon_in(bag: BagReader, namespace: str | None = None) -> BagSource:
+def dragon_in(bag: 'BagReader', namespace: str | None = None) -> BagSource:
     """Return the dragon in a bag. Raises InputError where it is ambiguous, or where its topics are missing."""
+    from dragon_ros.bags.read.frames import namespace_of
     chosen = namespace_of(bag, namespace)
     having = {topic.name for topic in bag.topics if topic.messages}
     for topic in ('handles', 'benches'):
@@ -258,5 +288,6 @@ def opened(arguments: Namespace) -> Iterator[Source]:
         return
     if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
         raise InputError('--bag: shows what was recorded; leave out --scene, --set and --accuracy')
+    from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:
         yield dragon_in(bag, arguments.namespace)

@@ -3,44 +3,26 @@ import json
 import sys
 from argparse import Namespace
 from collections.abc import Iterable, Iterator
-from functools import partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of
-from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
-from dragon_ros.commands.contest import paper_tables
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import states, velocity_of
-from dragon_ros.scenes.load import load_scene
+
+if TYPE_CHECKING:       # a table of a scene starts without bags
+    from dragon_ros.bags.read.frames import BagFrame
+    from dragon_ros.bags.read.reader import BagReader
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
 _LATEST_S = 1e10        # stamps end long before
 Row = tuple[float, int, float, float, float, float, float]
-
-
-def main(argv: list[str]) -> int:
-    """Print the table; return the exit code."""
-    options = command_line.parser('table', 'Print positions and velocities of the handles (0 is the head, the last '
-                                  'the tail).',
-                                  'python -m dragon_ros table --times 0,60,300 --handles 0,1,51,223')
-    options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
-                         help='take them from a bag, each time the first tick at or after it (no scene options)')
-    command_line.add_scene_options(options)
-    command_line.add_namespace_option(options)
-    options.add_argument('--times', metavar='T,...|START:STOP:STEP', help='seconds (0, or where the bag begins)')
-    options.add_argument('--handles', metavar='I,...', help='handles (all)')
-    options.add_argument('--paper', action='store_true',
-                         help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
-    options.add_argument('--contest', type=Path, metavar='FOLDER',
-                         help="write the contest's result1, result2 and, from the scene turning, result4 (no times)")
-    command_line.add_output_options(options)
-    return command_line.guarded('table', partial(_run, options.parse_args(argv)))
 
 
 _SCENE = {'--scene', '--set', '--accuracy'}
@@ -61,9 +43,11 @@ def _check(arguments: Namespace) -> None:
         raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
 
 
-def _run(arguments: Namespace) -> int:
+def run(arguments: Namespace) -> int:
+    """Print what the arguments ask for; return the exit code."""
     _check(arguments)
     if arguments.paper:
+        from dragon_ros.commands.contest import paper_tables
         command_line.write_output(arguments.output, paper_tables.FORMATS[arguments.format](paper_tables.cells()))
         return command_line.OK
     if arguments.bag:
@@ -81,7 +65,9 @@ def _run(arguments: Namespace) -> int:
 def _write_contest(folder: Path, scene: Scene) -> int:
     """Write the contest's files and list them."""
     from dragon_ros.commands.contest import result_files
-    paths = result_files.write(folder, scene, load_scene('turning'))
+    from dragon_ros.scenes.load import load_scene
+    with Progress('contest', 'steps', 11) as bar:
+        paths = result_files.write(folder, scene, load_scene('turning'), bar.update)
     print('\n'.join(map(str, paths)))
     if not any(path.suffix == '.xlsx' for path in paths):
         print('table: no XLSX, openpyxl is not installed: pip install openpyxl', file=sys.stderr)
@@ -100,6 +86,8 @@ def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
     """Return rows like those of a scene from a bag; missing velocities are nan."""
+    from dragon_ros.bags.read.frames import namespace_of
+    from dragon_ros.bags.read.reader import BagReader
     out: list[Row] = []
     with BagReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
@@ -162,7 +150,7 @@ def _json(rows: list[Row]) -> str:
 _FORMATS = {'text': _text, 'csv': _csv, 'json': _json}
 
 
-def values_of(frame: BagFrame, handles: list[int]) -> Floats:
+def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:
     """Return (handles, 5): x and y in m, vx, vy and speed in m/s; nan where the bag has no velocities."""
     out = np.full((len(handles), 5), np.nan)
     out[:, :2] = frame.handles_m[handles]
@@ -172,8 +160,9 @@ def values_of(frame: BagFrame, handles: list[int]) -> Floats:
     return out
 
 
-def at_times(bag: BagReader, namespace: str, times_s: Iterable[float]) -> Iterator[BagFrame]:
+def at_times(bag: 'BagReader', namespace: str, times_s: Iterable[float]) -> Iterator['BagFrame']:
     """Yield, for each time, the first tick in the bag at or after it, up to the last."""
+    from dragon_ros.bags.read.frames import frames
     for t_s in times_s:
         frame = next(frames(bag, namespace, max(0, round(t_s * NS))), None)
         if frame is not None:

@@ -1,7 +1,9 @@
 """Errors that a person can act on: each states the value, the limit and the cure, and carries them as fields."""
+from collections.abc import Iterable
 from typing import Any
 
 _MOST_SHOWN = 100       # characters of a value in an error
+_NEAR = 0.65            # of difflib: pich_m is near pitch_m (0.92), obstacles is not near trails (0.53)
 
 
 def shown(value: object) -> str:
@@ -11,6 +13,13 @@ def shown(value: object) -> str:
     except (ValueError, RecursionError):        # an integer of thousands of digits, or nested without end
         return f'a huge {type(value).__name__}'
     return text if len(text) <= _MOST_SHOWN else f'{text[:_MOST_SHOWN // 2]}...{text[-_MOST_SHOWN // 4:]}'
+
+
+def did_you_mean(word: object, known: Iterable[str], otherwise: str) -> str:
+    """Return a question with the name that is nearest to a word, or ``otherwise`` where none is near."""
+    from difflib import get_close_matches  # rarely needed
+    near = get_close_matches(str(word), known, n=1, cutoff=_NEAR)
+    return f'did you mean {near[0]}?' if near else otherwise
 
 
 class DragonError(Exception):

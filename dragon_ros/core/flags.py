@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from enum import Flag, auto
 
 from dragon_ros.core.checks import number, settle, whole
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, did_you_mean
 
 
 class Effect(Flag):
@@ -56,7 +56,8 @@ def effects_of(names: Iterable[object]) -> Effect:
     effects = Effect.NONE
     for name in names:
         if not isinstance(name, str) or name not in known():
-            raise FieldError('effects', name, f'the effects are {", ".join(known())}', 'name only these')
+            raise FieldError('effects', name, f'the effects are {", ".join(known())}',
+                             did_you_mean(name, known(), 'name only these'))
         effects |= known()[name]
     return effects
 

@@ -29,6 +29,7 @@ QOS_CHARACTERS = 16 * KB
 WAITING_TICKS = 128
 CHECKED_TIMES = 10_000_000
 PICTURE_TICKS = 2_000_000
+LED_TICKS = 2_000_000
 
 # Messages and nodes
 MARKER_RUNS = 10_000
@@ -74,6 +75,7 @@ LIMITS = (
     Limit('WAITING_TICKS', 'recorded handles that wait for their benches', 'ticks', 'the oldest is read without'),
     Limit('CHECKED_TIMES', 'messages whose times `inspect` holds to find gaps', 'messages', 'the rest is only counted'),
     Limit('PICTURE_TICKS', 'the ticks of a bag that `plot` and `view` look at', 'ticks', 'refused'),
+    Limit('LED_TICKS', 'the ticks of a led dragon whose way is read back from a bag', 'ticks', 'refused'),
     Limit('MARKER_RUNS', 'the markers of a message that differ in layout from the one before', 'markers', 'refused'),
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their partner arrives', 'bytes',
           'the oldest is dropped, with a warning'),

@@ -8,7 +8,7 @@ from dragon_ros.core.chain.commanded import Commanded, HeadLaw, Walked
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import choice, number, settle
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.flags import Effect, Noise, Trails, check_needs
 from dragon_ros.core.tracks.spec import Spiral, TrackSpec
 
@@ -93,7 +93,7 @@ class Scene:
             settle(self, accuracy=number('accuracy', self.accuracy, above=0.0))
         elif self.accuracy not in ACCURACIES:
             raise FieldError('accuracy', self.accuracy, f'the tiers are {", ".join(ACCURACIES)}',
-                             'give one of these, or metres')
+                             did_you_mean(self.accuracy, ACCURACIES, 'give one of these, or metres'))
         if self.accuracy == 'paper':
             self._check_paper()
 

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core.checks import number
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.segments import Effort
@@ -79,7 +79,8 @@ def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
     """
     if isinstance(accuracy, str):
         if accuracy not in TIERS:
-            raise FieldError('accuracy', accuracy, f'the tiers are {", ".join(TIERS)}', 'give one of these, or metres')
+            raise FieldError('accuracy', accuracy, f'the tiers are {", ".join(TIERS)}',
+                             did_you_mean(accuracy, TIERS, 'give one of these, or metres'))
         tier = TIERS[accuracy]
         if tier.promise_for_m(size_m) < best_m(size_m):
             raise _beyond_floats(accuracy, size_m)

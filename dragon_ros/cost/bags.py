@@ -111,10 +111,6 @@ def table(rows: list[Written]) -> str:
     return '\n'.join(lines)
 
 
-def summary(rows: list[Written]) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
 
 def csv_text(rows: list[Written]) -> str:
     """Return the rows as CSV."""
@@ -138,12 +134,3 @@ def picture(rows: list[Written]) -> Figure:
     axes.grid(True, linewidth=0.4)
     figure.supxlabel(circumstances(), fontsize=7)
     return figure
-
-
-def write(rows: list[Written], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and picture into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'bag.md': table(rows) + '\n', 'bag.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'bag')]

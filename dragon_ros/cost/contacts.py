@@ -3,7 +3,6 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -129,10 +128,6 @@ def _search_table(rows: Measured) -> str:
     return '\n'.join(lines)
 
 
-def summary(rows: Measured) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, times in seconds; a search has its answer and a check its number of benches."""
@@ -172,12 +167,3 @@ def _search_panel(axes: Axes, rows: Measured) -> None:
     axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
     axes.annotate('t* is known to this', (120 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
                   fontsize=7, ha='right')
-
-
-def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write tables, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'contact.md': table(rows) + '\n', 'contact.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'contact')]

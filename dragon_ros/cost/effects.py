@@ -1,17 +1,17 @@
 """``cost effects``: what each effect adds to a tick, in microseconds and bytes, alone and in each named scene."""
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.flags import known
 from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.cost.prices import ALONE, Price, Whole, price, wholes
-from dragon_ros.scenes.load import load_scene, scene_names
+from dragon_ros.scenes.load import load_scene
 
 
 @dataclass(frozen=True)
@@ -50,10 +50,6 @@ def _cell(row: Price) -> str:
     return '-' if row.timing is None else f'{row.timing.median_s * 1e6:.3g}'
 
 
-def summary(rows: Measured) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV, times in seconds."""
@@ -65,7 +61,7 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return two panels: what each effect adds, and whole ticks."""
-    figure = Figure(figsize=(13, 5.5), layout='constrained')
+    figure = Figure(figsize=(13, 5.8), layout='constrained')
     left, right = figure.subplots(1, 2, width_ratios=(3, 2))
     _price_panel(left, rows.prices)
     _whole_panel(right, rows.wholes)
@@ -91,7 +87,7 @@ def _price_panel(axes: Axes, prices: list[Price]) -> None:
     axes.invert_yaxis()
     axes.set(xlabel='added to a tick, computed and encoded (µs)', title='What each effect adds')
     axes.set_xlim(right=1.25 * axes.get_xlim()[1])
-    axes.legend(loc='lower right', fontsize=9)
+    legend_below(axes, fontsize=9)
 
 
 def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
@@ -104,12 +100,3 @@ def _whole_panel(axes: Axes, rows: list[Whole]) -> None:
     axes.invert_yaxis()
     axes.set(xlabel='a whole tick, computed and encoded (µs)', title='Whole ticks of the classic dragon')
     axes.set_xlim(right=1.2 * axes.get_xlim()[1])
-
-
-def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write tables, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'effects.md': table(rows) + '\n', 'effects.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'effects')]

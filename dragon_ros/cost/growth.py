@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 from matplotlib.axes import Axes
 
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
@@ -119,4 +120,4 @@ def panel(axes: Axes, checks: list[Check]) -> None:
                     label=f'{method}: grows as N^{exponent(checks, method):.2f}')
     axes.set(xlabel='benches N', ylabel='time of one check (ms): candidates and gaps',
              title='One check of all benches for contact')
-    axes.legend(fontsize=9)
+    legend_below(axes, 1, fontsize=9)

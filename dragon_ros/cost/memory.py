@@ -2,7 +2,6 @@
 import csv
 import io
 import time
-from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 from tempfile import TemporaryDirectory
@@ -14,6 +13,7 @@ from mcap.reader import make_reader
 from tqdm import tqdm
 
 from dragon_ros.bags.write.mcap import packed_bytes
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.cost.live import Start, alive, ended, processes
 from dragon_ros.cost.measure import circumstances
 
@@ -127,10 +127,6 @@ def table(row: Recorded) -> str:
         'the middleware keeps the memory of the largest.'])
 
 
-def summary(row: Recorded) -> str:
-    """Return the part for the README: everything."""
-    return table(row)
-
 
 def csv_text(row: Recorded) -> str:
     """Return the samples as CSV."""
@@ -142,7 +138,7 @@ def csv_text(row: Recorded) -> str:
 
 def picture(row: Recorded) -> Figure:
     """Return resident memory against time, with the fitted growth."""
-    figure = Figure(figsize=(8, 4), layout='constrained')
+    figure = Figure(figsize=(8, 4.4), layout='constrained')
     axes = figure.subplots()
     axes.plot(*zip(*row.samples, strict=True), '.', color='#0072B2', label='resident')
     slope, start = row.fit
@@ -152,15 +148,6 @@ def picture(row: Recorded) -> Figure:
              title=f'Recording {_BENCHES} benches at {_RATE_HZ} Hz')
     axes.set_ylim(0, 1.15 * max(mb for _, mb in row.samples))
     axes.grid(True, linewidth=0.4)
-    axes.legend(loc='lower right')
+    legend_below(axes)
     figure.supxlabel(circumstances(), fontsize=7)
     return figure
-
-
-def write(row: Recorded, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and picture into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'memory.md': table(row) + '\n', 'memory.csv': csv_text(row)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(row), folder / 'memory')]

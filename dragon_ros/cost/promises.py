@@ -5,10 +5,9 @@ S-turn or a composite track, behind a head or a tail, with a shift map or withou
 those at the start, at two times anywhere, and at two close to the end of the model, which often is a lock. Each is held
 against forward placement at the exact tier, which ``cost accuracy`` holds against 50 digits.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, fields, replace
 from itertools import count
-from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -16,6 +15,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
@@ -32,7 +32,6 @@ from dragon_ros.cost.measure import circumstances
 PROMISING = tuple(name for name, tier in TIERS.items() if tier is not PAPER)
 WAYS = ('state', 'states', 'tick')
 WHAT = ('positions', 'speeds')
-HEADING = '## Promises on random chains'
 _LONGEST_M = 6.0            # of a link
 _LATEST_S = 100.0
 _HEAD = ('tier', 'through', 'of', 'chains', 'median', 'p99', 'p999', 'largest', 'above_1', 'worst_scene')
@@ -174,7 +173,7 @@ def summary(found: Measured) -> str:
 
 def picture(found: Measured) -> Figure:
     """Return which part of the chains errs by more than a share of its promise, for positions and speeds."""
-    figure = Figure(figsize=(11, 5), layout='constrained')
+    figure = Figure(figsize=(11, 5.3), layout='constrained')
     for k, (axes, what) in enumerate(zip(figure.subplots(1, 2, sharey=True), WHAT, strict=True)):
         for n, tier in enumerate(PROMISING):
             worst = np.sort(np.max(found.shares[found.tiers == n, :, k], axis=1))
@@ -186,27 +185,12 @@ def picture(found: Measured) -> Figure:
         axes.axvline(1.0, color='black', linewidth=1)
         axes.set(title=what.capitalize(), xlabel='error / promise, the worst of state, states and tick')
         axes.grid(True, which='major', linewidth=0.4)
-        axes.legend(fontsize=9, loc='lower left')
+        legend_below(axes, 4, fontsize=9)
     figure.supylabel('part of the chains that err by more', fontsize=10)
     figure.supxlabel(f'{len(found.shares):,} chains; {circumstances()}', fontsize=7)
     return figure
 
 
-def write(found: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and pictures, and the table into the page ``accuracy`` too; return the paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    paths = [folder / 'promises.md', folder / 'promises.csv']
-    paths[0].write_text(table(found) + '\n', encoding='utf-8')
-    paths[1].write_text(csv_of(_HEAD, _rows(found)), encoding='utf-8')
-    accuracy = folder / 'accuracy.md'
-    if accuracy.exists():
-        page = accuracy.read_text(encoding='utf-8').partition(HEADING)[0]
-        accuracy.write_text(page.rstrip('\n') + '\n' + section(folder), encoding='utf-8')
-        paths.append(accuracy)
-    return [*paths, *save(picture(found), folder / 'promises')]
-
-
-def section(folder: Path) -> str:
-    """Return what the page ``accuracy`` says of the promises that were last measured into a folder; '' if none were."""
-    page = folder / 'promises.md'
-    return f'\n{HEADING}\n\n{page.read_text(encoding="utf-8")}' if page.exists() else ''
+def csv_text(found: Measured) -> str:
+    """Return the distributions as CSV."""
+    return csv_of(_HEAD, _rows(found))

@@ -2,7 +2,6 @@
 import tracemalloc
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 from time import perf_counter
 
 import numpy as np
@@ -11,6 +10,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -164,10 +164,6 @@ def _live_table(rows: Measured) -> str:
                                'overrun and no lost message, with sim, monitor and recorder over DDS on this host.')
 
 
-def summary(rows: Measured) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
 
 def csv_text(rows: Measured) -> str:
     """Return the rows as CSV: stages with time and memory, then the runs of processes."""
@@ -184,7 +180,7 @@ def csv_text(rows: Measured) -> str:
 
 def picture(rows: Measured) -> Figure:
     """Return three panels: time and memory of the stages against N, and the rates that processes hold."""
-    figure = Figure(figsize=(16, 5.6), layout='constrained')
+    figure = Figure(figsize=(16, 7), layout='constrained')
     time_axes, memory, rates = figure.subplots(1, 3)
     _growth(time_axes, rows.stages, _milliseconds, 'time (ms)', 'Time of each stage')
     _growth(memory, rows.stages, _megabytes, 'memory at once (MB)', 'Memory of each stage')
@@ -205,7 +201,7 @@ def _growth(axes: Axes, rows: list[Stage], value: Callable[[Stage], float], unit
             axes.loglog([row.benches for row in mine], [value(row) for row in mine], f'o{style}', markersize=4,
                         color=_COLOURS[stage], label=f'{name}: N^{exponent(mine, value):.2f}')
     axes.set(ylabel=unit, title=title)
-    axes.legend(fontsize=8)
+    legend_below(axes, fontsize=8)
 
 
 def _rates(axes: Axes, rows: Measured) -> None:
@@ -218,13 +214,4 @@ def _rates(axes: Axes, rows: Measured) -> None:
     axes.plot([], [], 'x', color='#D55E00', label='not held')
     axes.set(xscale='log', yscale='log', ylabel='ticks per second', ylim=(0.5 * RATES_HZ[0], 2 * RATES_HZ[-1]),
              title='Sim, monitor and recorder over DDS')
-    axes.legend(fontsize=8)
-
-
-def write(rows: Measured, folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write tables, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'scale.md': table(rows) + '\n', 'scale.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'scale')]
+    legend_below(axes, 1, fontsize=8)

@@ -5,7 +5,6 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 from statistics import median, quantiles
 
 from matplotlib.axes import Axes
@@ -102,10 +101,6 @@ def _line(row: Row, before_s: float) -> str:
             + f' | {row.total_s * 1e6:.0f} | {before_s / row.total_s:.1f} |')
 
 
-def summary(rows: list[Row]) -> str:
-    """Return the part for the README: everything."""
-    return table(rows)
-
 
 def csv_text(rows: list[Row]) -> str:
     """Return the rows as CSV, one line per stage, times in seconds."""
@@ -141,12 +136,3 @@ def _bars(axes: Axes, rows: list[Row]) -> None:
     axes.set_xlabel('time (µs)')
     axes.grid(True, axis='x', linewidth=0.4)
     axes.set_axisbelow(True)
-
-
-def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'tick.md': table(rows) + '\n', 'tick.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'tick')]

@@ -2,7 +2,6 @@
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 from matplotlib.axes import Axes
@@ -10,6 +9,7 @@ from matplotlib.figure import Figure
 from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
 from dragon_ros.core.model import compile_scene
@@ -18,7 +18,6 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.cost import promises
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
@@ -191,11 +190,16 @@ def _line(row: Row) -> str:
 
 
 def summary(rows: list[Row]) -> str:
-    """Return the classic scene's part of the table, and how many promises are kept."""
-    broken = [row for row in rows if row.verdict == 'BROKEN']
-    kept = sum(row.verdict == 'kept' for row in rows)
-    return (table([row for row in rows if row.problem == 'classic']) + f'\n\nOn all {len(_hard())} hard cases '
-            f'{kept} promises are kept and {len(broken)} broken; every row is in `docs/cost/accuracy.md`.')
+    """Return what the README shows: the tiers on the classic scene, and how many promises are kept."""
+    tiers = [row for name in TIERS for row in rows if (row.problem, row.solver) == ('classic', name)]
+    lines = ['| accuracy | largest error (m) | promise (m) | µs per tick | with velocities |',
+             '|---|---:|---:|---:|---:|']
+    lines += [f'| `{row.solver}` | {row.error_m:.1e} | {f"{row.promise_m:.0e}" if row.promise_m else "none"} '
+              f'| {_us(row.timing.median_s)} | {_us(row.with_velocities.median_s)} |'
+              for row in tiers if row.timing and row.with_velocities]
+    kept, broken = (sum(row.verdict == verdict for row in rows) for verdict in ('kept', 'BROKEN'))
+    return '\n'.join([*lines, '', f'On all {len(_hard())} hard cases {kept} promises are kept and {broken} broken. '
+                      f'{circumstances()}.'])
 
 
 def csv_text(rows: list[Row]) -> str:
@@ -244,14 +248,4 @@ def _hard_panel(axes: Axes, rows: list[Row]) -> None:
     axes.set_yticks(range(len(names)), names, fontsize=7)
     axes.invert_yaxis()
     axes.set(xlabel='largest error / promise (1 is the limit)', title='Hard cases')
-    axes.legend(fontsize=8, loc='lower left')
-
-
-def write(rows: list[Row], folder: Path, save: Callable[[Figure, Path], list[Path]]) -> list[Path]:
-    """Write table, CSV and pictures into a folder and return their paths."""
-    folder.mkdir(parents=True, exist_ok=True)
-    written = {'accuracy.md': table(rows) + '\n' + promises.section(folder), 'accuracy.csv': csv_text(rows)}
-    for name, content in written.items():
-        (folder / name).write_text(content, encoding='utf-8')
-    return [*(folder / name for name in written), *save(picture(rows), folder / 'accuracy')]
-
+    legend_below(axes, 4, fontsize=8)

@@ -6,6 +6,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, NoReturn
 
+from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.cli import command_line
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError
@@ -17,8 +18,7 @@ def sim(argv: list[str]) -> int:
     options = _parser('sim', f'Simulate a bench dragon and publish it. ROS parameters:\n{described(SIM)}\n'
                       'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger).',
                       'ros2 run dragon_ros sim --scene first_contact --ros-args -p time_scale:=2.0')
-    command_line.add_scene_options(options)
-    options.set_defaults(scene=None)
+    command_line.add_scene_options(options, None)
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
     from dragon_ros.nodes.sim import run
@@ -52,9 +52,9 @@ def record(argv: list[str]) -> int:
     options.add_argument('--trust', action='store_true', help='read scenes from the topic beyond the budgets for '
                          'strangers (docs/limits.md)')
     options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='most wall time whose messages are '
-                         'lost when the recorder is killed (1)')
+                         'lost when the recorder is killed (%(default)g)')
     options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
-                         help='largest size of the write queue (256)')
+                         help='largest size of the write queue (%(default)g)')
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
     return shell.run('record', argv, partial(_record, arguments), arguments.json)
@@ -70,7 +70,8 @@ def replay(argv: list[str]) -> int:
     options.add_argument('bag', type=Path, metavar='BAG', help='MCAP file, or rosbag2 directory')
     options.add_argument('--rate', type=float, metavar='FACTOR',
                          help='speed factor; 0 is as fast as the readers follow (1)')
-    options.add_argument('--start', type=float, default=0.0, metavar='S', help='seconds of the bag to skip (0)')
+    options.add_argument('--start', type=float, default=0.0, metavar='S',
+                         help='seconds of the bag to skip (%(default)g)')
     options.add_argument('--end', type=float, metavar='S', help='second of the bag to stop at (its end)')
     options.add_argument('--loop', action='store_true', help='start again at the end')
     options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
@@ -109,7 +110,8 @@ def _help(options: argparse.ArgumentParser) -> NoReturn:
 
 def _add_bag_options(options: argparse.ArgumentParser) -> None:
     """Add how a bag is written."""
-    options.add_argument('--compression', choices=('zstd', 'lz4', 'none'), default='zstd', help='of its chunks (zstd)')
+    options.add_argument('--compression', choices=COMPRESSIONS, default='zstd',
+                         help='of its chunks (%(default)s)')
     options.add_argument('--split-size-mb', type=float, metavar='MB', help='start another file at this size')
     options.add_argument('--split-duration-s', type=float, metavar='S', help='start another file after this much '
                          'simulation time')

@@ -103,11 +103,11 @@ class Recorder(DragonNode):
             self._health.publish(message)
 
     def _log_summary(self, gone: bool) -> None:
-        counts = ', '.join(f'{topic} {count}' for topic, count in self.bag.counts.items())
         writer, log = self.writer, self.get_logger()
-        log.info(f'closed {self.bag.path}: {counts}')
-        log.info(f'{self.bag.kept} messages are in the bag; the queue was {writer.fullest:.1%} full at most, the '
-                 f'longest write took {writer.slowest_write_s:.3f} s')
+        topics = sum(count > 0 for count in self.bag.counts.values())
+        whole = 'nothing is missing' if self.losses.complete(gone) else 'NOT COMPLETE'
+        log.info(f'{self.bag.path}: {self.bag.kept} messages of {topics} topics, {whole}; the queue was '
+                 f'{writer.fullest:.1%} full at most, the longest write took {writer.slowest_write_s:.3f} s')
         for lack in self.losses.lines(gone):
             log.warning(lack)
         if writer.waits:

@@ -5,11 +5,13 @@ An entry point is a function that takes the settings of a scene file as keyword 
 returned, not its name: a bag makes its run again without the plug-in. So only a scene file or a command line loads one,
 never a bag or a topic.
 """
-from importlib.metadata import EntryPoint, entry_points
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.scenes.yaml import Document
+
+if TYPE_CHECKING:
+    from importlib.metadata import EntryPoint
 
 GROUP = 'dragon_ros.head_laws'
 PLUGIN = 'plugin'
@@ -39,8 +41,9 @@ def plugged(document: Document) -> Head | Profile:
     return law      # type: ignore[no-any-return]
 
 
-def _found(document: Document, name: Any) -> EntryPoint:
+def _found(document: Document, name: Any) -> 'EntryPoint':
     """Return the entry point of a name; it is not loaded yet."""
+    from importlib.metadata import entry_points  # a tenth of the time of a table
     known = entry_points(group=GROUP)
     found = [one for one in known if one.name == name]
     if len(found) != 1:

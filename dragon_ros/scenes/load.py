@@ -6,10 +6,11 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros.configuration import folder as configuration_folder
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.chain.commanded import Commanded
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
+from dragon_ros.core.errors import FieldError, InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.flags import Noise, Trails, effects_of
 from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS
 from dragon_ros.core.model import compile_scene
@@ -34,11 +35,6 @@ CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # characters of a --set in an error
 ABOUT = 'about'     # free notes about a scene, without any effect
-
-
-def scene_names() -> list[str]:
-    """Return the names of the scenes that come with the package."""
-    return sorted(path.stem for path in (configuration_folder() / 'scenes').glob('*.yaml'))
 
 
 def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
@@ -159,8 +155,8 @@ def _find(name_or_file: str) -> Path:
         return Path(name_or_file)
     known = scene_names()
     if name_or_file not in known:
-        raise MissingError(f'scene: {name_or_file!r} is not known; the scenes are {", ".join(known)}; '
-                           'or give the path of a .yaml file')
+        hint = did_you_mean(name_or_file, known, 'give one of these or the path of a .yaml file')
+        raise MissingError(f'scene: {shown(name_or_file)} is not known, the scenes are {", ".join(known)}; {hint}')
     return configuration_folder() / 'scenes' / f'{name_or_file}.yaml'
 
 
@@ -188,7 +184,8 @@ def _made(document: Document, name: str, kinds: dict[str, type], given: dict[str
     """Return the dataclass of a kind; keys and shapes are checked here, values by the dataclass."""
     chosen = given.pop('kind', next(iter(kinds))) if len(kinds) > 1 else ''
     if not isinstance(chosen, str) or chosen not in kinds:
-        document.refuse(f'{name}.kind', f'{shown(chosen)} is not known; the kinds are {", ".join(kinds)}')
+        document.refuse(f'{name}.kind', f'{shown(chosen)} is not known; '
+                        + did_you_mean(chosen, kinds, f'the kinds are {", ".join(kinds)}'))
     kind = kinds[chosen]
     known = [f.name for f in fields(kind)]
     for key, other in ((f.name, other) for other, one in kinds.items() for f in fields(one)):

@@ -54,11 +54,11 @@ def text() -> str:
 
 def _section(kinds: Mapping[str, type]) -> Schema:
     """Return the schema of a section: one of its kinds, by default the first."""
-    made = [_kind(name, one, needed=number > 0) for number, (name, one) in enumerate(kinds.items())]
+    made = [kind_schema(name, one, needed=number > 0) for number, (name, one) in enumerate(kinds.items())]
     return made[0] if len(made) == 1 else {'oneOf': made}
 
 
-def _kind(name: str, one: type, needed: bool) -> Schema:
+def kind_schema(name: str, one: type, needed: bool) -> Schema:
     """Return the schema of one dataclass; ``needed`` is true where its kind must be given."""
     properties = {field.name: _field(field) for field in fields(one)}
     required = [field.name for field in fields(one) if field.default is MISSING]
@@ -74,7 +74,7 @@ def _field(field: 'Field[Any]') -> Schema:
     if field.name in _CHOICES:
         return {'enum': list(_CHOICES[field.name]), **default}
     if field.name in PARTS:
-        made = [_kind(name, one, needed=True) for name, one in PARTS[field.name].items()]
+        made = [kind_schema(name, one, needed=True) for name, one in PARTS[field.name].items()]
         return {'type': 'array', 'minItems': 1, 'items': made[0] if len(made) == 1 else {'oneOf': made}}
     return {**_type(field.type), **default}
 

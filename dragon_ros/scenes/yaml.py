@@ -1,5 +1,4 @@
 """YAML documents with the line of every key, and errors that name file, line and key."""
-import difflib
 from collections.abc import Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -7,7 +6,7 @@ from typing import Any, NoReturn
 
 import yaml
 
-from dragon_ros.core.errors import InputError, MissingError, shown
+from dragon_ros.core.errors import InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
 
 
@@ -42,8 +41,7 @@ class Document:
         known = list(known)
         for key in given:
             if key not in known:
-                near = difflib.get_close_matches(str(key), known, n=1, cutoff=0.4)
-                hint = f'did you mean {near[0]}?' if near else f'the keys are {", ".join(known)}'
+                hint = did_you_mean(key, known, f'the keys are {", ".join(known)}')
                 self.refuse(f'{prefix}{key}', f'unknown key; {hint}')
 
 

@@ -28,7 +28,7 @@ from mcap.stream_reader import StreamReader
 from dragon_ros.bags.check.examine import examine
 from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.bags.write.mcap import COMPRESSIONS
+from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import InputError
 from dragon_ros.messages.channels import channels

@@ -1,6 +1,5 @@
 """Bags can be read by others, are never overwritten unasked, and are complete even where the disk is full."""
-import resource
-from contextlib import contextmanager, suppress
+from contextlib import suppress
 
 import pytest
 import yaml
@@ -8,6 +7,7 @@ from mcap.exceptions import EndOfFile
 from mcap.reader import make_reader
 from mcap.records import Message
 from mcap.stream_reader import StreamReader
+from small_disk import small_disk
 
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.mcap import CHUNK_BYTES
@@ -50,17 +50,6 @@ def streamed(path):
         for record in StreamReader(file).records:
             found += [record.data] if isinstance(record, Message) else []
     return found
-
-
-@contextmanager
-def small_disk(size):
-    """No file can grow beyond ``size`` bytes."""
-    before = resource.getrlimit(resource.RLIMIT_FSIZE)
-    resource.setrlimit(resource.RLIMIT_FSIZE, (size, before[1]))
-    try:
-        yield
-    finally:
-        resource.setrlimit(resource.RLIMIT_FSIZE, before)
 
 
 def test_channels_carry_what_rosbag2_wants(tmp_path, write_bag):

@@ -2,7 +2,7 @@
 import pytest
 from crash import FORMS, kill
 
-from dragon_ros.bags.write.mcap import COMPRESSIONS
+from dragon_ros.bags.write import COMPRESSIONS
 
 
 @pytest.mark.parametrize('compression', COMPRESSIONS)

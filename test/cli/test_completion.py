@@ -5,8 +5,8 @@ import sys
 
 import pytest
 
+from dragon_ros.configuration import scene_names
 from dragon_ros.executables import EXECUTABLES
-from dragon_ros.scenes.load import scene_names
 
 
 def completions(line, cwd):
@@ -45,3 +45,13 @@ def test_every_executable_is_offered_and_nothing_else_is_written(tmp_path):
     offered, done = completions('dragon ', tmp_path)
     assert set(EXECUTABLES) <= offered
     assert (done.stdout, done.stderr, done.returncode) == ('', '', 0)
+
+
+def test_completion_of_names_and_options_imports_nothing_that_computes(tmp_path):
+    code = ('import os, sys\nfor name in ("numpy", "yaml", "rclpy", "matplotlib", "mcap"): sys.modules[name] = None\n'
+            'from dragon_ros.__main__ import main\nmain([])')
+    line = 'dragon table --scene w'
+    asked = {**os.environ, 'COMP_LINE': line, 'COMP_POINT': str(len(line)), '_ARGCOMPLETE': '1',
+             '_ARGCOMPLETE_STDOUT_FILENAME': str(tmp_path / 'offered')}
+    subprocess.run([sys.executable, '-c', code], env=asked, check=True)
+    assert (tmp_path / 'offered').read_text().strip() == 'winding'

@@ -1,6 +1,6 @@
 """Headless Chromium, driven over the WebDriver protocol that chromedriver speaks.
 
-``python3 test/commands/browser.py URL FILE`` takes a picture of the page of ``view``.
+``python3 test/commands/browser.py URL FILE [WIDTH HEIGHT [dark]]`` takes a picture of the page of ``view``.
 """
 import base64
 import json
@@ -20,6 +20,7 @@ DRIVER = shutil.which('chromedriver')
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860')
 _LONGEST_S = 60.0
+_KEYS = {'ArrowLeft': '\ue012', 'ArrowRight': '\ue014', 'Home': '\ue011', 'End': '\ue010'}     # of WebDriver
 
 
 class Browser:
@@ -61,6 +62,21 @@ class Browser:
     def click(self, name):
         self.run(f'document.getElementById("{name}").click()')
 
+    def look(self, width, height, dark=False):
+        """Give the page a size in pixels, a phone's below 600, and a light or a dark scheme."""
+        self._devtools('Emulation.setDeviceMetricsOverride', width=width, height=height, deviceScaleFactor=1,
+                       mobile=width < 600)
+        scheme = {'name': 'prefers-color-scheme', 'value': 'dark' if dark else 'light'}
+        self._devtools('Emulation.setEmulatedMedia', features=[scheme])
+
+    def press(self, key):
+        """Press and release a key, as the name that the page gets (' ', 'Home')."""
+        keys = [{'type': kind, 'value': _KEYS.get(key, key)} for kind in ('keyDown', 'keyUp')]
+        self._call('/actions', {'actions': [{'type': 'key', 'id': 'keyboard', 'actions': keys}]})
+
+    def _devtools(self, command, **parameters):
+        self._call('/goog/cdp/execute', {'cmd': command, 'params': parameters})
+
     def log(self):
         """What the console got, as (level, message)."""
         return [(entry['level'], entry['message']) for entry in self._call('/se/log', {'type': 'browser'})]
@@ -94,5 +110,7 @@ def browser(folder):
 
 if __name__ == '__main__':
     with tempfile.TemporaryDirectory() as scratch, browser(Path(scratch)) as shown:
+        if sys.argv[3:]:
+            shown.look(*map(int, sys.argv[3:5]), dark='dark' in sys.argv[5:])
         shown.open_view(sys.argv[1])
         shown.screenshot(Path(sys.argv[2]))

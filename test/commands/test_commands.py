@@ -1,4 +1,5 @@
 """The contract of the offline commands: output, exit codes, one clear line for bad input."""
+import argparse
 import csv
 import io
 import json
@@ -12,7 +13,7 @@ import pytest
 from dragon_ros.__main__ import main
 from dragon_ros.cli import command_line
 from dragon_ros.commands.plot import command
-from dragon_ros.executables import EXECUTABLES
+from dragon_ros.executables import EXECUTABLES, NODES
 
 
 def run(capsys, *arguments):
@@ -148,11 +149,42 @@ def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monke
         signal.signal(number, handler)
 
 
-@pytest.mark.parametrize('name', [name for name in EXECUTABLES if '.commands.' in EXECUTABLES[name].module])
-def test_help_loads_nothing_that_draws(name):
-    code = ('import sys\nfor name in ("matplotlib", "PIL", "rclpy", "argcomplete"): sys.modules[name] = None\n'
-            f'from dragon_ros.__main__ import main\nmain(["{name}", "--help"])')
-    subprocess.run([sys.executable, '-c', code], capture_output=True, check=True)
+@pytest.mark.parametrize('arguments', [['--help'], *([name, '--help'] for name in EXECUTABLES)], ids=' '.join)
+def test_help_imports_the_standard_library_alone(arguments):
+    code = ('import contextlib, sys\nbefore = set(sys.modules)\nfrom dragon_ros.__main__ import main\n'
+            f'with contextlib.suppress(SystemExit), contextlib.redirect_stdout(None): main({arguments})\n'
+            'new = {name.partition(".")[0] for name in set(sys.modules) - before} - sys.stdlib_module_names\n'
+            'print(*sorted(new - {"dragon_ros"}), *{"dataclasses", "asyncio", "email"} & set(sys.modules))')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert set(done.stdout.split()) <= ({'dataclasses'} if EXECUTABLES.get(arguments[0], [''])[0] == NODES else set())
+
+
+def parsers(name):
+    """The parser of an executable and those of its subcommands."""
+    found = []
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(command_line.Parser, 'print_help', lambda parser: found.append(parser))
+        with pytest.raises(SystemExit):
+            main([name, '--help'])
+    below = [child for action in found[0]._actions if isinstance(action, argparse._SubParsersAction)
+             for child in action.choices.values()]
+    return [*found, *below]
+
+
+@pytest.mark.parametrize('name', EXECUTABLES)
+def test_the_defaults_that_help_names_are_those_of_the_code(name):
+    for parser in parsers(name):
+        for action in parser._actions:
+            said = action.help or ''
+            if action.default not in (None, False, 0, argparse.SUPPRESS) and action.default != []:
+                assert '(%(default)' in said, f'{parser.prog} {action.dest}: {said}'
+            elif action.default != 0:       # what stands in brackets at the end is no value of the parser's
+                assert '%(default)' not in said
+
+
+@pytest.mark.parametrize(('question', 'scene'), [('turn', 'turning'), ('max-speed', 'turning'), ('fit', 'winding')])
+def test_a_design_question_names_the_scene_that_it_takes(capsys, question, scene):
+    assert f'scene by name or file ({scene})' in ' '.join(run(capsys, 'design', question, '--help')[1].split())
 
 
 def test_design_gives_the_length_of_the_turn_and_the_largest_speed(capsys):

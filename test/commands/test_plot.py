@@ -2,21 +2,27 @@
 from pathlib import Path
 
 import numpy as np
+import pictures
 import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli.figures import style
-from dragon_ros.commands.plot.animation import animate
+from dragon_ros.commands.plot.animation import AnimatedFigure, animate
 from dragon_ros.commands.plot.command import options
-from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment
+from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture
+from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
+from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment, window
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import Scene
+from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
 
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 
@@ -69,6 +75,15 @@ def test_a_bag_shows_what_its_scene_shows(scene, bag):
         times, gaps = clearances(recorded, recorded.ticks_s(*every), iter)
         assert len(times) == compile_scene(scene).last_tick + 1
         assert gaps == pytest.approx(clearances(model, model.ticks_s(*every), iter)[1], abs=1e-9)
+
+
+def test_a_bag_shows_the_track_of_its_scene_and_none_without_one(tmp_path, scene, bag, short):
+    path = tmp_path / 'run.mcap'
+    assert main(['simulate', *short, '--output', str(path)]) == 0
+    with BagReader(path) as opened:
+        assert np.array_equal(dragon_in(opened).track, SceneSource('winding', scene).track)
+    with BagReader(bag) as opened:      # written without its scene
+        assert dragon_in(opened).track is None
 
 
 def test_a_curve_is_thinned_and_keeps_both_ends(scene):
@@ -167,3 +182,64 @@ def test_the_pictures_of_the_docs_are_those_that_their_commands_make():
     assert {path.name for path in made} | {'README.md', 'view.png'} == {path.name for path in folder.iterdir()}
     assert {path.parent.as_posix() for path in made} == {'docs/pictures'}
     assert all(path.stat().st_size < 1_200_000 for path in folder.iterdir())
+
+
+def composite(*pieces, benches=40, stop_s=30):
+    track = Composite(pieces)
+    return Scene(dragon=Dragon(benches), track=track, run=Run(stop_s=stop_s, rate_hz=1))
+
+
+STREET = Line(400.0, (500.0, 300.0), 20.0)
+SHOWN = {
+    'winding': lambda: load_scene('winding', ['dragon.benches=60', 'run.start_s=400', 'run.stop_s=413',
+                                              'run.rate_hz=2']),
+    'mixed': lambda: load_scene('mixed', ['run.start_s=392', 'run.stop_s=396', 'run.rate_hz=5']),
+    'turning': lambda: load_scene('turning', ['dragon.benches=40', 'run.start_s=100', 'run.rate_hz=0.5']),
+    'a street far from the origin': lambda: composite(STREET, stop_s=200),
+    'a dance that is centred elsewhere': lambda: composite(
+        Line(30.0, (10_000.0, -7000.0), 90.0), Arc(9.0, 200.0), Arc(9.0, -300.0), stop_s=60),
+    'a_name_so_long_that_no_title_has_room_for_it_and_so_it_is_shortened': lambda: load_scene(
+        'winding', ['dragon.benches=30', 'run.start_s=412.4', 'run.stop_s=413', 'run.rate_hz=20']),
+}
+
+
+@pytest.fixture(scope='module', params=SHOWN)
+def source(request):
+    return SceneSource(request.param, SHOWN[request.param]())
+
+
+def figures_of(source):
+    """The figures of every kind of picture that a source has; an animation's is its first frame."""
+    first, last = source.span_s
+    for many in (1, 2, 5):
+        yield f'{many} dragons', dragon_picture(source, np.linspace(first, last, many).tolist())
+    yield 'clearance', clearance_picture(source, iter)
+    yield 'speeds', speeds_picture(source, np.linspace(first, last, 30).tolist())
+    if touch := source.first_touch(iter):
+        yield 'contact', contact_picture(source, touch)
+    yield 'animation', AnimatedFigure(source, np.array([first, last])).figure
+
+
+def test_no_text_of_a_picture_is_cropped_or_lies_on_another_and_no_legend_on_a_curve(source):
+    with style():
+        for kind, figure in figures_of(source):
+            seen = pictures.Picture(figure)
+            assert (kind, seen.cropped(), seen.overlapping(), seen.hidden()) == (kind, [], [], [])
+
+
+def test_a_picture_shows_the_whole_dragon_with_its_track_around_it_wherever_it_is(source):
+    one = moment(source, source.span_s[0])
+    low, high = window(source.track, [one])
+    corners = one.benches.corners.reshape(-1, 2)
+    assert np.all((corners > low) & (corners < high))
+    assert max(high - low) < 6 * max(np.ptp(corners, axis=0))       # a street is no dot
+    near = np.all(np.abs(source.track - corners.mean(axis=0)) < np.ptp(corners, axis=0).max(), axis=1)
+    assert np.all((source.track[near] > low) & (source.track[near] < high))
+
+
+def test_the_window_of_an_animation_holds_every_frame(source):
+    times_s = source.ticks_s(*source.span_s, 100)
+    with style():
+        axes = AnimatedFigure(source, times_s).figure.axes[0]
+    for one in source.moments(times_s):
+        assert pictures.outside(axes, one.benches.corners.reshape(-1, 2)).size == 0

@@ -64,8 +64,9 @@ def test_the_run_is_described(server, scene):
     run = json.loads(get(server, 'run.json'))
     assert (run['name'], run['benches'], run['drawn'], run['rest'], run['note']) == ('short', 30, 30, [], '')
     assert run['times_s'] == pytest.approx([412 + k / 20 for k in range(21)])
-    assert run['contact']['t_s'] == pytest.approx(412.4738376821)
-    assert run['contact']['benches'] == [0, 8]
+    contact = json.loads(get(server, 'contact.json'))
+    assert contact['t_s'] == pytest.approx(412.4738376821)
+    assert contact['benches'] == [0, 8]
     assert len(run['track'][0]) == len(run['track'][1]) > 1000
 
 
@@ -77,7 +78,8 @@ def test_frames_are_what_the_model_says(server, scene):
     assert frames[10, :240] == pytest.approx(true.benches.corners.ravel(), abs=1e-6)
     assert frames[10, 240:] == pytest.approx(true.speed_m_s, abs=1e-6)
     touching = rows(server, run, 'contact')
-    assert touching[0, :2] == pytest.approx(run['contact']['point_m'], abs=1e-6)    # the head's front left corner
+    point_m = json.loads(get(server, 'contact.json'))['point_m']
+    assert touching[0, :2] == pytest.approx(point_m, abs=1e-6)    # the head's front left corner
 
 
 def test_clearance_vanishes_at_the_contact(server):
@@ -111,7 +113,7 @@ def test_a_big_dragon_is_thinned_and_says_so():
 def test_a_single_bench_is_served():
     with serving(SceneSource('one', load_scene('winding', ['dragon.benches=1', 'run.stop_s=1']))) as server:
         run = json.loads(get(server, 'run.json'))
-        assert (run['benches'], run['contact']) == (1, None)
+        assert (run['benches'], json.loads(get(server, 'contact.json'))) == (1, None)
         assert set(json.loads(get(server, 'clearance.json'))['gap_mm']) == {None}
         assert get(server, 'frames/contact') == b''
         assert rows(server, run, 0).shape == (51, 10)
@@ -213,6 +215,90 @@ def test_the_page_plays_in_a_browser(tmp_path, server, scene):
         assert page.log() == []
 
 
+# Boxes of the page's titles and controls, as (text, left, top, right, bottom) of those that are seen.
+BOXES = """return [...document.querySelectorAll(
+    'h1, h2, #facts, #legend span, button, select, #time, .xtitle, .ytitle')]
+    .filter((one) => one.getClientRects().length && !one.hidden).map((one) => {
+        const {left, top, right, bottom} = one.getBoundingClientRect();
+        return [one.id || one.textContent, left, top, right, bottom]; })"""
+
+
+def lie_on_each_other(boxes):
+    return [(one[0], other[0]) for n, one in enumerate(boxes) for other in boxes[n + 1:]
+            if min(one[3], other[3]) - max(one[1], other[1]) > 1 and min(one[4], other[4]) - max(one[2], other[2]) > 1]
+
+
+@needs_browser
+def test_the_page_fits_a_phone_and_a_desk_in_the_light_and_in_the_dark(tmp_path, server):
+    with browser.browser(tmp_path) as page:
+        for width, height, dark in ((390, 844, False), (390, 844, True), (1400, 860, True)):
+            page.look(width, height, dark)
+            page.open_view(server.url)
+            assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
+            controls = 'const all = document.querySelectorAll("footer *"); return [...all].every((one) => '
+            assert page.run(controls + 'one.getBoundingClientRect().right <= window.innerWidth)')
+            for plot, least in (('scene', 300), ('clearance', 180), ('speeds', 180)):
+                area = page.run(f'const r = document.querySelector("#{plot} .bglayer, #{plot} .cartesianlayer .plot")'
+                                '.closest("svg").getBoundingClientRect(); return [r.width, r.height]')
+                assert min(area) >= least, (plot, area)
+            page.run('window.scrollTo(0, 0); document.querySelector("footer").style.position = "static"')
+            assert lie_on_each_other(page.run(BOXES)) == []
+            lightness = 'return getComputedStyle(%s).%s.match(/\\d+/g).slice(0, 3).reduce((a, b) => +a + +b, 0)'
+            paper, ink = (page.run(lightness % ('document.body', name)) for name in ('backgroundColor', 'color'))
+            curve = page.run(lightness % ('document.querySelector("#speeds .lines path")', 'stroke'))
+            assert (paper < 150 < 500 < ink) if dark else (paper > 600 > 200 > ink)
+            assert abs(curve - paper) > 200
+        page.look(1400, 860)        # without a reload
+        page.wait(f'{lightness % ("document.querySelector(chr)", "fill")} < 200'.replace('chr', '"#scene .xtitle"'))
+        assert page.log() == []
+
+
+@needs_browser
+def test_the_page_is_played_by_keys_wherever_the_focus_is(tmp_path, server):
+    with browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        shown = 'return parseFloat(document.getElementById("time").textContent) === '
+        for focus in ('play', 'scrub', 'contact', None):
+            page.run(f'document.getElementById("{focus}")?.focus()' if focus else 'document.activeElement.blur()')
+            for key, t_s in (('End', 413), ('ArrowLeft', 412.95), ('Home', 412), ('ArrowRight', 412.05)):
+                page.press(key)
+                page.wait(f'{shown}{t_s}')
+        page.press(' ')
+        page.wait('return document.getElementById("play").textContent === "Pause"')
+        page.press(' ')
+        page.wait('return document.getElementById("play").textContent === "Play"')
+
+
+@needs_browser
+def test_outlines_scale_with_the_zoom(tmp_path, server):
+    with browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        width = 'return parseFloat(getComputedStyle(document.querySelector("#scene .lines path.js-line")).strokeWidth)'
+        wide = 'return parseFloat(getComputedStyle(document.querySelectorAll("#scene .trace .js-line")[1]).strokeWidth)'
+        before = page.run(wide)
+        page.click('contact')
+        page.wait(f'{wide} > {2 * before}')
+        page.click('whole')
+        page.wait(f'{wide} === {before}')
+        assert 0 < before < 1
+        assert page.run(width) == 0.8       # the track is a line
+
+
+@needs_browser
+def test_the_first_frame_is_drawn_before_the_contact_is_searched(tmp_path, scene):
+    class Slow(SceneSource):
+        def first_touch(self, progress):
+            wait.wait(60)
+            return super().first_touch(progress)
+    wait = threading.Event()
+    with serving(Slow('slow', scene)) as server, browser.browser(tmp_path) as page:
+        page.open(server.url)
+        page.wait('return document.body.dataset.drawn === "yes"')
+        assert not page.run('return document.body.dataset.ready')
+        wait.set()
+        page.wait('return document.body.dataset.ready === "yes"')
+
+
 def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, scene):
     source, path = SceneSource('short', scene), tmp_path / 'run.html'
     write_page(source, source.ticks_s(412.0, 412.1, 2), 2.0, path, iter)
@@ -232,9 +318,19 @@ def test_an_animation_as_a_page_plays_without_a_server(tmp_path, scene):
     with browser.browser(tmp_path) as page:
         page.open_view(path.as_uri())
         assert page.run('return document.getElementById("pace").value') == '2'
-        page.click('play')
+        page.press(' ')
         page.wait('return document.getElementById("time").textContent === "412.60 s"')
         page.click('contact')
         page.wait('return document.getElementById("time").textContent === "412.473838 s"')
         assert page.run('return performance.getEntriesByType("resource").length') == 0
         assert page.log() == []
+
+
+@needs_browser
+def test_an_animation_that_ends_before_the_contact_says_so(tmp_path, scene):
+    source, path = SceneSource('short', scene), tmp_path / 'run.html'
+    write_page(source, source.ticks_s(412.0, 412.2, 3), 2.0, path, iter)
+    with browser.browser(tmp_path) as page:
+        page.open_view(path.as_uri())
+        facts = page.run('return document.getElementById("facts").textContent')
+        assert facts.endswith('benches 0 and 8 touch at 412.473838 s, after the end of what is shown')

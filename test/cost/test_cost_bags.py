@@ -5,8 +5,7 @@ import io
 import pytest
 
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.cli import figures
-from dragon_ros.cost import bags
+from dragon_ros.cost import bags, command
 from dragon_ros.cost.measure import Timing
 
 
@@ -22,9 +21,9 @@ def test_throughput_and_size_follow_from_the_times():
 
 def test_table_csv_and_picture_have_every_row(tmp_path):
     rows = [row(), row('mcap.writer', 'none', 0.25)]
-    paths = bags.write(rows, tmp_path, figures.save)
+    paths = command.write('bag', rows, tmp_path)
     assert {path.name for path in paths} == {'bag.md', 'bag.csv', 'bag.png', 'bag.svg'}
-    assert '| dragon_ros | zstd | 14 |' in bags.summary(rows)
+    assert '| dragon_ros | zstd | 14 |' in bags.table(rows)
     read = list(csv.DictReader(io.StringIO((tmp_path / 'bag.csv').read_text())))
     assert [line['median_s'] for line in read] == ['0.5', '0.25']
 

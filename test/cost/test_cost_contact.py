@@ -2,11 +2,10 @@
 import numpy as np
 import pytest
 
-from dragon_ros.cli import figures
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.cost import contacts, growth
+from dragon_ros.cost import command, contacts, growth
 from dragon_ros.cost.measure import Timing
 
 
@@ -33,11 +32,11 @@ def test_growth_is_the_slope_in_logarithms():
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     rows = contacts.Measured([search(0.0), search(0.5)], checks(1.0))
     with np.errstate(all='warn'):
-        paths = contacts.write(rows, tmp_path, figures.save)
+        paths = command.write('contact', rows, tmp_path)
     assert [path.name for path in paths] == ['contact.md', 'contact.csv', 'contact.png', 'contact.svg']
     assert all(path.stat().st_size for path in paths)
-    assert 'WRONG' in contacts.summary(rows)
-    assert 'N^1.00' in contacts.summary(rows)
+    assert 'WRONG' in contacts.table(rows)
+    assert 'N^1.00' in contacts.table(rows)
 
 
 def test_every_method_of_checking_finds_the_same_smallest_gap():

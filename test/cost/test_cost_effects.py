@@ -1,11 +1,10 @@
 """The page ``cost effects``: its prices, its whole ticks and its files."""
 import numpy as np
 
-from dragon_ros.cli import figures
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
-from dragon_ros.cost import effects, prices
+from dragon_ros.cost import command, effects, prices
 from dragon_ros.cost.measure import Timing
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
@@ -44,9 +43,9 @@ def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
         + [prices.Price('clock', scene, 0, None) for scene in (prices.ALONE, 'first_contact')],
         [prices.Whole('minimal', TIMING, 0.2, 'everything on')])
     with np.errstate(all='warn'):
-        paths = effects.write(rows, tmp_path, figures.save)
+        paths = command.write('effects', rows, tmp_path)
     assert [path.name for path in paths] == ['effects.md', 'effects.csv', 'effects.png', 'effects.svg']
     assert all(path.stat().st_size for path in paths)
-    assert '| benches | 100 | 10 | 10 |' in effects.summary(rows)
-    assert '| clock | 0 | - | - |' in effects.summary(rows)
-    assert '0.200' in effects.summary(rows)
+    assert '| benches | 100 | 10 | 10 |' in effects.table(rows)
+    assert '| clock | 0 | - | - |' in effects.table(rows)
+    assert '0.200' in effects.table(rows)

@@ -6,8 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dragon_ros.cli import figures
-from dragon_ros.cost import memory
+from dragon_ros.cost import command, memory
 
 
 def recorded(seconds=600.0, growth_mb_s=1e-4):
@@ -32,9 +31,9 @@ def test_a_step_is_distinguished_from_steady_growth():
 
 def test_table_csv_and_picture_have_the_run(tmp_path):
     with np.errstate(all='warn'):
-        paths = memory.write(recorded(), tmp_path, figures.save)
+        paths = command.write('memory', recorded(), tmp_path)
     assert {path.name for path in paths} == {'memory.md', 'memory.csv', 'memory.png', 'memory.svg'}
-    assert '| 10 | 0 | 60 s: 80.01 | 80.06 | 85.00 | 6 | 0.00 | 6 | 35 | 4,800 | 1000 |' in memory.summary(recorded())
+    assert '| 10 | 0 | 60 s: 80.01 | 80.06 | 85.00 | 6 | 0.00 | 6 | 35 | 4,800 | 1000 |' in memory.table(recorded())
     read = list(csv.DictReader(io.StringIO((tmp_path / 'memory.csv').read_text())))
     assert len(read) == 120
     assert read[12] == {'seconds': '60.00', 'resident_mb': '80.006'}

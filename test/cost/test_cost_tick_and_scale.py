@@ -2,12 +2,11 @@
 import numpy as np
 import pytest
 
-from dragon_ros.cli import figures
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.cost import live, scale, ticks
+from dragon_ros.cost import command, live, scale, ticks
 from dragon_ros.cost.measure import Timing
 from dragon_ros.cost.scale import build
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
@@ -36,10 +35,10 @@ def tick_rows():
 
 def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
     with np.errstate(all='warn'):
-        paths = ticks.write(tick_rows(), tmp_path, figures.save)
+        paths = command.write('tick', tick_rows(), tmp_path)
     assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']
     assert all(path.stat().st_size for path in paths)
-    assert '| 70 | 11.3 |' in ticks.summary(tick_rows())
+    assert '| 70 | 11.3 |' in ticks.table(tick_rows())
     assert len(ticks.csv_text(tick_rows()).splitlines()) == 1 + 2 * 7
 
 
@@ -91,9 +90,9 @@ def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     rates = [run(223, 50), run(223, 70, overruns=3)]
     rows = scale.Measured(stages, [run(223, 0)], rates, [build(Scene(dragon=Dragon(30)))])
     with np.errstate(all='warn'):
-        paths = scale.write(rows, tmp_path, figures.save)
+        paths = command.write('scale', rows, tmp_path)
     assert [path.name for path in paths] == ['scale.md', 'scale.csv', 'scale.png', 'scale.svg']
-    text = scale.summary(rows)
+    text = scale.table(rows)
     assert text.count('N^1.00') == 2 * len(STAGES)
     assert '| 3 of 100 | 0 | no |' in text
     assert '| 0 of 100 | 0 | yes |' in text

@@ -20,6 +20,7 @@ from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.frames import frames, scene_of_bag
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
@@ -28,7 +29,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.scenes.load import load_scene, scene_names, strangers_scene
+from dragon_ros.scenes.load import load_scene, strangers_scene
 from dragon_ros.scenes.provenance import run_metadata, scene_file
 
 ROOT = Path(__file__).parents[2]
@@ -155,6 +156,20 @@ def override(folder: Path) -> Target:
     return Target(seeds, run, (b'=', b'.', b'\n', *_YAML))
 
 
+def study(folder: Path) -> Target:
+    """Study files, as they stand in a data set."""
+    from dragon_ros.studies.sampling import scene_values_of, values_of
+    from dragon_ros.studies.study import load_study, study_from, study_names
+
+    def run(data: bytes) -> None:
+        with suppress(DragonError):
+            found = study_from('study', data.decode(errors='replace'))
+            scene_values_of(found, values_of(found, found.rows - 1))
+    drawn = b'vary: {dragon.width_m: {normal: [0.3, 0.1], within: [0.2, 0.4]}}\ndesign: sobol\nsamples: 3\nask: [lock]'
+    return Target([*(load_study(name).text.encode() for name in study_names()), b'scene: {}\n' + drawn], run,
+                  (*_YAML, b'vary: ', b'per: bench', b'design: saltelli', b'dragon.groups.2.length_m', b'{from: 1}'))
+
+
 def certificate(folder: Path) -> Target:
     """Certificates, for the checker that stands alone."""
     from dragon_ros.commands.certificate import as_values
@@ -275,9 +290,48 @@ def message(folder: Path) -> Target:
                                *(bytes([n]) for n in range(len(names)))), [close])
 
 
+def command(folder: Path) -> Target:
+    """Speeds for a led dragon on cmd_vel, as messages with and without a stamp; each is walked for a tick."""
+    import rclpy
+    from geometry_msgs.msg import Twist, TwistStamped
+    from rclpy.serialization import deserialize_message, serialize_message
+
+    from dragon_ros.nodes.led import Commands, LedFrames
+    from dragon_ros.nodes.monitor import Monitor
+    context_was = rclpy.ok()
+    if not context_was:
+        rclpy.init()
+    node, led = Monitor(), load_scene('led', ['dragon.benches=3', 'run.stop_s=1e6', 'effects=[leader]'])
+    commands = Commands(node, 1e9, True)
+    walked = LedFrames(led, commands.wanted_m_s, 'stop', lambda line: None, 1.0)
+
+    def run(data: bytes) -> None:
+        take, kind = (commands._on_stamped, TwistStamped) if data[:1] == b'S' else (commands._take, Twist)
+        try:
+            message = deserialize_message(data[1:], kind)
+        except (RuntimeError, ValueError):      # what DDS would not have delivered
+            return
+        take(message)
+        frame = walked.take()
+        assert bool((frame.chain.p == frame.chain.p).all())
+        if walked.next_ns() is None:
+            walked.rewind()
+
+    def close() -> None:
+        node.destroy_node()
+        if not context_was:
+            rclpy.shutdown()
+    fast, slow = Twist(), TwistStamped()
+    fast.linear.x, slow.twist.linear.x = 1.5, -0.25
+    return Target([b'P' + serialize_message(fast), b'S' + serialize_message(slow)], run,
+                  (struct.pack('<d', float('nan')), struct.pack('<d', float('inf')), struct.pack('<d', -1e308),
+                   struct.pack('<d', 5e-324), struct.pack('<i', -2**31), b'\xff' * 8, bytes(8), b'P', b'S'), [close])
+
+
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
-    'request': request, 'command_line': command_line, 'message': message}
+    'study': study, 'request': request, 'command_line': command_line, 'message': message,
+    'command': command}
 
 
 @contextlib.contextmanager

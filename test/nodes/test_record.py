@@ -1,4 +1,5 @@
 """Recorders that are killed, starved of disk or of messages: what was recorded stays, and losses are reported."""
+import re
 import resource
 import signal
 import time
@@ -103,6 +104,9 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     publisher = sim(start, *SHORT, 'accuracy=1e-6', speed=0.0)
     assert publisher.end() == 0, publisher.text
     assert record.end() == 0, record.text
+    last = record.lines[-1]
+    assert f'run: {3 * 26 + 2} messages of 5 topics, nothing is missing; the queue was ' in last, record.text
+    assert not re.search(r'/dragon/\w+ 0\b', record.text), record.text      # no topic that nothing came on
     bag = tmp_path / 'run' / 'run_0.mcap'
     told = received(bag)
     scene = strangers_scene('told', told['dragon_ros']['scene'])

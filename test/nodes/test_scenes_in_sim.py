@@ -3,11 +3,12 @@ import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect, known
 from dragon_ros.core.model import compile_scene
 from dragon_ros.messages.channels import live
-from dragon_ros.scenes.load import load_scene, scene_names
+from dragon_ros.scenes.load import load_scene
 
 TICKS = 3
 CONTACT = 'run.start_s=412.4', 'run.stop_s=412.5', 'run.rate_hz=20'

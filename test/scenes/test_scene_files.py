@@ -3,11 +3,12 @@ import re
 import pytest
 import yaml
 
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels, channels_of, live
-from dragon_ros.scenes.load import load_scene, scene_names, scene_of, scene_values, strangers_scene
+from dragon_ros.scenes.load import load_scene, scene_of, scene_values, strangers_scene
 from dragon_ros.scenes.yaml import parse_document
 
 
@@ -186,3 +187,17 @@ def test_bad_topic_rows_are_refused_by_key(change, says):
            'qos': {'reliability': 'reliable', 'durability': 'volatile', 'depth': 10}, **change}
     with pytest.raises(InputError, match=says):
         channels_of(parse_document('t', yaml.safe_dump({'handles': row})))
+
+
+@pytest.mark.parametrize(('asked', 'meant'), [
+    (['winding', 'pich_m=1'], None), (['windng'], 'winding'), (['first_contct'], 'first_contact'),
+    (['turn'], 'turning'), (['winding', 'accuracy=good'], None),
+    (['obstacles'], None), (['x'], None), (['winding', 'obstacles=[]'], None), (['winding', 'trials={}'], 'trails'),
+    (['winding', 'track.pitch=1'], 'pitch_m'), (['winding', 'track.kind=spirl'], 'spiral'),
+    (['winding', 'track.kind=square'], None), (['winding', 'effects=[velocty]'], 'velocity'),
+    (['winding', 'effects=[fire]'], None), (['winding', 'accuracy=exct'], 'exact'),
+    (['winding', 'solver=tabel'], 'table'), (['winding', 'markers=spheres'], None)])
+def test_what_is_near_a_name_is_suggested_and_nothing_else(asked, meant):
+    with pytest.raises(InputError) as error:
+        load_scene(asked[0], asked[1:])
+    assert ('did you mean' in str(error.value), f'did you mean {meant}?' in str(error.value)) == (bool(meant),) * 2

@@ -5,8 +5,9 @@ import pytest
 import yaml
 
 from dragon_ros import configuration
+from dragon_ros.configuration import scene_names
 from dragon_ros.core.errors import InputError
-from dragon_ros.scenes.load import load_scene, scene_names, scene_of, scene_values
+from dragon_ros.scenes.load import load_scene, scene_of, scene_values
 from dragon_ros.scenes.schema import scene_schema, text
 from dragon_ros.scenes.yaml import parse_document
 

@@ -12,7 +12,7 @@ from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.near_pairs import closeness
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
-from dragon_ros.core.limits import SCENE_CHARACTERS, WAITING_TICKS
+from dragon_ros.core.limits import LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.decode import (
@@ -133,7 +133,8 @@ def keep_s(scene: Scene) -> float:
 def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
     """Return a led scene as it was walked: a profile of the recorded speeds, up to the last that follows on the others.
 
-    Any other scene is returned as it is. Raises InputError where there are too many changes of speed for a profile.
+    Any other scene is returned as it is. Raises InputError where there are too many changes of speed for a profile, or
+    too many ticks.
     """
     if not scene.is_led:
         return scene
@@ -143,6 +144,9 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
         t_ns, speed_m_s = read_odometry(message.data)
         if t_ns != scene.run.time_ns(k):
             break
+        if k >= LED_TICKS:
+            raise InputError(f'{bag.path}: its dragon was led for more than {LED_TICKS} ticks, the most that are read '
+                             'back')
         law = law_on(scene, law, t_ns, speed_m_s)
         walked.append((t_ns / NS, speed_m_s))
     if not walked:

@@ -34,7 +34,6 @@ CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
 MAGIC = b'\x89MCAP0\r\n'
-COMPRESSIONS = ('zstd', 'lz4', 'none')
 _Bytes = bytes | memoryview
 
 

@@ -13,7 +13,8 @@ from typing import Any, NamedTuple
 
 import yaml
 
-from dragon_ros.bags.write.mcap import COMPRESSIONS, McapWriter, statistics
+from dragon_ros.bags.write import COMPRESSIONS
+from dragon_ros.bags.write.mcap import McapWriter, statistics
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel

@@ -10,16 +10,19 @@ from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
 from matplotlib.colors import to_rgb, to_rgba
 from matplotlib.figure import Figure
 
+from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, TOUCHED
-from dragon_ros.commands.plot.dragon import draw, extent, frame
-from dragon_ros.commands.sources import Moment, Progress, Source, check_times, moment
+from dragon_ros.commands.plot.dragon import draw, panel, sheet
+from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, moment, thinned, window
 from dragon_ros.core.errors import FieldError, InputError, MissingError
 from dragon_ros.core.numerics.types import Floats
 
 FORMATS = '.gif, .html, .mp4'
 MOST_FRAMES = 3000
-_INCHES = 5.2
+_INCHES = 4.6               # of the longer side of the axes
+_SAMPLES = 24               # moments whose dragons set the window
 _HAIR_S = 1e-9
+_HOLD_MS = 1500             # of the last frame of a GIF
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -39,22 +42,35 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
 
 def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, progress: Progress) -> Path:
     """Draw a frame for each time into a file and return its path."""
-    touch = source.first_touch(lambda rows: rows)
-    figure = Figure(figsize=(_INCHES, _INCHES))
-    axes = figure.add_subplot()
-    benches = draw(axes, source.track, moment(source, float(times_s[0])))
-    dots = axes.lines[-1]
-    frame(axes, max(extent(moment(source, float(t_s))) for t_s in times_s[[0, -1]]))
-    title = axes.set_title(' ')
-    with _movie(figure, path, dpi, fps) as writer:
+    touch, drawn = source.first_touch(lambda rows: rows), AnimatedFigure(source, times_s)
+    with _movie(drawn.figure, path, dpi, fps) as writer:
         for one in progress(source.moments(times_s)):
-            benches.set_verts(list(one.benches.corners))
-            dots.set_data(*one.p.T)
-            title.set_text(f'{source.name} at {one.t_s:.2f} s')
-            if touch is not None and one.t_s >= touch.t_s:
-                _show_touch(benches, one, touch.benches[1])
+            drawn.show(one, touch)
             writer.grab_frame()
     return path
+
+
+class AnimatedFigure:
+    """A figure whose window holds the dragon at all times of an animation, and shows one of them."""
+
+    def __init__(self, source: Source, times_s: Floats) -> None:
+        """Draw the first time; the window is that of up to 24 times and of the track."""
+        samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
+        inches, seen = panel(window(source.track, samples), _INCHES)
+        self.figure = Figure(figsize=sheet(inches, (1, 1), legend=False))
+        axes, first = self.figure.add_subplot(), moment(source, float(times_s[0]))
+        self._benches = draw(axes, seen, source.track, first)
+        self._dots, self._name = axes.lines[-1], source.name
+        self._title, self._width_in = axes.set_title(' '), float(inches[0])
+        self.show(first, None)
+
+    def show(self, one: Moment, touch: Touch | None) -> None:
+        """Move the benches; from the first contact on, those that touch have its colour."""
+        self._benches.set_verts(list(one.benches.corners))
+        self._dots.set_data(*one.p.T)
+        self._title.set_text(figures.titled(self._name, f'{one.t_s:.2f} s', self._width_in))
+        if touch is not None and one.t_s >= touch.t_s:
+            _show_touch(self._benches, one, touch.benches)
 
 
 @contextmanager
@@ -76,11 +92,12 @@ def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractM
         part.unlink(missing_ok=True)
 
 
-def _show_touch(benches: Any, one: Moment, bench: int) -> None:
-    """Colour the bench in contact."""
+def _show_touch(benches: Any, one: Moment, touching: tuple[int, int]) -> None:
+    """Colour the benches in contact; the head keeps its colour."""
     colours = benches.get_facecolor()
     if len(colours) == len(one.benches.centre):
-        colours[bench] = to_rgba(TOUCHED)
+        for bench in set(touching) - {0}:
+            colours[bench] = to_rgba(TOUCHED)
         benches.set_facecolor(colours)
 
 
@@ -103,6 +120,12 @@ class _GifWriter(PillowWriter):
         super().grab_frame(**options)
         frames: list[Any] = self._frames  # type: ignore[attr-defined]
         frames[-1] = frames[-1].convert('RGB').quantize(palette=_palette(), dither=0)
+
+    def finish(self) -> None:
+        """Write the file; its last frame stays for a while before the animation starts again."""
+        frames: list[Any] = self._frames  # type: ignore[attr-defined]
+        each_ms = [round(1000 / self.fps)] * (len(frames) - 1)
+        frames[0].save(self.outfile, save_all=True, append_images=frames[1:], duration=[*each_ms, _HOLD_MS], loop=0)
 
 
 @lru_cache

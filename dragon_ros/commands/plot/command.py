@@ -7,12 +7,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import FieldError, InputError
 
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
-    from dragon_ros.commands.sources import Progress, Source
+    from dragon_ros.commands.sources import Source
     from dragon_ros.core.numerics.types import Floats
 
 _COMMAND = 'python -m dragon_ros plot'
@@ -22,7 +23,7 @@ _KINDS = {      # what each draws, and an example
     'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
     'speeds': ('the speed along the chain at some times', '--time 0,60,120,180,240,300'),
     'animation': ('the run as an animation: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
-                  '--start 400 --stop 412 --pace 2 --output run.html'),
+                  '--start 400 --stop 413 --pace 2 --output run.html'),
 }
 
 
@@ -45,7 +46,7 @@ def options() -> argparse.ArgumentParser:
         one.add_argument('--output', type=Path, action='append', metavar='FILE',
                                   help=f'{formats}; repeatable ({default})')
         one.set_defaults(default=default)
-        one.add_argument('--dpi', type=int, default=130, help='dots per inch (130)')
+        one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
         if kind in ('dragon', 'speeds'):
             one.add_argument('--time', metavar='T,...', help='seconds (the start of the run)')
     _add_animation_options(kinds.choices['animation'])
@@ -55,8 +56,8 @@ def options() -> argparse.ArgumentParser:
 def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--start', type=float, metavar='S', help='first time (of the run)')
     parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
-    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (20)')
-    parser.add_argument('--fps', type=int, default=20, help='frames per second (20)')
+    parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (%(default)g)')
+    parser.add_argument('--fps', type=int, default=20, help='frames per second (%(default)s)')
 
 
 def _run(arguments: Namespace) -> int:
@@ -128,6 +129,5 @@ def _times(arguments: Namespace, source: 'Source') -> list[float]:
         raise InputError(f'--time {arguments.time}: write numbers as 0,60,300', field='time') from None
 
 
-def _shown(unit: str, total: int | None = None) -> 'Progress':
-    from tqdm import tqdm
-    return partial(tqdm, desc='plot', unit=f' {unit}', total=total, disable=None, leave=False, delay=0.5)
+def _shown(unit: str, total: int | None = None) -> Progress:
+    return Progress('plot', unit, total)

@@ -1,23 +1,29 @@
 """Pictures of a dragon: its benches on their track, and the contact with a close-up."""
+from collections.abc import Sequence
+from typing import Any
+
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import ConnectionPatch, Patch
 
+from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, POINT, QUIET, TOUCHED, TRACK
-from dragon_ros.commands.sources import Moment, Source, Touch, moment
+from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
 _MOST_PANELS = 6
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
-_LEGEND_IN = 0.35
+_LEAST_IN = np.array((2.7, 1.6))            # of axes: room for a title and for ticks
+_DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
+_LEGEND_IN = 5.0, 0.7       # width and height, a title of the figure included
 
 
 def dragon_picture(source: Source, times_s: list[float]) -> Figure:
-    """Return a figure with one panel for each time (figure 7 of the paper has 60 s and 240 s).
+    """Return a figure with one panel for each time, all of one window (figure 7 of the paper has 60 s and 240 s).
 
     Raises InputError for times outside the source, and for more than fit on a page.
     """
@@ -26,14 +32,15 @@ def dragon_picture(source: Source, times_s: list[float]) -> Figure:
     shown = [moment(source, t_s) for t_s in times_s]
     columns = min(len(shown), 3)
     rows = -(-len(shown) // columns)
-    side = 5.6 if columns > 1 else 7.2
-    figure = Figure(figsize=(side * columns, side * rows + _LEGEND_IN))
-    size = max(extent(one) for one in shown)
+    inches, seen = panel(window(source.track, shown), 4.8 if columns > 1 else 6.4)
+    figure = Figure(figsize=sheet(inches * (columns, rows), (columns, rows)))
     for number, one in enumerate(shown, start=1):
         axes = figure.add_subplot(rows, columns, number)
-        draw(axes, source.track, one)
-        frame(axes, size)
-        axes.set_title(f'{source.name}: {len(one.benches.centre)} benches at {one.t_s:g} s')
+        draw(axes, seen, source.track, one)
+        what = f'{len(one.benches.centre)} benches at {one.t_s:g} s'
+        axes.set_title(what if columns > 1 else figures.titled(source.name, what, inches[0]))
+    if columns > 1:
+        figure.suptitle(figures.short(source.name))
     _legend(figure, source.track is not None, False)
     return figure
 
@@ -41,67 +48,99 @@ def dragon_picture(source: Source, times_s: list[float]) -> Figure:
 def contact_picture(source: Source, touch: Touch) -> Figure:
     """Return a figure of the whole dragon at the contact beside a close-up (figure 8 of the paper)."""
     one = moment(source, touch.t_s)
-    figure = Figure(figsize=(12.4, 6.4 + _LEGEND_IN))
-    whole, close = figure.subplots(1, 2, gridspec_kw={'wspace': 0.06})
-    for axes in (whole, close):
-        draw(axes, source.track, one, touch.benches[1])
-    frame(whole, extent(one))
-    _look_closer(close, one, touch)
+    inches, seen = panel(window(source.track, [one]), 5.4)
+    figure = Figure(figsize=sheet(np.array((inches[0] + 5.4, max(inches[1], 5.4))), (2, 1)))
+    whole, close = figure.subplots(1, 2, gridspec_kw={'width_ratios': (inches[0], 5.4)})
+    draw(whole, seen, source.track, one, touch.benches)
+    _look_closer(close, source.track, one, touch)
     whole.indicate_inset_zoom(close, edgecolor=POINT, alpha=0.8, linewidth=0.8)
+    for part in whole.get_children():
+        if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10 a layout made room for these lines
+            part.set_in_layout(False)
     inner, outer = touch.benches
-    seen = touch.witness
-    whole.set_title(f'{source.name}: first contact at {touch.t_s:.6f} s')
-    close.set_title(f"bench {seen.owner}'s {seen.corner} corner meets bench {seen.other}'s {seen.edge} edge"
-                    if seen.owner in (inner, outer) else f'benches {inner} and {outer} touch')
+    witness = touch.witness
+    whole.set_title(figures.titled(source.name, f'first contact at {touch.t_s:.6f} s', inches[0]))
+    close.set_title(f"bench {witness.owner}'s {witness.corner} corner meets bench {witness.other}'s {witness.edge} edge"
+                    if witness.owner in (inner, outer) else f'benches {inner} and {outer} touch')
     _legend(figure, source.track is not None, True)
     return figure
 
 
-def draw(axes: Axes, track: Floats | None, one: Moment, touched: int | None = None) -> PolyCollection:
-    """Draw track, benches and handles to scale, and return the benches."""
+def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:
+    """Return the size (2,) in inches of axes for a window, and the window, widened where it is slim, to that shape."""
+    size, middle = seen[1] - seen[0], seen.mean(axis=0)
+    inches = np.maximum(size / size.max() * longest_in, _LEAST_IN)
+    half = 0.5 * inches * float(np.max(size / inches))
+    return inches, np.array((middle - half, middle + half))
+
+
+def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple[float, float]:
+    """Return the size of a figure for panels (columns, rows) whose axes together have a size."""
+    width, height = (inches + np.array(panels) * _DECORATION_IN).tolist()
+    return (max(width, _LEGEND_IN[0]), height + _LEGEND_IN[1]) if legend else (width, height)
+
+
+def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: Sequence[int] = ()) -> PolyCollection:
+    """Draw track, benches and handles to scale in a window (2, 2) in m, and return the benches.
+
+    Outlines and handles scale with the benches' width on paper.
+    """
+    _frame(axes, seen)
     if track is not None:
         axes.plot(*track.T, color=TRACK, linewidth=0.7, zorder=1)
     colours = [HEAD, *[BODY] * (len(one.benches.centre) - 1)]
-    if touched is not None:
-        colours[touched] = TOUCHED
-    benches = PolyCollection(list(one.benches.corners), facecolors=colours, edgecolors='black', linewidths=0.35,
-                             zorder=2)
+    for bench in set(touching) - {0}:
+        colours[bench] = TOUCHED
+    width_pt = 2 * float(np.median(one.benches.half_width)) * _points_per_m(axes)
+    benches = PolyCollection(list(one.benches.corners), facecolors=colours, edgecolors='black',
+                             linewidths=min(0.06 * width_pt, 0.6), zorder=2)
     axes.add_collection(benches)
-    axes.plot(*one.p.T, linestyle='none', marker='o', markersize=1.1, color='black', zorder=3)
+    axes.plot(*one.p.T, linestyle='none', marker='o', markersize=min(0.2 * width_pt, 4.0), markeredgewidth=0,
+              color='black', zorder=3)
     return benches
 
 
-def frame(axes: Axes, size: float) -> None:
-    """Set one scale for both axes, ``size`` metres to each side of the centre, and their labels."""
-    axes.set(aspect='equal', xlim=(-size, size), ylim=(-size, size), xlabel='x (m)', ylabel='y (m)')
+def _frame(axes: Axes, seen: Floats) -> None:
+    """Show a window, with one scale for both axes, and label them."""
+    (left, bottom), (right, top) = seen.tolist()
+    axes.set(aspect='equal', xlim=(left, right), ylim=(bottom, top), xlabel='x (m)', ylabel='y (m)')
 
 
-def extent(one: Moment) -> float:
-    """Return how far from the centre a picture of a dragon must extend."""
-    return 1.04 * float(np.max(np.abs(one.benches.corners)))
+def _points_per_m(axes: Any) -> float:
+    """Return the scale of axes, before their layout: a little too small."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    pixels_per_m = min(axes.bbox.width / (right - left), axes.bbox.height / (top - bottom))
+    return 72 * float(pixels_per_m) / float(axes.figure.dpi)
 
 
-def _look_closer(axes: Axes, one: Moment, touch: Touch) -> None:
+def _look_closer(axes: Axes, track: Floats | None, one: Moment, touch: Touch) -> None:
     (x, y), benches = touch.point_m, one.benches
     reach = _CLOSE_LENGTHS * 2 * float(np.median(benches.half_length))
-    axes.set(aspect='equal', xlim=(x - reach, x + reach), ylim=(y - reach, y + reach), xlabel='x (m)', ylabel='y (m)')
-    axes.plot(*one.p.T, linestyle='none', marker='o', markersize=4, color='black', zorder=3)
+    draw(axes, np.array(((x - reach, y - reach), (x + reach, y + reach))), track, one, touch.benches)
     axes.plot(x, y, marker='o', markersize=13, markerfacecolor='none', markeredgecolor=POINT, markeredgewidth=1.4,
               zorder=5)
-    axes.annotate(f'({x:.6f}, {y:.6f}) m', (x, y), xytext=(0.97, 0.03), textcoords='axes fraction', ha='right',
-                  va='bottom', arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.9, 'shrinkB': 7},
-                  bbox={'boxstyle': 'round,pad=0.3', 'facecolor': 'white', 'edgecolor': QUIET}, zorder=6)
     inside = np.flatnonzero(np.all(np.abs(benches.centre - (x, y)) < 0.8 * reach, axis=1))
     for bench in inside.tolist():
         angle = float(np.degrees(benches.yaw_rad[bench]))
         middle_x, middle_y = benches.centre[bench].tolist()
         axes.text(middle_x, middle_y, f'bench {bench}', ha='center', va='center', fontsize=8.5, zorder=4,
                   rotation=(angle + 90) % 180 - 90, rotation_mode='anchor')
+    at_x, at_y = _emptiest_corner((benches.centre[inside] - (x, y)) / (2 * reach) + 0.5)
+    axes.annotate(f'({x:.6f}, {y:.6f}) m', (x, y), xytext=(at_x, at_y), textcoords='axes fraction',
+                  ha='right' if at_x > 0.5 else 'left', va='top' if at_y > 0.5 else 'bottom',
+                  arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.9, 'shrinkB': 7},
+                  bbox={'boxstyle': 'round,pad=0.3', 'facecolor': 'white', 'edgecolor': QUIET}, zorder=6)
+
+
+def _emptiest_corner(labels: Floats) -> tuple[float, float]:
+    """Return the corner of axes, as fractions, that is farthest from labels (K, 2) there."""
+    corners = [(0.97, 0.03), (0.03, 0.03), (0.97, 0.97), (0.03, 0.97)]
+    return max(corners, key=lambda corner: float(np.min(np.hypot(*(labels - corner).T), initial=9.0)))
 
 
 def _legend(figure: Figure, track: bool, contact: bool) -> None:
     parts: list[Patch | Line2D] = [Patch(facecolor=colour, edgecolor='black', linewidth=0.5, label=label) for
-                                   colour, label in ((HEAD, 'head'), (TOUCHED, 'bench that it touches'),
+                                   colour, label in ((HEAD, 'head'), (TOUCHED, 'in contact'),
                                                      (BODY, 'body')) if contact or colour != TOUCHED]
     parts.append(Line2D([], [], linestyle='none', marker='o', markersize=3, color='black', label='handles'))
     if track:

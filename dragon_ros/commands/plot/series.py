@@ -3,13 +3,16 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
+from dragon_ros.cli import figures
 from dragon_ros.cli.figures import HEAD, LINES, POINT, QUIET
-from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances
+from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances, thinned
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 
 MOST_POINTS = 1500          # points of one curve: more than a screen resolves
 _CLOSE_S = 15.0             # before the contact
+_MOST_LABELS = 20           # of times beside lines
+_WIDE_IN, _NARROW_IN = 7.4, 4.6     # of panels
 
 
 def clearance_picture(source: Source, progress: Progress) -> Figure:
@@ -24,32 +27,35 @@ def clearance_picture(source: Source, progress: Progress) -> Figure:
     for axes, span in zip(panels, spans, strict=True):
         times_s, gaps_m = clearances(source, source.ticks_s(*span, MOST_POINTS), progress)
         axes.plot(times_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.2)
-        _shade_overlap(axes)
+        _shade_overlap(axes, touch is not None)
         axes.set(xlabel='time (s)', ylabel='clearance (mm)', xlim=span)
-        axes.set_title(f'{source.name}: smallest gap of all benches' if span == spans[0] else
-                       f'the last {_CLOSE_S:g} s before the contact')
+        whole = figures.titled(source.name, 'smallest gap of all benches', _NARROW_IN if len(spans) > 1 else _WIDE_IN)
+        axes.set_title(whole if span == spans[0] else f'the last {_CLOSE_S:g} s before the contact')
         if touch is not None:
             _mark(axes, touch, len(spans) == 1 or span != spans[0])
     return figure
 
 
-def _shade_overlap(axes: Axes) -> None:
-    """Mark where benches overlap."""
+def _shade_overlap(axes: Axes, touching: bool) -> None:
+    """Mark where benches overlap; where they touch, leave room there for words."""
     low, high = axes.get_ylim()
+    low = min(low, -0.4 * high if touching else 0.0)
     axes.axhline(0.0, color=QUIET, linewidth=0.8)
     if low < 0:
         axes.axhspan(low, 0.0, color=HEAD, alpha=0.07, linewidth=0)
         axes.text(0.02, 0.03, 'overlap', transform=axes.transAxes, color=HEAD)
-    axes.set_ylim(min(low, 0.0), high)
+    axes.set_ylim(low, high)
 
 
 def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
-    """Mark the contact."""
+    """Mark the contact, with words on the side that has more room."""
     axes.plot(touch.t_s, 0.0, marker='o', markersize=7, color=HEAD, markeredgecolor=POINT, markeredgewidth=0.7,
               zorder=5, clip_on=False)
     inner, outer = touch.benches
     text = f'benches {inner} and {outer} touch\nat {touch.t_s:.6f} s' if fully else f'contact at {touch.t_s:.2f} s'
-    axes.annotate(text, (touch.t_s, 0.0), xytext=(-24, -30), textcoords='offset points', ha='right', va='center',
+    side = 1 if touch.t_s < np.mean(axes.get_xlim()) else -1
+    axes.annotate(text, (touch.t_s, 0.0), xytext=(24 * side, -30), textcoords='offset points',
+                  ha='left' if side > 0 else 'right', va='center',
                   arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.8, 'shrinkB': 5})
 
 
@@ -62,14 +68,23 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
     if not moments:
         raise InputError(f'{source.name}: has handles but no benches at {times_s[0]:g} s')
     for number, one in enumerate(moments):
-        colour = LINES[number % len(LINES)]
         speed = speeds_of(source, one)
-        axes.plot(np.arange(speed.size), speed, color=colour)
-        axes.annotate(f'{one.t_s:g} s', (speed.size - 1, speed[-1]), xytext=(6, 0), textcoords='offset points',
-                      va='center', color=colour, annotation_clip=False)
+        axes.plot(np.arange(speed.size), speed, color=LINES[number % len(LINES)])
     axes.set(xlabel='handle (0 is the head, the last the tail)', ylabel='speed (m/s)', xlim=(0, speed.size - 1))
-    axes.set_title(f'{source.name}: speed along the chain')
+    axes.set_title(figures.titled(source.name, 'speed along the chain', _WIDE_IN))
+    _label_ends(axes, source, [moments[n] for n in thinned(0, len(moments) - 1, _MOST_LABELS).tolist()], moments)
     return figure
+
+
+def _label_ends(axes: Axes, source: Source, labelled: list[Moment], moments: list[Moment]) -> None:
+    """Write times beside the ends of their lines, apart from each other, with guide lines where they had to move."""
+    low, high = axes.get_ylim()
+    colours = {one.t_s: LINES[number % len(LINES)] for number, one in enumerate(moments)}
+    ends = sorted((float(speeds_of(source, one)[-1] - low) / (high - low), one.t_s) for one in labelled)
+    for (end, t_s), y in zip(ends, figures.spread([end for end, _ in ends], 1 / _MOST_LABELS, 1.0), strict=True):
+        axes.annotate(f'{t_s:g} s', (1.0, end), xytext=(1.03, y), xycoords='axes fraction', textcoords='axes fraction',
+                      va='center', color=colours[t_s], annotation_clip=False, arrowprops={
+                          'arrowstyle': '-', 'color': colours[t_s], 'linewidth': 0.7, 'shrinkA': 0, 'shrinkB': 0})
 
 
 def speeds_of(source: Source, one: Moment) -> Floats:

@@ -9,6 +9,7 @@ from argparse import Namespace
 from functools import partial
 
 from dragon_ros.cli import command_line
+from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import FieldError
 
@@ -33,14 +34,11 @@ def options() -> argparse.ArgumentParser:
 def _run(arguments: Namespace) -> int:
     if not 0 <= arguments.port <= 65535:
         raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'leave it out to take any free one')
-    from tqdm import tqdm
-
     from dragon_ros.commands.sources import opened
     from dragon_ros.commands.view.data import ViewData
     from dragon_ros.commands.view.server import ViewServer
     stop = threading.Event()
-    shown = partial(tqdm, desc='view', unit=' ticks', disable=None, leave=False, delay=0.5)
-    with opened(arguments) as source, ViewServer(ViewData(source, shown), arguments.port) as server:
+    with opened(arguments) as source, ViewServer(ViewData(source, Progress('view', 'ticks')), arguments.port) as server:
         for number in ending():
             signal.signal(number, lambda *_: stop.set())
         serving = threading.Thread(target=server.serve_forever)

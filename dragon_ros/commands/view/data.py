@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearances, moment, thinned
+from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearances, moment, thinned, window
 from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats, Ints
 
@@ -13,6 +13,7 @@ MOST_BENCHES = 2000         # benches drawn as rectangles, from the head on; the
 MOST_POINTS = 1500          # points of a line
 _CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed: this takes some seconds
 _CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
+_SEEN = 5                   # moments whose dragons set the window
 
 
 class ViewData:
@@ -23,7 +24,6 @@ class ViewData:
         self._source, self._progress, self._lock = source, progress, threading.Lock()
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
-        self._touch: Touch | None = source.first_touch(progress)
         benches, handles = len(self._first.benches.centre), len(self._first.p)
         self._drawn = min(benches, MOST_BENCHES)
         self._rest: Ints = thinned(self._drawn, handles - 1, MOST_POINTS) if self._drawn < benches else np.empty(0, int)
@@ -39,15 +39,25 @@ class ViewData:
     @cached_property
     def run(self) -> dict[str, Any]:
         """Everything that does not change, for JSON."""
-        track, touch = self._source.track, self._touch
+        track, first, last = self._source.track, float(self.times_s[0]), float(self.times_s[-1])
         shown = None if track is None else track.astype(np.float32).T.tolist()
-        contact = None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m}
+        seen = [moment(self._source, t_s) for t_s in np.linspace(first, last, _SEEN).tolist()]
         return {'name': self._source.name, 'benches': len(self._first.benches.centre), 'drawn': self._drawn,
                 'rest': self._rest.tolist(), 'handles': self._handles.tolist(), 'frames_each': self.frames_each,
                 'times_s': self.times_s.tolist(), 'speeds': self._first.speed_m_s is not None, 'track': shown,
-                'contact': contact, 'note': self._note(),
+                'note': self._note(), 'window_m': window(track, seen).tolist(),
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),
-                'size_m': 1.04 * float(np.max(np.abs(self._first.benches.corners)))}
+                'width_m': 2 * float(np.median(self._first.benches.half_width))}
+
+    @cached_property
+    def _touch(self) -> Touch | None:
+        return self._source.first_touch(self._progress)
+
+    def contact(self) -> dict[str, Any] | None:
+        """Return the first contact, for JSON; None if there is none. It is searched when it is first asked for."""
+        with self._lock:
+            touch = self._touch
+        return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m}
 
     @cached_property
     def _curve(self) -> dict[str, Any]:
@@ -75,9 +85,9 @@ class ViewData:
 
     def contact_frame(self) -> bytes:
         """Return the frame at the contact; empty if there is none."""
-        if self._touch is None:
-            return b''
         with self._lock:
+            if self._touch is None:
+                return b''
             return self._row(moment(self._source, self._touch.t_s)).astype('<f4').tobytes()
 
     def _row(self, one: Moment) -> Floats:

@@ -16,6 +16,7 @@ def write_page(source: Source, times_s: Floats, pace: float, path: Path, progres
     """Write a page that plays the run at these times, at a pace in seconds of the run per second."""
     data = ViewData(source, progress, times_s)
     answers = {'run.json': json.dumps({**data.run, 'pace': pace}).encode(),
+               'contact.json': json.dumps(data.contact()).encode(),
                'clearance.json': json.dumps(data.clearance()).encode(), 'frames/contact': data.contact_frame()}
     answers |= {f'frames/{chunk}': data.frames(chunk) for chunk in range(data.chunks)}
     embedded = json.dumps({name: b64encode(answer).decode() for name, answer in answers.items()})

@@ -2,6 +2,7 @@
 import json
 import re
 import sys
+from collections.abc import Callable
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from threading import BoundedSemaphore
@@ -18,6 +19,8 @@ _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js
           '/view.css': ('view.css', 'text/css; charset=utf-8'),
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
+_ANSWERS: dict[str, Callable[[ViewData], Any]] = {
+    '/run.json': lambda data: data.run, '/contact.json': ViewData.contact, '/clearance.json': ViewData.clearance}
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may only use what this server sends; plotly.js writes styles into it.
@@ -97,9 +100,8 @@ class _Handler(BaseHTTPRequestHandler):
         if path in _PAGES:
             name, kind = _PAGES[path]
             return (WEB / name).read_bytes(), kind
-        if path in ('/run.json', '/clearance.json'):
-            values = data.run if path == '/run.json' else data.clearance()
-            return json.dumps(values, allow_nan=False).encode(), _JSON
+        if path in _ANSWERS:
+            return json.dumps(_ANSWERS[path](data), allow_nan=False).encode(), _JSON
         folder, _, name = path.lstrip('/').partition('/')
         if folder == 'frames' and name == 'contact':
             return data.contact_frame(), _BINARY

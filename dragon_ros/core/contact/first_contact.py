@@ -56,7 +56,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
     ``progress(states)`` is called with every number of states just evaluated. Raises FieldError, with the time to stop
-    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, refusals).
+    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search).
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     searches = {sense: _Search(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}

@@ -81,16 +81,18 @@ class _Alike:
     phase: tuple[float, float]
 
 
-def near_misses(scene: Scene, found: Contact | NoContact, below_m: float) -> NearMisses:
+def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
+                progress: Callable[[int], object] = lambda states: None) -> NearMisses:
     """Return the near misses before the contact (or end) with gaps below ``below_m``; times are right to about 1e-5 s.
 
-    A place that the leader passes more than once gives one each time.
+    A place that the leader passes more than once gives one each time. ``progress(states)`` is called with every number
+    of states just evaluated.
     """
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
     dips, count = list[_Dip](), 0
     for sense in travel.senses:
-        more, left_out = _in_domain(SearchDomain(scene, travel, sense, lambda states: None), found.certificate, below_m)
+        more, left_out = _in_domain(SearchDomain(scene, travel, sense, progress), found.certificate, below_m)
         dips, count = dips + more, count + left_out
     dips = _distinct(dips)
     passed = travel.passages_s([dip.place for dip in dips])

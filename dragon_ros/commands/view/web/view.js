@@ -1,7 +1,10 @@
-// Plays a run: frames come from the server in chunks, plotly.js draws them.
+// Plays a run: frames come from the server in chunks, plotly.js draws them in the colours of view.css.
 'use strict';
 
-const COLOUR = {body: '#56B4E9', head: '#D55E00', touched: '#E69F00', track: '#999999', line: '#0072B2', quiet: '#555555'};
+const COLOUR = {body: '#56B4E9', head: '#D55E00', touching: '#E69F00'};
+const OUTLINE = 0.035;      // of a bench's width; 2.5 pixels at most
+const NARROW = window.matchMedia('(max-width: 800px)');
+const DARK = window.matchMedia('(prefers-color-scheme: dark)');
 const AT_ONCE = {mode: 'immediate', transition: {duration: 0}, frame: {duration: 0, redraw: false}};
 const SETTINGS = {responsive: true, displaylogo: false, scrollZoom: true, showSendToCloud: false, plotlyServerURL: '',
   modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d', 'zoomIn2d', 'zoomOut2d']};
@@ -9,9 +12,12 @@ const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50];
 const MOST_CHUNKS = 24;
 const element = (id) => document.getElementById(id);
 
-let run, curve;
+let run, curve = null, contact = null;
 const chunks = new Map();
 const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null};
+
+/** A colour of view.css, in the light or the dark. */
+const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
 /** What the server answers, or what stands in the page itself. */
 async function get(path) {
@@ -74,12 +80,11 @@ function rectangles(frame, benches) {
   return {x, y};
 }
 
-const touchedBench = () => (run.contact && run.contact.benches[1] < run.drawn ? run.contact.benches[1] : null);
-
+/** The benches of the body, the head, and the benches of the first contact; the head keeps its colour. */
 function groups() {
-  const touched = touchedBench();
-  const body = Array.from({length: run.drawn - 1}, (_, n) => n + 1).filter((bench) => bench !== touched);
-  return [body, [0], touched === null || touched === 0 ? [] : [touched]];
+  const touching = contact ? contact.benches.filter((bench) => bench > 0 && bench < run.drawn) : [];
+  const body = Array.from({length: run.drawn - 1}, (_, n) => n + 1).filter((bench) => !touching.includes(bench));
+  return [body, [0], touching];
 }
 
 function sceneData(frame) {
@@ -94,37 +99,69 @@ function speedData(frame) {
 }
 
 function axis(title, more = {}) {
-  return {title: {text: title, standoff: 6}, gridcolor: '#E6E6E6', zeroline: false, linecolor: COLOUR.quiet, ticks: 'outside',
-    tickcolor: COLOUR.quiet, ...more};
+  return {title: {text: title, standoff: 6}, gridcolor: colour('grid'), zeroline: false, linecolor: colour('quiet'), ticks: 'outside',
+    tickcolor: colour('quiet'), ...more};
 }
 
-function layout(title, more) {
-  return {title: {text: title, x: 0, xref: 'paper', xanchor: 'left', font: {size: 14}}, margin: {l: 60, r: 16, t: 36, b: 46},
-    font: {family: 'system-ui, sans-serif', size: 12, color: '#222'}, showlegend: false, hovermode: 'closest', ...more};
+function layout(more) {
+  return {margin: {l: 64, r: 16, t: 8, b: 44}, paper_bgcolor: 'rgba(0,0,0,0)', plot_bgcolor: 'rgba(0,0,0,0)', showlegend: false,
+    modebar: {bgcolor: 'rgba(0,0,0,0)', color: colour('quiet'), activecolor: colour('ink')},
+    font: {family: 'system-ui, sans-serif', size: 12, color: colour('ink')}, hovermode: 'closest', ...more};
 }
+
+/** On a narrow page fingers scroll it, and there is no room for a toolbar. */
+const settings = () => ({...SETTINGS, displayModeBar: NARROW.matches ? false : 'hover'});
+const dragging = (mode) => (NARROW.matches ? false : mode);
 
 function wholeRange() {
-  return {'xaxis.range': [-run.size_m, run.size_m], 'yaxis.range': [-run.size_m, run.size_m]};
+  const [[left, bottom], [right, top]] = run.window_m;
+  return {'xaxis.range': [left, right], 'yaxis.range': [bottom, top]};
+}
+
+/** Pixels of an outline: it scales with the benches. */
+function outline() {
+  const {_length: pixels, range} = element('scene')._fullLayout.xaxis;
+  return Math.min(2.5, OUTLINE * run.width_m * pixels / Math.abs(range[1] - range[0]));
+}
+
+const scaleOutlines = () => Plotly.restyle('scene', {'line.width': outline()}, [1, 2, 3]);
+
+function legend() {
+  const parts = [['', COLOUR.body, 'body'], ['', COLOUR.head, 'head']];
+  if (groups()[2].length) parts.push(['', COLOUR.touching, contact.benches[0] ? 'benches of the first contact' : 'bench that the head touches']);
+  if (run.track) parts.push(['line', colour('track'), 'track']);
+  if (contact) parts.push(['ring', colour('ink'), 'first contact']);
+  element('legend').replaceChildren(...parts.map(([kind, shade, text]) => {
+    const part = document.createElement('span'), sign = document.createElement('i');
+    sign.className = kind;
+    sign.style[kind ? 'borderColor' : 'backgroundColor'] = shade;
+    part.append(sign, text);
+    return part;
+  }));
 }
 
 async function drawScene(frame) {
-  const names = ['body', 'head', 'bench that is touched'];
-  const fills = [COLOUR.body, COLOUR.head, COLOUR.touched];
+  const names = ['body', 'head', 'touching'];
+  const fills = [COLOUR.body, COLOUR.head, COLOUR.touching];
   const benches = sceneData(frame).slice(0, 3).map((data, n) => ({...data, type: 'scatter', mode: 'lines', fill: 'toself',
-    fillcolor: fills[n], line: {color: '#111', width: 0.8, simplify: false}, name: names[n], hoveron: 'points',
+    fillcolor: fills[n], line: {color: colour('outline'), width: 0.5, simplify: false}, name: names[n], hoveron: 'points',
     text: groups()[n].flatMap((bench) => Array(6).fill(`bench ${bench}`)), hovertemplate: '%{text}<br>%{x:.4f}, %{y:.4f} m<extra></extra>',
-    showlegend: groups()[n].length > 0}));
+  }));
   const rest = {...sceneData(frame)[3], type: 'scatter', mode: 'lines', line: {color: COLOUR.body, width: 2, simplify: false},
-    hoverinfo: 'skip', showlegend: false};
+    hoverinfo: 'skip'};
   const track = {x: run.track ? run.track[0] : [], y: run.track ? run.track[1] : [], type: 'scatter', mode: 'lines', name: 'track',
-    line: {color: COLOUR.track, width: 0.8}, hoverinfo: 'skip', showlegend: run.track !== null};
-  const contact = {x: run.contact ? [run.contact.point_m[0]] : [], y: run.contact ? [run.contact.point_m[1]] : [],
-    type: 'scatter', mode: 'markers', name: 'first contact', showlegend: run.contact !== null,
-    marker: {symbol: 'circle-open', size: 15, color: '#000', line: {width: 1.6}}, hovertemplate: 'first contact<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
-  await Plotly.newPlot('scene', [track, ...benches, rest, contact], layout('the dragon from above (drag moves, wheel zooms)', {
-    xaxis: axis('x (m)', {range: [-run.size_m, run.size_m], constrain: 'domain'}), dragmode: 'pan', showlegend: true,
-    yaxis: axis('y (m)', {range: [-run.size_m, run.size_m], scaleanchor: 'x', constrain: 'domain'}),
-    legend: {orientation: 'h', x: 0, y: -0.09, yanchor: 'top'}}), SETTINGS);
+    line: {color: colour('track'), width: 0.8}, hoverinfo: 'skip'};
+  const point = {x: contact ? [contact.point_m[0]] : [], y: contact ? [contact.point_m[1]] : [],
+    type: 'scatter', mode: 'markers', name: 'first contact',
+    marker: {symbol: 'circle-open', size: 15, color: colour('ink'), line: {width: 1.6}}, hovertemplate: 'first contact<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
+  const shown = element('scene').layout;
+  const range = wholeRange();
+  await Plotly.newPlot('scene', [track, ...benches, rest, point], layout({dragmode: 'pan',
+    xaxis: axis('x (m)', {range: shown ? shown.xaxis.range : range['xaxis.range']}),
+    yaxis: axis('y (m)', {range: shown ? shown.yaxis.range : range['yaxis.range'], scaleanchor: 'x'})}), settings());
+  await scaleOutlines();
+  element('scene').on('plotly_relayout', () => scaleOutlines().catch(complain));
+  legend();
 }
 
 async function drawClearance() {
@@ -134,24 +171,24 @@ async function drawClearance() {
   player.low = low - margin; player.high = high + margin;
   const shapes = low < 0 ? [{type: 'rect', xref: 'paper', x0: 0, x1: 1, y0: player.low, y1: 0, fillcolor: COLOUR.head, opacity: 0.08,
     line: {width: 0}, layer: 'below'}] : [];
-  const contact = run.contact ? {x: [run.contact.t_s], y: [0]} : {x: [], y: []};
+  const touch = contact ? {x: [contact.t_s], y: [0]} : {x: [], y: []};
   await Plotly.newPlot('clearance', [
-    {x: curve.t_s, y: curve.gap_mm, type: 'scatter', mode: 'lines', line: {color: COLOUR.line, width: 1.4},
+    {x: curve.t_s, y: curve.gap_mm, type: 'scatter', mode: 'lines', line: {color: colour('line'), width: 1.4},
       hovertemplate: '%{x:.2f} s: %{y:.3f} mm<extra></extra>'},
-    {...contact, type: 'scatter', mode: 'markers', marker: {color: COLOUR.head, size: 9, line: {color: '#111', width: 0.8}},
+    {...touch, type: 'scatter', mode: 'markers', marker: {color: COLOUR.head, size: 9, line: {color: colour('ink'), width: 0.8}},
       hovertemplate: 'contact at %{x:.6f} s<extra></extra>'},
-    {x: [player.t, player.t], y: [player.low, player.high], type: 'scatter', mode: 'lines', line: {color: '#111', width: 1}, hoverinfo: 'skip'},
-  ], layout('smallest gap of all benches (click: go there)', {shapes, xaxis: axis('time (s)', {range: [curve.t_s[0], curve.t_s.at(-1)]}),
-    yaxis: axis('clearance (mm)', {range: [player.low, player.high]}), dragmode: 'zoom', margin: {l: 82, r: 16, t: 36, b: 46}}), SETTINGS);
+    {x: [player.t, player.t], y: [player.low, player.high], type: 'scatter', mode: 'lines', line: {color: colour('ink'), width: 1}, hoverinfo: 'skip'},
+  ], layout({shapes, xaxis: axis('time (s)', {range: [curve.t_s[0], curve.t_s.at(-1)]}),
+    yaxis: axis('clearance (mm)', {range: [player.low, player.high]}), dragmode: dragging('zoom')}), settings());
   element('clearance').on('plotly_click', (event) => { pause(); seek(event.points[0].x); });
 }
 
 async function drawSpeeds(frame) {
   const speeds = run.speeds ? speedData(frame) : [];
-  await Plotly.newPlot('speeds', [{x: run.handles, y: speeds, type: 'scatter', mode: 'lines', line: {color: COLOUR.line, width: 1.6, simplify: false},
+  await Plotly.newPlot('speeds', [{x: run.handles, y: speeds, type: 'scatter', mode: 'lines', line: {color: colour('line'), width: 1.6, simplify: false},
     hovertemplate: 'handle %{x}: %{y:.6f} m/s<extra></extra>'}],
-  layout(run.speeds ? 'speed along the chain, from head to tail' : 'this bag has no velocities', {
-    xaxis: axis('handle', {range: [0, run.handles.at(-1)]}), yaxis: axis('speed (m/s)', {range: speedRange(speeds)}), margin: {l: 82, r: 16, t: 36, b: 46}}), SETTINGS);
+  layout({xaxis: axis('handle (0 is the head)', {range: [0, run.handles.at(-1)]}), dragmode: dragging('zoom'),
+    yaxis: axis('speed (m/s)', {range: speedRange(speeds)})}), settings());
 }
 
 function speedRange(speeds) {
@@ -178,7 +215,8 @@ async function show(frame, t) {
 }
 
 async function draw(frame, t) {
-  const exact = run.contact && t === run.contact.t_s;
+  player.frame = frame;
+  const exact = contact && t === contact.t_s;
   element('time').textContent = `${t.toFixed(exact ? 6 : 2)} s`;
   element('scrub').value = player.tick;
   await Plotly.animate('scene', {data: sceneData(frame), traces: [1, 2, 3, 4]}, AT_ONCE);
@@ -236,18 +274,18 @@ function pause() {
 
 async function zoomToContact() {
   pause();
-  const [x, y] = run.contact.point_m, reach = 0.65 * run.length_m;
-  player.tick = tickAt(run.contact.t_s);
+  const [x, y] = contact.point_m, reach = 0.65 * run.length_m;
+  player.tick = tickAt(contact.t_s);
   player.t = run.times_s[player.tick];
   await Plotly.relayout('scene', {'xaxis.range': [x - reach, x + reach], 'yaxis.range': [y - reach, y + reach]});
   const bytes = await (await get('frames/contact')).arrayBuffer();
-  await show(new Float32Array(bytes), run.contact.t_s);
+  await show(new Float32Array(bytes), contact.t_s);
 }
 
 /** Go where the address says: #contact, or a time as in #t=410. */
 async function goToHash() {
   const t = parseFloat(location.hash.replace('#t=', ''));
-  if (location.hash === '#contact' && run.contact) await zoomToContact();
+  if (location.hash === '#contact' && contact) await zoomToContact();
   else if (Number.isFinite(t)) await seek(t);
   else if (!document.body.dataset.ready) await goTo(0);
 }
@@ -269,9 +307,10 @@ function connect() {
   element('whole').addEventListener('click', () => Plotly.relayout('scene', wholeRange()));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
   document.addEventListener('keydown', (event) => {
-    if (['INPUT', 'SELECT', 'BUTTON'].includes(event.target.tagName)) return;
-    const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1)}[event.key];
-    if (action) { event.preventDefault(); action(); }
+    const to = (tick) => { pause(); goTo(tick); };
+    const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run.times_s.length - 1)}[event.key];
+    const own = {INPUT: event.key !== ' ', SELECT: true, BUTTON: event.key === ' '}[event.target.tagName];    // keys of the element itself
+    if (action && !own && !event.ctrlKey && !event.altKey && !event.metaKey) { event.preventDefault(); action(); }
   });
 }
 
@@ -279,14 +318,28 @@ function describe() {
   const [first, last] = [run.times_s[0], run.times_s.at(-1)];
   document.title = `${run.name}: dragon_ros`;
   element('name').textContent = run.name;
-  const contact = run.contact ? `benches ${run.contact.benches.join(' and ')} touch at ${run.contact.t_s.toFixed(6)} s` : 'no benches touch';
-  element('facts').textContent = `${run.benches} benches, ${first.toFixed(2)} to ${last.toFixed(2)} s; ${contact}`;
+  element('facts').textContent = `${run.benches} benches, ${first.toFixed(2)} to ${last.toFixed(2)} s`;
   element('note').textContent = run.note;
-  element('contact').hidden = !run.contact;
+  element('speeds-title').textContent = run.speeds ? 'Speed along the chain' : 'This bag has no velocities';
   element('scrub').max = run.times_s.length - 1;
   player.pace = run.pace || 1;
   const paces = [...new Set([...PACES, player.pace])].sort((a, b) => a - b);
   for (const pace of paces) element('pace').add(new Option(`${pace}×`, pace, pace === player.pace, pace === player.pace));
+}
+
+function describeContact() {
+  const late = contact && contact.t_s > run.times_s.at(-1) ? ', after the end of what is shown' : '';
+  const words = contact ? `benches ${contact.benches.join(' and ')} touch at ${contact.t_s.toFixed(6)} s${late}` : 'no benches touch';
+  element('facts').textContent += `; ${words}`;
+  element('contact').hidden = !contact;
+}
+
+/** Draw all again: in other colours, or on a page of another width. */
+async function redraw() {
+  if (!player.frame) return;
+  await drawScene(player.frame);
+  await drawSpeeds(player.frame);
+  if (curve) await drawClearance();
 }
 
 async function start() {
@@ -297,10 +350,16 @@ async function start() {
   const frame = frameOf(0);
   await drawScene(frame);
   await drawSpeeds(frame);
+  player.frame = frame;
+  document.body.dataset.drawn = 'yes';
+  connect();
+  contact = await (await get('contact.json')).json();
+  describeContact();
+  await drawScene(player.frame);
   curve = await (await get('clearance.json')).json();
   await drawClearance();
   await goToHash();
-  connect();
+  for (const changed of [DARK, NARROW]) changed.addEventListener('change', () => redraw().catch(complain));
   window.addEventListener('hashchange', () => { pause(); goToHash().catch(complain); });
   document.body.dataset.ready = 'yes';
 }

@@ -1,0 +1,183 @@
+"""Pictures of a study: maps with contours and who touches first, curves, distributions with bands, what matters.
+
+What is drawn follows from the design: of a grid the main answers over one key, or over the first two; of random and
+Sobol designs their distributions; of saltelli which input matters how much.
+"""
+from collections.abc import Iterator
+
+import numpy as np
+import pyarrow as pa
+from matplotlib.axes import Axes
+from matplotlib.colors import ListedColormap
+from matplotlib.figure import Figure
+
+from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, style
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.studies.answers import SAFE, main_answers, numbers
+from dragon_ros.studies.dataset import DataSet
+from dragon_ros.studies.sampling import levels_of
+from dragon_ros.studies.statistics import distribution, indices, normal_upper_bound, quantile, safe_rows, upper_bound
+from dragon_ros.studies.study import Listed
+
+_UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
+_FEW = 8            # rows below which no distribution is drawn
+_CONTOURS = 12
+_MOST_PAIRS = 12    # pairs of benches that are told apart by colour
+_PAIRS = {'contact_t_s': ('contact_inner', 'contact_outer'), 'min_pitch_m': ('min_pitch_inner', 'min_pitch_outer')}
+
+
+def pictures(data: DataSet) -> Iterator[tuple[str, Figure]]:
+    """Yield (name, figure) of each picture that the rows give; incomplete data sets say how many rows they have."""
+    table = data.table()
+    varied = [key for key, one in data.study.vary if not isinstance(one, Listed) or len(one.values) > 1]
+    for name in main_answers(data.study):
+        values = numbers(table, name)
+        if np.all(np.isnan(values)):
+            continue
+        with style():
+            if data.study.design == 'grid':
+                if len(varied) == 1:
+                    yield name, _curve(data, table, varied[0], name)
+                elif len(varied) > 1:
+                    yield name, _map(data, table, (varied[0], varied[1]), name)
+            elif data.study.design == 'saltelli':
+                yield from _what_matters(data, values, name)
+            elif np.sum(~np.isnan(values)) >= _FEW:
+                yield name, _spread(data, values[~np.isnan(values)], name)
+
+
+def _label(name: str) -> str:
+    """Return the name of a key or column with its unit: 'track.pitch_m' is 'track pitch (m)'."""
+    suffix = max((one for one in _UNITS if name.endswith(one)), key=len, default='')
+    words = name.removesuffix(suffix).replace('.', ' ').replace('_', ' ')
+    return f'{words} ({_UNITS[suffix]})' if suffix else words
+
+
+def _rows_text(data: DataSet, count: int) -> str:
+    total = data.study.rows
+    return f'{count:,} rows' if count == total else f'{count:,} of {total:,} rows'
+
+
+def _curve(data: DataSet, table: pa.Table, key: str, name: str) -> Figure:
+    """Return an answer over the one key that varies; rows without it are marked below."""
+    figure = Figure(figsize=(8.4, 5))
+    axes = figure.subplots()
+    at, values = table.column(key).to_numpy(zero_copy_only=False), numbers(table, name)
+    axes.plot(at, values, 'o-', color=LINES[0], markersize=3)
+    axes.set(xlabel=_label(key), ylabel=_label(name))
+    axes.set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}')
+    _note_missing(axes, values)
+    return figure
+
+
+def _note_missing(axes: Axes, values: Floats) -> None:
+    missing = int(np.sum(np.isnan(values)))
+    if missing:
+        axes.text(0.01, 0.01, f'{missing:,} rows have no answer', transform=axes.transAxes, color=QUIET, fontsize=8)
+
+
+def _map(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Figure:
+    """Return an answer over two keys, with contours, and beside it which pair touches first where that is known.
+
+    Where more keys vary the first rows of the others are drawn.
+    """
+    grid = _on_grid(data, table, keys, name)
+    pairs = _PAIRS.get(name)
+    figure = Figure(figsize=(13 if pairs else 7.4, 5.4))
+    panels = figure.subplots(1, 2 if pairs else 1, squeeze=False)[0]
+    x, y = (_levels(data, key) for key in keys)
+    shown = panels[0].pcolormesh(x, y, grid.T, shading='nearest', cmap='viridis')
+    if min(grid.shape) > 1 and not np.any(np.isnan(grid)) and np.ptp(grid) > 0:
+        lines = panels[0].contour(x, y, grid.T, levels=_CONTOURS, colors='white', linewidths=0.8)
+        panels[0].clabel(lines, fontsize=7)
+    figure.colorbar(shown, ax=panels[0], label=_label(name))
+    panels[0].set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, len(table))}')
+    if pairs:
+        inner, outer = (_on_grid(data, table, keys, one) for one in pairs)
+        _pairs_panel(figure, panels[1], (x, y), inner, outer)
+    for axes in panels:
+        axes.grid(False)
+        axes.set(xlabel=_label(keys[0]), ylabel=_label(keys[1]))
+    return figure
+
+
+def _levels(data: DataSet, key: str) -> list[float]:
+    variation = dict(data.study.vary)[key]
+    return [float(n) if isinstance(one, str) else one for n, one in enumerate(levels_of(variation))]
+
+
+def _on_grid(data: DataSet, table: pa.Table, keys: tuple[str, str], name: str) -> Floats:
+    """Return a column over two keys, the first values of the other keys; nan where there is no row."""
+    sizes = [len(levels_of(variation)) for _, variation in data.study.vary]
+    whole = np.full(int(np.prod(sizes)), np.nan)
+    whole[table.column('index').to_numpy()] = numbers(table, name)
+    names = [key for key, _ in data.study.vary]
+    first = tuple(slice(None) if key in keys else 0 for key in names)
+    out: Floats = whole.reshape(sizes)[first]
+    return out
+
+
+def _pairs_panel(figure: Figure, axes: Axes, at: tuple[list[float], list[float]], inner: Floats, outer: Floats) -> None:
+    """Draw which pair of benches touches first; beyond a dozen pairs, the outer bench alone as a number."""
+    code = inner * 1e6 + outer
+    kinds = np.unique(code[~np.isnan(code)])
+    place = np.where(np.isnan(code), np.nan, np.searchsorted(kinds, code).astype(float))
+    axes.set_title('which benches touch first')
+    if kinds.size > _MOST_PAIRS:
+        shown = axes.pcolormesh(*at, outer.T, shading='nearest', cmap='cividis')
+        figure.colorbar(shown, ax=axes, label='outer bench')
+        return
+    colours = [(*LINES, HEAD, BODY, '#999999', '#000000', '#F0E442', '#882255')[n] for n in range(kinds.size)]
+    shown = axes.pcolormesh(*at, place.T, shading='nearest', cmap=ListedColormap(colours), vmin=-0.5,
+                            vmax=kinds.size - 0.5)
+    bar = figure.colorbar(shown, ax=axes, ticks=range(kinds.size))
+    bar.ax.set_yticklabels([f'{int(one // 1e6)} and {int(one % 1e6)}' for one in kinds])
+
+
+def _spread(data: DataSet, values: Floats, name: str) -> Figure:
+    """Return a histogram and the distribution with its band, and what is known of the one in a thousand."""
+    figure = Figure(figsize=(13, 5))
+    left, right = figure.subplots(1, 2)
+    left.hist(values, bins=max(8, min(60, int(2 * values.size ** 0.5))), color=BODY, edgecolor='white', linewidth=0.4)
+    left.set(xlabel=_label(name), ylabel='rows')
+    left.set_title(f'{data.folder.name}: {_label(name)}, {_rows_text(data, values.size)}')
+    ordered, steps, half = distribution(values)
+    right.step(ordered, steps, where='post', color=LINES[0], label='share of dragons below')
+    right.fill_between(ordered, np.clip(steps - half, 0, 1), np.clip(steps + half, 0, 1), step='post', color=LINES[0],
+                       alpha=0.18, linewidth=0, label='95 % band')
+    middle = quantile(values, 0.5)
+    right.axvline(middle.value, color=QUIET, linewidth=0.8, label=f'median {middle.value:.6g}')
+    bound = upper_bound(values, SAFE)
+    if np.isfinite(bound):
+        right.axvline(bound, color=HEAD, label=f'{SAFE:.1%} are below {bound:.6g} (95 % sure)')
+    elif np.ptp(values) > 0:
+        normal = normal_upper_bound(values, SAFE)
+        right.axvline(normal, color=HEAD, linestyle='--', label=f'{SAFE:.1%} are below {normal:.6g} if they are\n'
+                      f'normally distributed; to know takes {safe_rows(SAFE):,} rows')
+    right.set(xlabel=_label(name), ylabel='share of dragons', ylim=(0, 1.02))
+    right.legend(loc='lower right')
+    right.set_title('distribution')
+    return figure
+
+
+def _what_matters(data: DataSet, values: Floats, name: str) -> Iterator[tuple[str, Figure]]:
+    """Yield the Sobol indices of each input, where all rows have the answer."""
+    try:
+        found = indices(data.study, values)
+    except FieldError:      # rows are missing or refused; the summary counts them
+        return
+    figure = Figure(figsize=(8.4, 1.6 + 0.7 * len(found)))
+    axes = figure.subplots()
+    at = np.arange(len(found))[::-1]
+    for n, (label, ends) in enumerate((('alone (first order)', [one.first for one in found]),
+                                       ('with others (total)', [one.total for one in found]))):
+        middle = np.array([one.value for one in ends])
+        reach = np.abs(np.array([[one.value - one.low, one.high - one.value] for one in ends])).T
+        axes.barh(at + 0.2 - 0.4 * n, middle, height=0.38, color=LINES[n], xerr=reach, label=label,
+                  error_kw={'elinewidth': 1, 'ecolor': QUIET})
+    axes.set_yticks(at, [_label(one.key) for one in found])
+    axes.set(xlabel='share of the variance (Sobol index, 95 % interval)', xlim=(min(0.0, axes.get_xlim()[0]), None))
+    axes.legend(loc='lower right')
+    axes.set_title(f'{data.folder.name}: what {_label(name)} depends on, {_rows_text(data, values.size)}')
+    yield name, figure

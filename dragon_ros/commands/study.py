@@ -1,0 +1,114 @@
+"""``study``: varies a scene, asks each, and shows what came out."""
+import json
+import shlex
+import sys
+from argparse import Namespace
+from collections.abc import Callable
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.signals import stopped_by_signals
+from dragon_ros.core.checks import whole
+from dragon_ros.core.errors import InputError, MissingError
+
+if TYPE_CHECKING:
+    from dragon_ros.studies.cluster import Progress
+    from dragon_ros.studies.dataset import DataSet
+
+_MOST_WORKERS = 1024
+
+
+def main(argv: list[str]) -> int:
+    """Compute or draw a study; return the exit code (1 where a signal ended it; the same command goes on then)."""
+    options = command_line.parser(
+        'study', 'Vary a scene as a study file says, ask each, and keep a row for each as Parquet (docs/studies.md). '
+        'What is there already is not computed again.',
+        'python -m dragon_ros study pitch_map --output pitch_map --plot')
+    options.add_argument('study', metavar='NAME|FILE|FOLDER',
+                         help='a study by name or file; or the folder of one, to go on with it or to draw it')
+    options.add_argument('--output', type=Path, metavar='DIR', help='folder for the data set')
+    options.add_argument('--samples', type=int, metavar='N', help='number of samples (as the study says)')
+    options.add_argument('--workers', type=int, metavar='N', help='processes on this host (one a core)')
+    options.add_argument('--scheduler', metavar='ADDRESS|FILE', help='join a running Dask cluster, by the address or '
+                         'the scheduler file of its scheduler')
+    options.add_argument('--plot', action='store_true', help='draw what is there into the folder, as PNG and SVG; of a '
+                         'FOLDER nothing is computed then')
+    options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
+    return command_line.guarded('study', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    try:
+        from dragon_ros.studies import answers, cluster, dataset
+        from dragon_ros.studies.study import load_study
+    except ImportError as error:
+        raise MissingError(f"{error.name}: is not installed; studies need it: pip install 'dragon_ros[study]', or use "
+                           './dragon study, which installs it') from None
+    folder, is_folder = _folder_of(arguments)
+    data = dataset.open_set(folder) if is_folder else dataset.DataSet(folder, load_study(arguments.study))
+    if arguments.samples is not None:
+        whole('--samples', arguments.samples, low=1, high=10**9)
+        data = dataset.DataSet(folder, data.study.with_samples(arguments.samples))
+    code = command_line.OK
+    if not (is_folder and arguments.plot):
+        code = _computed(arguments, data, cluster.complete)
+    elif arguments.workers is not None or arguments.scheduler is not None:
+        raise InputError('--plot: draws a folder as it is; leave out --workers and --scheduler', field='plot')
+    found = answers.summary(data)
+    print(json.dumps(found) if arguments.format == 'json' else answers.text(found))
+    if arguments.plot:
+        from dragon_ros.commands.plot.study import pictures
+        for name, figure in pictures(data):
+            for path in figures.save(figure, folder / name):
+                print(path)
+    return code
+
+
+def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
+    """Return the folder of the data set, and whether it was given in place of a study."""
+    given = Path(arguments.study)
+    if given.is_dir():
+        if arguments.output is not None:
+            raise InputError('--output: the folder of a study is its output; leave it out', field='output')
+        return given, True
+    if arguments.output is None:
+        raise InputError('--output: say in which folder the rows are kept, such as --output study', field='output')
+    return arguments.output, False
+
+
+def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'Progress']) -> int:
+    """Compute what is missing, with a progress bar; return the exit code."""
+    from tqdm import tqdm
+
+    from dragon_ros.studies import dataset
+    workers = arguments.workers
+    if workers is not None:
+        whole('--workers', workers, low=1, high=_MOST_WORKERS)
+    with (stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept,
+          tqdm(desc='study', total=data.study.rows, initial=kept.count, unit=' rows', disable=None, leave=False) as bar,
+          ):
+        if kept.count:
+            print(f'study: {kept.count} of {data.study.rows} rows are there already', file=sys.stderr)
+        done = complete(kept, stop, partial(_show, bar), workers, arguments.scheduler)
+    if done.done == done.total:
+        return command_line.OK
+    print(f'study: stopped with {done.done} of {done.total} rows; to go on: {_again(arguments)}', file=sys.stderr)
+    return command_line.FAILED
+
+
+def _show(bar: Any, progress: 'Progress') -> None:
+    bar.set_postfix_str(f'{progress.refused} refused, {progress.workers} workers', refresh=False)
+    bar.update(progress.done - bar.n)
+    bar.refresh()
+
+
+def _again(arguments: Namespace) -> str:
+    """Return the command line that goes on."""
+    given = {'--output': arguments.output, '--samples': arguments.samples, '--workers': arguments.workers,
+             '--scheduler': arguments.scheduler}
+    words = ['./dragon', 'study', arguments.study]
+    for name, value in given.items():
+        words += [] if value is None else [name, str(value)]
+    return shlex.join(words)

@@ -1,0 +1,163 @@
+"""``cost study``: rows a second of studies on one worker and on two, what Dask costs a row, a million rows on paper."""
+import resource
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from threading import Event
+
+from distributed import Client
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import LINES
+from dragon_ros.core.scene import Scene
+from dragon_ros.cost.measure import circumstances
+from dragon_ros.studies.cluster import local_client, run
+from dragon_ros.studies.dataset import writing
+from dragon_ros.studies.questions import FirstContact, Lock, Question
+from dragon_ros.studies.rows import rows_of
+from dragon_ros.studies.study import Study, Uniform
+
+WORKERS = (1, 2)
+CORES = (2, 64, 1000)       # on paper
+_PAPER_ROWS = 10**6
+_BUDGETS = 100              # of a timing, for a study
+_WARM = 4                   # rows of each worker before anything is timed
+_PROBED_S = 0.5
+_VARY = (('dragon.width_m', Uniform(0.25, 0.35)),)
+TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContact(), 'its lock': Lock()}
+
+
+@dataclass(frozen=True)
+class Row:
+    """A study on so many workers, 0 being this process without Dask.
+
+    ``work_s`` are the CPU seconds of the rows themselves, ``cpu_s`` those of all processes together: workers, scheduler
+    and the client, which writes. ``memory_mb`` is the most that a worker has had resident.
+    """
+
+    task: str
+    workers: int
+    rows: int
+    wall_s: float
+    work_s: float
+    cpu_s: float
+    memory_mb: float
+
+    @property
+    def rate(self) -> float:
+        """Rows a second."""
+        return self.rows / self.wall_s
+
+    @property
+    def row_s(self) -> float:
+        """CPU seconds of a row."""
+        return self.work_s / self.rows
+
+    @property
+    def overhead_s(self) -> float:
+        """CPU seconds that Dask, Parquet and drawing the inputs take for a row."""
+        return (self.cpu_s - self.work_s) / self.rows
+
+
+def measure(budget_s: float = 0.3) -> list[Row]:
+    """Measure everything: each study for about a hundred budgets on each number of workers, all of them up before."""
+    jobs = [(name, workers) for name in TASKS for workers in (0, *WORKERS)]
+    return [_timed(name, workers, _BUDGETS * budget_s) for name, workers in
+            tqdm(jobs, desc='cost study', unit='part', disable=None)]
+
+
+def _study(name: str, rows: int) -> Study:
+    return Study(Scene(), _VARY, 'random', rows, ask=(TASKS[name],))
+
+
+def _timed(name: str, workers: int, budget_s: float) -> Row:
+    rows_of(_study(name, _WARM), range(_WARM))
+    probed, start = 0, time.perf_counter()
+    while (spent_s := time.perf_counter() - start) < min(_PROBED_S, budget_s) or not probed:
+        rows_of(_study(name, _PAPER_ROWS), [_WARM + probed])
+        probed += 1
+    rows = max(_WARM, int(budget_s * max(1, workers) * probed / spent_s))
+    return _on_dask(name, workers, rows) if workers else _alone(name, rows)
+
+
+def _alone(name: str, rows: int) -> Row:
+    start, cpu = time.perf_counter(), time.process_time()
+    found = rows_of(_study(name, rows), range(rows))
+    wall_s, cpu_s = time.perf_counter() - start, time.process_time() - cpu
+    return Row(name, 0, rows, wall_s, sum(row['cpu_s'] for row in found), cpu_s, _most_mb())
+
+
+def _on_dask(name: str, workers: int, rows: int) -> Row:
+    """Time a study on workers that have computed some rows before; starting them is not in it."""
+    with TemporaryDirectory() as folder, local_client(workers) as client:
+        client.wait_for_workers(workers)
+        _complete(client, Path(folder) / 'warm', _study(name, _WARM * workers))
+        start, cpu = time.perf_counter(), _cpu_s(client)
+        work_s = _complete(client, Path(folder) / 'timed', _study(name, rows))
+        wall_s, cpu_s = time.perf_counter() - start, _cpu_s(client) - cpu
+        return Row(name, workers, rows, wall_s, work_s, cpu_s, max(client.run(_most_mb).values()))
+
+
+def _complete(client: Client, folder: Path, study: Study) -> float:
+    """Compute a study; return the CPU seconds of its rows."""
+    with writing(folder, study) as data:
+        run(data, client, Event(), lambda progress: None)
+        return float(sum(data.table(['cpu_s']).column('cpu_s').to_pylist()))
+
+
+def _cpu_s(client: Client) -> float:
+    """Return the CPU seconds of all processes so far: the scheduler is in this one."""
+    return time.process_time() + float(sum(client.run(time.process_time).values()))
+
+
+def _most_mb() -> float:
+    return resource.getrusage(resource.RUSAGE_SELF).ru_maxrss * 1024 / 1e6
+
+
+def table(rows: list[Row]) -> str:
+    """Return the measured rows and the paper as Markdown, with the circumstances above them."""
+    lines = [f'{circumstances()}.', '',
+             '| study | workers | rows | rows a second | CPU of a row (ms) | besides it (ms) | part of it | most '
+             'memory of a worker (MB) |', '|---|---:|---:|---:|---:|---:|---:|---:|']
+    lines += [f'| {row.task} | {row.workers or "none"} | {row.rows:,} | {row.rate:.3g} | {1e3 * row.row_s:.3g} '
+              f'| {1e3 * row.overhead_s:.3g} | {row.overhead_s / row.row_s:.1%} | {row.memory_mb:.0f} |'
+              for row in rows]
+    lines += ['', f'On paper, {_PAPER_ROWS:,} rows take (from the CPU seconds of the most workers; nothing of it was '
+              'run):', '', f'| study | {" | ".join(f"{cores:,} cores" for cores in CORES)} |',
+              '|---|' + '---:|' * len(CORES)]
+    for row in _most_workers(rows):
+        spent = [_PAPER_ROWS * (row.row_s + row.overhead_s) / cores for cores in CORES]
+        lines.append(f'| {row.task} | {" | ".join(map(_duration, spent))} |')
+    return '\n'.join(lines)
+
+
+def _most_workers(rows: list[Row]) -> list[Row]:
+    return [max((row for row in rows if row.task == name), key=lambda row: row.workers) for name in TASKS]
+
+
+def _duration(seconds: float) -> str:
+    for unit, size in (('days', 86_400), ('h', 3600), ('min', 60)):
+        if seconds >= 1.5 * size:
+            return f'{seconds / size:.3g} {unit}'
+    return f'{seconds:.3g} s'
+
+
+def csv_text(rows: list[Row]) -> str:
+    """Return the rows as CSV."""
+    return csv_of(['study', 'workers', 'rows', 'wall_s', 'work_s', 'cpu_s', 'memory_mb'],
+                  [(row.task, row.workers, row.rows, row.wall_s, row.work_s, row.cpu_s, row.memory_mb) for row in rows])
+
+
+def picture(rows: list[Row]) -> Figure:
+    """Return the rows a second over the number of workers, a panel for each study."""
+    figure = Figure(figsize=(11, 4.4), layout='constrained')
+    for axes, name in zip(figure.subplots(1, len(TASKS)), TASKS, strict=True):
+        own = [row for row in rows if row.task == name]
+        labels = [f'{row.workers} on Dask' if row.workers else 'no Dask' for row in own]
+        axes.bar(labels, [row.rate for row in own], color=[LINES[0] if row.workers else '#999999' for row in own])
+        axes.set(ylabel='rows a second', title=name)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure

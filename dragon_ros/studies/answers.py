@@ -1,0 +1,112 @@
+"""The answers of a data set in figures: how many rows there are of which kind, and what the numbers are."""
+from collections.abc import Iterator
+from dataclasses import asdict
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.studies.dataset import DataSet
+from dragon_ros.studies.questions import MAIN, name_of
+from dragon_ros.studies.rows import STATUSES
+from dragon_ros.studies.statistics import (
+    CONFIDENCE,
+    distribution,
+    normal_upper_bound,
+    proportion,
+    quantile,
+    safe_rows,
+    upper_bound,
+)
+from dragon_ros.studies.study import Study
+
+SAFE = 0.999            # the share of dragons that a safe value is for
+_RANDOM = ('random', 'sobol')
+_FEW = 8                # rows below which no distribution is told
+_MOST_SHOWN = 5         # reasons
+_NORMAL_FROM = 20       # rows: fewer tell no deviation
+
+
+def main_answers(study: Study) -> list[str]:
+    """Return the column of each question that pictures show."""
+    return [MAIN[name_of(one)] for one in study.ask]
+
+
+def numbers(table: pa.Table, name: str) -> Floats:
+    """Return a column as floats (rows,), nan where it is empty."""
+    return np.asarray(table.column(name).cast(pa.float64()).fill_null(float('nan')).to_numpy(), dtype=np.float64)
+
+
+def summary(data: DataSet) -> dict[str, Any]:
+    """Return what a data set holds, as plain values: counts, reasons, and for each main answer its figures."""
+    table = data.table()
+    statuses = table.column('status').to_pylist()
+    reasons = [reason for reason in table.column('reason').to_pylist() if reason]
+    often = sorted(set(reasons), key=lambda one: -reasons.count(one))[:_MOST_SHOWN]
+    return {'folder': str(data.folder), 'rows': len(table), 'total': data.study.rows, 'design': data.study.design,
+            'statuses': {status: statuses.count(status) for status in STATUSES},
+            'reasons': {reason: reasons.count(reason) for reason in often},
+            'cpu_s': float(np.sum(numbers(table, 'cpu_s'))),
+            'answers': {name: found for name in main_answers(data.study)
+                        if (found := _figures(data.study, table, name))}}
+
+
+def _figures(study: Study, table: pa.Table, name: str) -> dict[str, Any]:
+    """Return least, median and greatest of an answer; of random rows with what they say of all dragons."""
+    values = numbers(table, name)
+    known = values[~np.isnan(values)]
+    if not known.size:
+        return {}
+    out: dict[str, Any] = {'count': int(known.size), 'least': float(known.min()), 'median': float(np.median(known)),
+                           'greatest': float(known.max())}
+    if study.design not in _RANDOM or known.size < _FEW:
+        return out
+    out |= {'median_interval': _interval(asdict(quantile(known, 0.5))), 'confidence': CONFIDENCE, 'share': SAFE,
+            'half_width': distribution(known)[2], 'rows_for_bound': safe_rows(SAFE)}
+    if known.size < len(table):
+        out['answered'] = asdict(proportion(int(known.size), len(table)))
+    bound = upper_bound(known, SAFE)
+    out['bound'] = bound if np.isfinite(bound) else None
+    if known.size >= _NORMAL_FROM and np.ptp(known) > 0:
+        out['bound_if_normal'] = normal_upper_bound(known, SAFE)
+    return out
+
+
+def _interval(values: dict[str, float]) -> list[float | None]:
+    return [one if np.isfinite(one) else None for one in (values['low'], values['high'])]
+
+
+def text(found: dict[str, Any]) -> str:
+    """Return a summary as text."""
+    return '\n'.join(_lines(found))
+
+
+def _lines(found: dict[str, Any]) -> Iterator[str]:
+    counts = ', '.join(f'{count} {status.replace("_", " ")}' for status, count in found['statuses'].items() if count)
+    yield (f'{found["folder"]}: {found["rows"]:,} of {found["total"]:,} rows ({counts or "none"}), '
+           f'{found["cpu_s"]:.1f} s of CPU')
+    for reason, count in found['reasons'].items():
+        yield f'  {count} rows: {reason}'
+    for name, one in found['answers'].items():
+        yield f'{name}: {one["least"]:.9g} to {one["greatest"]:.9g}, median {one["median"]:.9g}{_between(one)}'
+        yield from _bounds(name, one)
+
+
+def _between(one: dict[str, Any]) -> str:
+    if 'median_interval' not in one:
+        return f' ({one["count"]:,} rows)'
+    low, high = ('?' if end is None else f'{end:.9g}' for end in one['median_interval'])
+    return f' (95 %: {low} to {high}; {one["count"]:,} rows)'
+
+
+def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
+    """Yield what is above all but one in a thousand, where that can be told."""
+    if 'share' not in one:
+        return
+    if one['bound'] is not None:
+        yield f'{name}: {one["share"]:.1%} of dragons are below {one["bound"]:.9g} (95 % sure)'
+        return
+    normal = f'; if it is normally distributed, below {one["bound_if_normal"]:.9g}' if 'bound_if_normal' in one else ''
+    yield (f'{name}: below what {one["share"]:.1%} of dragons are takes {one["rows_for_bound"]:,} rows to be 95 % '
+           f'sure of{normal}')

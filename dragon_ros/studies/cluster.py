@@ -1,0 +1,305 @@
+"""Running a study on Dask: on processes of this host that it starts itself, or on a cluster that is there.
+
+Batches are as many rows as take about ``_BATCH_S`` seconds, so that what Dask costs for each is small beside it, and a
+few batches for each worker are ahead. A batch comes back as a Parquet file and is kept as it comes. What a worker had
+that died is computed again by Dask; a batch under which worker after worker died is tried row by row.
+"""
+import logging
+import os
+import signal
+import warnings
+from collections import deque
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass
+from multiprocessing import resource_tracker
+from pathlib import Path
+from platform import python_version
+from queue import Empty, Queue
+from tempfile import TemporaryDirectory
+from threading import Event
+from time import monotonic, perf_counter
+from typing import Any, NamedTuple
+
+import dask
+import distributed
+import numpy as np
+import pyarrow
+import scipy
+from distributed import Client, Future, KilledWorker, LocalCluster
+
+from dragon_ros.core.errors import DragonError, InputError, MissingError
+from dragon_ros.studies.dataset import BLOCK, DataSet, part_of
+from dragon_ros.studies.rows import FAILED, OK, STATUSES, columns_of, parsed, rows_of
+from dragon_ros.version import __version__
+
+_BATCH_S = 2.0          # of work in a batch: Dask takes some milliseconds for each
+_MOST_ROWS = 4096       # in a batch; a block is a multiple of it
+_AHEAD = 2              # batches for each worker: the next one waits there while one is computed
+_LATEST = 0.3           # weight of the latest batch in the mean time of a row
+_WAIT_S = 0.5           # for a batch, before signals are looked at again
+_LOOK_S = 2.0           # between two looks at who is working
+_CONNECT_S = 30.0
+_NO_WORKERS_S = 60.0    # before it is told that no worker is there
+# What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served.
+_ALONE: dict[str, list[str]] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': []}
+
+
+class Batch(NamedTuple):
+    """What a worker sends back: rows as a Parquet file, how many have which status, and seconds of work."""
+
+    part: bytes
+    statuses: dict[str, int]
+    spent_s: float
+
+
+@dataclass
+class Progress:
+    """How far a study is: rows that are there, and of those that this run has computed how many of each status."""
+
+    total: int
+    done: int
+    statuses: dict[str, int]
+    workers: int = 0
+
+    @property
+    def refused(self) -> int:
+        """Rows of this run without all their answers."""
+        return sum(count for status, count in self.statuses.items() if status != OK)
+
+
+def versions() -> dict[str, str]:
+    """Return the versions that must agree for rows to have the same values everywhere."""
+    return {'dragon_ros': __version__, 'python': python_version(), 'numpy': np.__version__, 'scipy': scipy.__version__,
+            'pyarrow': pyarrow.__version__, 'dask': dask.__version__, 'distributed': distributed.__version__}
+
+
+def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> Batch:
+    """Return the rows from ``start`` up to before ``stop``: what a worker does. Raises InputError for its versions."""
+    _check_same('worker', versions(), wanted)       # it may have joined later
+    began, study = perf_counter(), parsed(text)
+    rows = rows_of(study, range(start, stop))
+    statuses = {status: sum(row['status'] == status for row in rows) for status in STATUSES}
+    return Batch(part_of(study, rows), statuses, perf_counter() - began)
+
+
+def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None:
+    for name, version in wanted.items():
+        if found.get(name) != version:
+            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process {version}; rows would '
+                             'differ: install the same versions everywhere (docs/studies.md)', field=name)
+
+
+@contextmanager
+def local_client(workers: int | None) -> Iterator[Client]:
+    """Yield a client of processes on this host, one a core, that only it can reach.
+
+    They listen on the loopback address, without a dashboard, and speak TLS with keys that exist in their memory alone:
+    another user of this host can neither see nor join them.
+    """
+    with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE):
+        with _deaf_to_ctrl_c():
+            cluster = LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
+                                   host='127.0.0.1', security=True, dashboard_address=None, local_directory=scratch,
+                                   silence_logs=logging.CRITICAL, scheduler_kwargs={'dashboard_address': '127.0.0.1:0'})
+        with cluster, Client(cluster, timeout=_CONNECT_S) as client:
+            yield client
+
+
+@contextmanager
+def _deaf_to_ctrl_c() -> Iterator[None]:
+    """Let threads and processes that are started inside this block never get SIGINT; for this thread it waits.
+
+    A terminal sends it to all processes: workers are to end with this one, in order, not each with a traceback. The
+    tracker of multiprocessing is started before, since it would let the signal through again.
+    """
+    resource_tracker.ensure_running()
+    before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
+    try:
+        yield
+    finally:
+        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+
+
+@contextmanager
+def joined_client(scheduler: str) -> Iterator[Client]:
+    """Yield a client of a running cluster, by address or scheduler file, with the TLS settings of Dask's configuration.
+
+    Raises MissingError where none is reached, InputError where versions differ.
+    """
+    where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
+    try:
+        with warnings.catch_warnings():         # versions are refused below, all of them in one line
+            warnings.simplefilter('ignore', distributed.versions.VersionMismatchWarning)
+            client = Client(**where, timeout=_CONNECT_S, set_as_default=False)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:
+        why = ' '.join(str(error).split())[:200] or type(error).__name__
+        raise MissingError(f'--scheduler {scheduler}: cannot be reached ({why}); give an address such as '
+                           'tcp://host:8786, or a scheduler file', field='scheduler') from None
+    with client:
+        check_versions(client)
+        yield client
+
+
+def check_versions(client: Client) -> None:
+    """Raise InputError where the scheduler or a worker has other versions than this process, or no dragon_ros."""
+    wanted = versions()
+    found = {'the scheduler': _asked(lambda: client.run_on_scheduler(versions)),
+             **{f'worker {address}': one for address, one in client.run(versions, on_error='return').items()}}
+    for who, one in found.items():
+        if isinstance(one, Exception):
+            raise InputError(f'scheduler: {who} cannot import dragon_ros.studies ({type(one).__name__}: {one}); '
+                             'install dragon_ros with its extra study there (docs/studies.md)', field='dragon_ros')
+        _check_same(who, one, wanted)
+
+
+def _asked(call: Callable[[], Any]) -> Any:
+    try:
+        return call()
+    except Exception as error:  # noqa: BLE001 - whatever a process without dragon_ros raises is told of it
+        return error
+
+
+def run(data: DataSet, client: Client, stop: Event, tell: Callable[[Progress], object]) -> Progress:
+    """Compute the rows that a data set lacks and keep them, until all are there or ``stop`` is set.
+
+    ``tell`` is called after each batch. Raises DiskError where rows cannot be kept, DragonError where the cluster is
+    gone; what was kept until then stays, and the next run goes on from there.
+    """
+    work = _Run(data, client)
+    tell(work.progress)
+    try:
+        while not work.is_done and not stop.is_set():
+            work.fill()
+            work.take()
+            tell(work.progress)
+    finally:
+        with suppress(Exception):       # the cluster may be what is gone
+            client.cancel(list(work.ahead))
+    if work.is_done:
+        data.join_blocks()
+    return work.progress
+
+
+class _Run:
+    """Ranges that are still to be computed, batches that are ahead, and what a row takes."""
+
+    def __init__(self, data: DataSet, client: Client) -> None:
+        self._data, self._client, self._wanted = data, client, versions()
+        self._ranges = deque(_in_blocks(data.missing))
+        self.ahead: dict[Future, tuple[int, int]] = {}
+        self._came: Queue[Future] = Queue()
+        self._row_s: float | None = None
+        self.progress = Progress(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
+                                 dict.fromkeys(STATUSES, 0))
+        self._seen, self._look_again = monotonic(), 0.0
+
+    @property
+    def is_done(self) -> bool:
+        """Whether all rows are there."""
+        return not self._ranges and not self.ahead
+
+    def fill(self) -> None:
+        """Hand out batches until every worker has enough ahead."""
+        if monotonic() >= self._look_again:
+            self._count_workers()
+            self._look_again = monotonic() + _LOOK_S
+        while self._ranges and len(self.ahead) < _AHEAD * max(1, self.progress.workers):
+            start, stop = self._ranges.popleft()
+            end = min(stop, start + self._size())
+            if end < stop:
+                self._ranges.appendleft((end, stop))
+            self._submit(start, end)
+
+    def _submit(self, start: int, stop: int) -> None:
+        future = self._client.submit(compute, self._data.study.text, start, stop, self._wanted, pure=False,
+                                     key=f'rows-{start}-{stop}-{monotonic()}')
+        self.ahead[future] = start, stop
+        future.add_done_callback(self._came.put)
+
+    def _size(self) -> int:
+        """Return how many rows the next batch has: one until one is timed, and fewer where few are left for each."""
+        if self._row_s is None:
+            return 1
+        left = sum(stop - start for start, stop in self._ranges)
+        share = left // (_AHEAD * max(1, self.progress.workers))
+        return max(1, min(int(_BATCH_S / max(self._row_s, 1e-6)), share, _MOST_ROWS))
+
+    def _count_workers(self) -> None:
+        """Look how many workers there are. Raises DragonError where the scheduler is gone or no worker comes."""
+        if self._client.status not in ('running', 'connecting'):
+            raise DragonError(f'study: the scheduler is gone; {self.progress.done} rows are kept, start the study '
+                              'again to go on')
+        try:
+            self.progress.workers = sum(self._client.nthreads().values())
+        except (OSError, TimeoutError) as error:
+            raise DragonError(f'study: the scheduler does not answer ({error}); {self.progress.done} rows are kept, '
+                              'start the study again to go on') from None
+        self._seen = monotonic() if self.progress.workers else self._seen
+        if monotonic() - self._seen > _NO_WORKERS_S:
+            raise DragonError(f'study: no worker has been there for {_NO_WORKERS_S:g} s; {self.progress.done} rows are '
+                              'kept: start workers, and the study again')
+
+    def take(self) -> None:
+        """Keep the batches that have come; wait a little where none has."""
+        with suppress(Empty):
+            self._keep(self._came.get(timeout=_WAIT_S))
+            while True:
+                self._keep(self._came.get_nowait())
+
+    def _keep(self, future: Future) -> None:
+        start, stop = self.ahead.pop(future)
+        if future.cancelled() or future.status == 'lost':
+            self._ranges.appendleft((start, stop))
+            return
+        error = future.exception()
+        if isinstance(error, KilledWorker):
+            self._after_deaths(start, stop)
+        elif error is not None:
+            raise error if isinstance(error, DragonError) else DragonError(
+                f'study: rows {start} to {stop - 1} cannot be computed: {type(error).__name__}: {error}')
+        else:
+            self._written(start, stop, future.result())
+        future.release()
+
+    def _written(self, start: int, stop: int, batch: Batch) -> None:
+        self._data.write(start, stop, batch.part)
+        row_s, self.progress.done = batch.spent_s / (stop - start), self.progress.done + stop - start
+        self._row_s = row_s if self._row_s is None else (1 - _LATEST) * self._row_s + _LATEST * row_s
+        for status, count in batch.statuses.items():
+            self.progress.statuses[status] += count
+
+    def _after_deaths(self, start: int, stop: int) -> None:
+        """Try the rows of a batch one by one under which workers died; a row alone is told to have failed."""
+        if stop - start > 1:
+            for index in range(start, stop):
+                self._submit(index, index + 1)
+            return
+        row = dict.fromkeys(columns_of(self._data.study)) | {
+            'index': start, 'status': FAILED, 'version': __version__,
+            'reason': 'every worker that computed it died, as for want of memory'}
+        self._written(start, stop, Batch(part_of(self._data.study, [row]), {FAILED: 1}, 0.0))
+
+
+def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
+    """Yield ranges cut where blocks end, so that no part lies in two."""
+    for start, stop in ranges:
+        while start < stop:
+            end = min(stop, (start // BLOCK + 1) * BLOCK)
+            yield start, end
+            start = end
+
+
+def complete(data: DataSet, stop: Event, tell: Callable[[Progress], object], workers: int | None = None,
+             scheduler: str | None = None) -> Progress:
+    """Compute what a data set lacks, on processes of this host or on the cluster of a scheduler (``run``).
+
+    Where nothing is missing no process is started.
+    """
+    if not data.missing:
+        data.join_blocks()
+        return Progress(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))
+    if scheduler is not None and workers is not None:
+        raise InputError('--workers: a cluster that is joined brings its own workers; leave it out', field='workers')
+    with joined_client(scheduler) if scheduler is not None else local_client(workers) as client:
+        return run(data, client, stop, tell)

@@ -1,0 +1,232 @@
+"""A study's data set: a folder with the study file and its rows as Parquet, each part whole or not there.
+
+A part holds the rows of one range of indices and is named after it. It is written under another name, brought to disk
+and renamed, so that a killed study, a full disk or a power cut leaves no half of one. Parts of batches are joined into
+larger ones, block by block, and removed then; where a kill comes in between, what is there twice is left out, and
+removed by the next run. In the end each block of ``BLOCK`` rows is one file, whatever the batches were.
+"""
+import fcntl
+import os
+import re
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import IO, Any, NamedTuple
+
+import pyarrow as pa
+import pyarrow.parquet as pq
+import yaml
+
+from dragon_ros.core.errors import DiskError, InputError, MissingError
+from dragon_ros.scenes.provenance import versions
+from dragon_ros.scenes.yaml import read_document
+from dragon_ros.studies.rows import Row, columns_of
+from dragon_ros.studies.study import Study, study_of
+
+STUDY_FILE, ROWS, LOCK = 'study.yaml', 'rows', '.lock'
+BLOCK = 16_384      # rows of a joined part
+_PART = re.compile(r'part-(\d{10})-(\d{10})\.parquet')
+_TYPES: dict[type, Any] = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
+
+
+class Part(NamedTuple):
+    """A file with the rows from ``start`` up to before ``stop``."""
+
+    start: int
+    stop: int
+    path: Path
+
+
+def schema_of(study: Study) -> pa.Schema:
+    """Return the columns of a study's Parquet files; each file carries the study."""
+    columns = [(name, pa.list_(_TYPES[one.type]) if one.is_list else _TYPES[one.type])
+               for name, one in columns_of(study).items()]
+    return pa.schema(columns, metadata={'dragon_ros.study': study.text})
+
+
+def part_of(study: Study, rows: list[Row]) -> bytes:
+    """Return rows as the bytes of a Parquet file."""
+    return _as_bytes(pa.Table.from_pylist(rows, schema=schema_of(study)))
+
+
+def _as_bytes(table: pa.Table) -> bytes:
+    out = pa.BufferOutputStream()
+    pq.write_table(table, out, compression='zstd')
+    data: bytes = out.getvalue().to_pybytes()
+    return data
+
+
+class DataSet:
+    """The rows of a study in a folder, of which one process writes."""
+
+    def __init__(self, folder: Path, study: Study) -> None:
+        """Take an existing folder (``open_set``, ``created``)."""
+        self.folder, self.study = folder, study
+
+    @property
+    def parts(self) -> list[Part]:
+        """The parts in order; one whose rows another one has too is left out."""
+        kept: list[Part] = []
+        for part in sorted(self._files(), key=lambda one: (one.start, -one.stop)):
+            if not kept or part.start >= kept[-1].stop:
+                kept.append(part)
+        return kept
+
+    def _files(self) -> Iterator[Part]:
+        try:
+            for path in (self.folder / ROWS).iterdir():
+                if found := _PART.fullmatch(path.name):
+                    yield Part(int(found[1]), int(found[2]), path)
+        except OSError as error:
+            raise MissingError(f'{self.folder / ROWS}: cannot be read: {error.strerror}') from None
+
+    @property
+    def count(self) -> int:
+        """How many rows there are."""
+        return sum(part.stop - part.start for part in self.parts)
+
+    @property
+    def missing(self) -> list[tuple[int, int]]:
+        """The ranges of indices whose rows are not there, from each up to before the other."""
+        out, at = [], 0
+        for part in [*self.parts, Part(self.study.rows, self.study.rows, Path())]:
+            if part.start > at:
+                out.append((at, min(part.start, self.study.rows)))
+            at = max(at, part.stop)
+        return [one for one in out if one[0] < one[1]]
+
+    def table(self, columns: list[str] | None = None) -> pa.Table:
+        """Return all rows in order. Raises InputError for a part that cannot be read, or that another study made."""
+        schema = schema_of(self.study)
+        if columns is not None:
+            schema = pa.schema([schema.field(name) for name in columns])
+        tables = [_read(part, schema) for part in self.parts if part.start < self.study.rows]
+        table = pa.concat_tables(tables) if tables else schema.empty_table()
+        return table.slice(0, self.study.rows) if len(table) > self.study.rows else table
+
+    def write(self, start: int, stop: int, data: bytes) -> None:
+        """Keep the rows of a range. Raises DiskError."""
+        self._write(Part(start, stop, self._path(start, stop)), data)
+        block = start // BLOCK * BLOCK
+        if start == block and stop - start >= min(BLOCK, self.study.rows - block):
+            return
+        self._join(block)
+
+    def _path(self, start: int, stop: int) -> Path:
+        return self.folder / ROWS / f'part-{start:010d}-{stop:010d}.parquet'
+
+    def _write(self, part: Part, data: bytes) -> None:
+        temporary = part.path.with_suffix('.tmp')
+        try:
+            with temporary.open('wb') as file:
+                file.write(data)
+                file.flush()
+                os.fsync(file.fileno())
+            temporary.replace(part.path)
+        except OSError as error:
+            temporary.unlink(missing_ok=True)
+            raise DiskError(f'{part.path}: cannot be written: {error.strerror}; {self.count} rows are kept; make room '
+                            'and start the study again to go on') from None
+
+    def _join(self, block: int) -> None:
+        """Join the parts of a block into one where all its rows are there, and remove them."""
+        stop = min(block + BLOCK, self.study.rows)
+        parts = [part for part in self.parts if block <= part.start < stop]
+        if sum(part.stop - part.start for part in parts) == stop - block and len(parts) > 1:
+            table = pa.concat_tables([_read(part, schema_of(self.study)) for part in parts])
+            self._write(Part(block, stop, self._path(block, stop)), _as_bytes(table))
+            self.tidy()
+
+    def tidy(self) -> None:
+        """Remove what a kill has left behind: files that were not finished, and parts whose rows another one has."""
+        kept = {part.path for part in self.parts}
+        try:
+            for path in (self.folder / ROWS).iterdir():
+                if path.suffix == '.tmp' or (_PART.fullmatch(path.name) and path not in kept):
+                    path.unlink(missing_ok=True)
+        except OSError as error:
+            raise DiskError(f'{self.folder / ROWS}: cannot be tidied: {error.strerror}') from None
+
+    def join_blocks(self) -> None:
+        """Join what a former run has left in parts."""
+        for block in range(0, self.study.rows, BLOCK):
+            self._join(block)
+
+
+def _read(part: Part, schema: pa.Schema) -> pa.Table:
+    try:
+        table = pq.read_table(part.path, columns=schema.names)
+        if len(table) != part.stop - part.start:
+            raise InputError(f'{part.path}: has {len(table)} rows; remove it, and start the study again')
+        return table.cast(schema)
+    except (OSError, pa.ArrowException, ValueError) as error:
+        why = ' '.join(str(error).split())[:200]
+        raise InputError(f'{part.path}: cannot be read as rows of this study ({why}); remove it, and start the study '
+                         'again to have its rows computed again') from None
+
+
+def open_set(folder: Path) -> DataSet:
+    """Return the data set of a folder. Raises MissingError or InputError where it holds none."""
+    document = read_document(folder / STUDY_FILE)
+    return DataSet(folder, study_of(document, None))
+
+
+@contextmanager
+def writing(folder: Path, study: Study) -> Iterator[DataSet]:
+    """Yield the data set of a study in a folder, new or to go on with, for one process at a time.
+
+    Raises InputError where the folder holds another study or another process writes, DiskError where nothing can be
+    written there.
+    """
+    try:
+        (folder / ROWS).mkdir(parents=True, exist_ok=True)
+        lock = (folder / LOCK).open('wb')
+    except OSError as error:
+        raise MissingError(f'--output {folder}: cannot be written: {error.strerror}') from None
+    with lock:
+        _lock(lock, folder)
+        _check_same(folder, study)
+        _write_study(folder, study)
+        kept = DataSet(folder, study)
+        kept.tidy()
+        yield kept
+
+
+def _lock(file: IO[bytes], folder: Path) -> None:
+    try:
+        fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError:
+        raise InputError(f'{folder}: another process writes this study; wait for it, or give another --output'
+                         ) from None
+
+
+def _check_same(folder: Path, study: Study) -> None:
+    """Refuse a folder with rows of another study or version; one with more or fewer samples is the same."""
+    path = folder / STUDY_FILE
+    if not path.exists():
+        return
+    document = read_document(path)
+    before = study_of(document, None)
+    if before.identity != study.identity:
+        key = next(key for key, value in study.identity.items() if before.identity[key] != value)
+        raise InputError(f'{folder}: holds rows of another study, which differs in {key}; give another --output, or '
+                         'remove the folder', field=key)
+    if before.rows > study.rows:
+        raise InputError(f'{folder}: holds a study of {before.samples} samples, this one has {study.samples}; give as '
+                         'many, or more', field='samples')
+    made_by = document.section('about').get('dragon_ros')
+    if made_by != versions()['dragon_ros']:
+        raise InputError(f'{folder}: holds rows of dragon_ros {made_by}, this is {versions()["dragon_ros"]}; give '
+                         'another --output')
+
+
+def _write_study(folder: Path, study: Study) -> None:
+    """Write the study file with the versions that make its rows."""
+    text = yaml.safe_dump({**study.values, 'about': versions()}, sort_keys=False)
+    temporary = folder / f'{STUDY_FILE}.tmp'
+    try:
+        temporary.write_text(text, encoding='utf-8')
+        temporary.replace(folder / STUDY_FILE)
+    except OSError as error:
+        temporary.unlink(missing_ok=True)
+        raise DiskError(f'{folder / STUDY_FILE}: cannot be written: {error.strerror}') from None

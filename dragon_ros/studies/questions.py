@@ -1,0 +1,297 @@
+"""What a study can ask of a scene: each question with its options, the columns of its answer, and what answers it.
+
+An answer has brackets where the engine gives them, and ``proved`` says whether they are proved (docs/model.md). Rows of
+a batch share what they have in common: scenes of one dragon on one track their compiled model, and the smallest pitch
+of one dragon is searched once.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+from math import hypot
+from typing import Any, ClassVar
+
+import numpy as np
+
+from dragon_ros.core.chain.dragon import AnyDragon, is_even
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.checks import number
+from dragon_ros.core.contact.broad_phase import candidates
+from dragon_ros.core.contact.certificate import Contact, NoContact
+from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.near_misses import near_misses
+from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.design.bounding_box import bounding_box, fits
+from dragon_ros.core.design.max_speed import max_speed
+from dragon_ros.core.design.min_pitch import min_pitch
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+Tell = Callable[[int], object]
+Values = dict[str, Any]
+_NEAR_M = 1.0       # how far apart the closest benches may be to be told
+_SHARED = 64        # answers that are kept for the other rows of a batch
+
+
+class Asked:
+    """A scene that is asked, and what several questions need: its first contact is searched once."""
+
+    def __init__(self, scene: Scene, tell: Tell) -> None:
+        """Take the scene; ``tell(states)`` is called as work is done, and may raise to end it."""
+        self.scene, self.tell = scene, tell
+
+    @cached_property
+    def contact(self) -> Contact | NoContact:
+        """The first contact of the run."""
+        return first_contact(self.scene, self.tell)
+
+
+@dataclass(frozen=True)
+class FirstContact:
+    """The first contact of the run: when, between which benches, where, and how the run ends without one."""
+
+    columns: ClassVar[dict[str, type]] = {
+        'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
+        'contact_outer': int, 'contact_x_m': float, 'contact_y_m': float, 'contact_approach_m_s': float,
+        'contact_grazing': bool, 'contact_proved': bool, 'run_end_s': float, 'run_end': str}
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; bounds of the time are what positions may put it off, and the proof is that none came before."""
+        found, proved = asked.contact, asked.contact.certificate.complete
+        if isinstance(found, NoContact):
+            return {'contact': False, 'contact_proved': proved, 'run_end_s': found.end.t_s, 'run_end': found.end.reason}
+        (x_m, y_m), (inner, outer) = found.point_m, found.benches
+        grazing = found.grazing_m is not None
+        return {'contact': True, 'contact_t_s': found.t_s, 'contact_low_s': found.t_s - found.uncertainty_s,
+                'contact_high_s': found.t_s + found.uncertainty_s, 'contact_inner': inner, 'contact_outer': outer,
+                'contact_x_m': x_m, 'contact_y_m': y_m, 'contact_approach_m_s': found.approach_m_s,
+                'contact_grazing': grazing, 'contact_proved': proved and not grazing}
+
+
+@dataclass(frozen=True)
+class NearMisses:
+    """Near misses before the first contact, closer than ``below_m``: how many, and the nearest."""
+
+    below_m: float = 0.01
+    columns: ClassVar[dict[str, type]] = {
+        'near_misses': int, 'near_miss_gap_m': float, 'near_miss_t_s': float, 'near_miss_inner': int,
+        'near_miss_outer': int, 'near_miss_proved': bool}
+
+    def __post_init__(self) -> None:
+        """Refuse a threshold that is none."""
+        number('ask.near_misses.below_m', self.below_m, above=0.0, high=_NEAR_M)
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; near misses are sampled, and not proved."""
+        found = near_misses(asked.scene, asked.contact, self.below_m, asked.tell)
+        nearest = found.nearest[0] if found.nearest else None
+        out = {'near_misses': found.count, 'near_miss_proved': False}
+        return out if nearest is None else out | {
+            'near_miss_gap_m': nearest.gap_m, 'near_miss_t_s': nearest.t_s, 'near_miss_inner': nearest.benches[0],
+            'near_miss_outer': nearest.benches[1]}
+
+
+@dataclass(frozen=True)
+class Clearance:
+    """The smallest gap of all benches at a time; without ``at_s`` at the end of the run."""
+
+    at_s: float | None = None
+    columns: ClassVar[dict[str, type]] = {
+        'clearance_m': float, 'clearance_low_m': float, 'clearance_high_m': float, 'clearance_t_s': float,
+        'clearance_inner': int, 'clearance_outer': int, 'clearance_proved': bool}
+
+    def __post_init__(self) -> None:
+        """Refuse a time that is none."""
+        if self.at_s is not None:
+            number('ask.clearance.at_s', self.at_s, low=0.0)
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; bounds are what positions may err, which is tested. Benches more than a metre apart are not told."""
+        simulation = compile_scene(asked.scene)
+        t_s = simulation.end.t_s if self.at_s is None else self.at_s
+        chain = simulation.chain(t_s)
+        benches = benches_of(chain, asked.scene.dragon, axes_of(chain))
+        i, j = candidates(chain.p, benches, _NEAR_M)
+        out: Values = {'clearance_t_s': t_s, 'clearance_proved': False}
+        if not i.size:
+            return out
+        gap_m = gaps(benches, i, j)
+        least, off_m = int(np.argmin(gap_m)), 2 * simulation.promise_m
+        return out | {'clearance_m': float(gap_m[least]), 'clearance_low_m': float(gap_m[least]) - off_m,
+                      'clearance_high_m': float(gap_m[least]) + off_m, 'clearance_inner': int(i[least]),
+                      'clearance_outer': int(j[least])}
+
+
+@dataclass(frozen=True)
+class MinPitch:
+    """The smallest pitch at which the head reaches a circle without contact, from ``start_turns`` (the scene's) on.
+
+    Where benches are equal behind the head, it is proved that none up to ``largest_m`` has a contact. Of mixed benches
+    the bracket between ``smallest_m`` and ``largest_m`` is halved: its two ends are proved, what lies above is not.
+    """
+
+    diameter_m: float = 9.0
+    largest_m: float = 1.0
+    within_m: float = 1e-6
+    smallest_m: float | None = None
+    start_turns: float | None = None
+    columns: ClassVar[dict[str, type]] = {
+        'min_pitch_m': float, 'min_pitch_low_m': float, 'min_pitch_high_m': float, 'min_pitch_inner': int,
+        'min_pitch_outer': int, 'min_pitch_radius_m': float, 'min_pitch_proved': bool}
+
+    def __post_init__(self) -> None:
+        """Refuse a circle or a bracket that is none."""
+        number('ask.min_pitch.diameter_m', self.diameter_m, above=0.0, high=1e6)
+        number('ask.min_pitch.largest_m', self.largest_m, above=self.smallest_m or 0.0, high=1e6)
+        number('ask.min_pitch.within_m', self.within_m, low=2e-11, high=1.0)
+        if self.smallest_m is not None:
+            number('ask.min_pitch.smallest_m', self.smallest_m, above=0.0)
+        if self.start_turns is not None:
+            number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; ``min_pitch_m`` is the upper end of the bracket, from which on a dragon is safe."""
+        dragon = asked.scene.dragon
+        start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
+        if not is_even(dragon.link_lengths_m):
+            return self._of_mixed(dragon, start_turns, asked.tell)
+        low_m, high_m, benches, radius_m = _pitch_of(_Key(self, dragon, start_turns, asked.tell))
+        return self._values(low_m, high_m, benches, radius_m, proved=True)
+
+    @staticmethod
+    def _values(low_m: float, high_m: float, benches: tuple[int, int], radius_m: float, proved: bool) -> Values:
+        return {'min_pitch_m': high_m, 'min_pitch_low_m': low_m, 'min_pitch_high_m': high_m,
+                'min_pitch_inner': benches[0], 'min_pitch_outer': benches[1], 'min_pitch_radius_m': radius_m,
+                'min_pitch_proved': proved}
+
+    def _of_mixed(self, dragon: AnyDragon, start_turns: float, tell: Tell) -> Values:
+        """Halve the bracket. Raises FieldError where its ends are no contact and none."""
+        if self.smallest_m is None:
+            raise FieldError('ask.min_pitch.smallest_m', None, 'the pitch of mixed benches is halved between two '
+                             'bounds', 'give a pitch at which benches touch')
+        low_m, high_m = self.smallest_m, self.largest_m
+        if self._touching(dragon, high_m, start_turns, tell):
+            raise FieldError('ask.min_pitch.largest_m', high_m, 'benches touch at it', 'give a larger one')
+        touch = self._touching(dragon, low_m, start_turns, tell)
+        if touch is None:
+            raise FieldError('ask.min_pitch.smallest_m', low_m, 'no benches touch at it', 'give a smaller one')
+        while high_m - low_m > self.within_m:
+            middle_m = 0.5 * (low_m + high_m)
+            found = self._touching(dragon, middle_m, start_turns, tell)
+            low_m, high_m, touch = (low_m, middle_m, touch) if found is None else (middle_m, high_m, found)
+        radius_m = hypot(*compile_scene(_coming_in(dragon, low_m, start_turns, self.diameter_m)).chain(touch.t_s).p[0])
+        return self._values(low_m, high_m, touch.benches, radius_m, proved=False)
+
+    def _touching(self, dragon: AnyDragon, pitch_m: float, start_turns: float, tell: Tell) -> Contact | None:
+        """Return the first contact on the way in to the circle at a pitch, None without one; both are proved."""
+        found = first_contact(_coming_in(dragon, pitch_m, start_turns, self.diameter_m), tell)
+        return found if isinstance(found, Contact) else None
+
+
+class _Key:
+    """What the smallest pitch depends on; ``tell`` only follows the work."""
+
+    def __init__(self, question: MinPitch, dragon: AnyDragon, start_turns: float, tell: Tell) -> None:
+        self.values, self.tell = (question, dragon, start_turns), tell
+
+    def __hash__(self) -> int:
+        return hash(self.values)
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Key) and other.values == self.values
+
+
+@lru_cache(maxsize=_SHARED)
+def _pitch_of(key: _Key) -> tuple[float, float, tuple[int, int], float]:
+    """Return bracket, benches and radius of the smallest pitch; rows that differ in other values share it."""
+    question, dragon, start_turns = key.values
+    found = min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell)
+    return found.low_m, found.high_m, found.benches, found.radius_m
+
+
+def _coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m: float) -> Scene:
+    """Return the scene of a head that comes in from its start to a circle, a metre a second."""
+    track = Spiral(pitch_m, start_turns)
+    turns = 0.5 * diameter_m / pitch_m
+    if turns >= start_turns:
+        raise FieldError('track.start_turns', start_turns, f'at a pitch of {pitch_m:g} m the head starts inside the '
+                         'circle', 'start further out, or give a smaller circle')
+    curve = SpiralCurve.of(track)
+    return Scene(dragon, track, Head(), Run(0.0, curve.distance_to(2 * np.pi * turns)))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """The smallest squares that hold the run, and whether it fits into one of ``square_m``."""
+
+    square_m: float | None = None
+    columns: ClassVar[dict[str, type]] = {
+        'fit_centred_low_m': float, 'fit_centred_high_m': float, 'fit_free_low_m': float, 'fit_free_high_m': float,
+        'fits_centred': bool, 'fits_free': bool, 'fit_proved': bool}
+
+    def __post_init__(self) -> None:
+        """Refuse a square that is none."""
+        if self.square_m is not None:
+            number('ask.fit.square_m', self.square_m, above=0.0)
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; ``fits_...`` is empty where no square is given or the bounds cannot tell."""
+        found = bounding_box(asked.scene, progress=asked.tell)
+        out: Values = {'fit_proved': True}
+        for name, (low_m, high_m) in (('centred', found.centred_m), ('free', found.free_m)):
+            out |= {f'fit_{name}_low_m': low_m, f'fit_{name}_high_m': high_m,
+                    f'fits_{name}': None if self.square_m is None else fits((low_m, high_m), self.square_m)}
+        return out
+
+
+@dataclass(frozen=True)
+class MaxSpeed:
+    """The leader's largest speed at which no handle exceeds ``limit_m_s``, between bounds, and the fastest handle."""
+
+    limit_m_s: float = 2.0
+    columns: ClassVar[dict[str, type]] = {
+        'max_speed_m_s': float, 'max_speed_low_m_s': float, 'max_speed_high_m_s': float, 'max_speed_ratio': float,
+        'max_speed_handle': int, 'max_speed_along_m': float, 'max_speed_proved': bool}
+
+    def __post_init__(self) -> None:
+        """Refuse a limit that is none."""
+        number('ask.max_speed.limit_m_s', self.limit_m_s, above=0.0, high=1e9)
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; at the lower bound no handle exceeds the limit, at the upper one does."""
+        found = max_speed(asked.scene, asked.tell)
+        low, high = self.limit_m_s / found.bound, self.limit_m_s / found.ratio
+        return {'max_speed_m_s': low, 'max_speed_low_m_s': low, 'max_speed_high_m_s': high,
+                'max_speed_ratio': found.ratio, 'max_speed_handle': found.handle,
+                'max_speed_along_m': found.along_m, 'max_speed_proved': True}
+
+
+@dataclass(frozen=True)
+class Lock:
+    """Where the chain locks if nothing stops the run before: when, and which link."""
+
+    columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
+
+    def answer(self, asked: Asked) -> Values:
+        """Answer; the place is known to a float, which is tested and not proved."""
+        limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
+        if limit is None or limit.reason != 'lock':
+            return {'locks': False, 'lock_proved': False}
+        return {'locks': True, 'lock_t_s': limit.t_s, 'lock_link': limit.link, 'lock_proved': False}
+
+
+Question = FirstContact | NearMisses | Clearance | MinPitch | Fit | MaxSpeed | Lock
+QUESTIONS: dict[str, type[Question]] = {
+    'contact': FirstContact, 'near_misses': NearMisses, 'clearance': Clearance, 'min_pitch': MinPitch, 'fit': Fit,
+    'max_speed': MaxSpeed, 'lock': Lock}
+# What a picture shows of each answer unless told otherwise.
+MAIN = {'contact': 'contact_t_s', 'near_misses': 'near_miss_gap_m', 'clearance': 'clearance_m',
+        'min_pitch': 'min_pitch_m', 'fit': 'fit_centred_high_m', 'max_speed': 'max_speed_m_s', 'lock': 'lock_t_s'}
+
+
+def name_of(question: Question) -> str:
+    """Return the name of a question in a study file."""
+    return next(name for name, kind in QUESTIONS.items() if isinstance(question, kind))

@@ -1,0 +1,130 @@
+"""Rows: a scene of a study with its answers, as a function of the study and an index alone; and batches of them.
+
+A scene that is refused, or that takes longer than its budget, is a row that says why. Only what a row took (``cpu_s``)
+and whether that was over its budget depend on the machine.
+"""
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable
+from functools import lru_cache, partial
+from typing import Any, NamedTuple
+
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.scene import Scene
+from dragon_ros.scenes.load import scene_of
+from dragon_ros.scenes.yaml import Document
+from dragon_ros.studies.questions import Asked, name_of
+from dragon_ros.studies.sampling import scene_values_of, values_of
+from dragon_ros.studies.study import Listed, Study, study_from, target_of
+from dragon_ros.version import __version__
+
+OK, REFUSED, OVER_BUDGET, FAILED = 'ok', 'refused', 'over_budget', 'failed'
+STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from good to bad: a row has the worst of its answers
+_ABOUT: dict[str, type] = {'status': str, 'reason': str, 'cpu_s': float, 'version': str, 'scene_sha256': str}
+_MOST_SHOWN = 500       # characters of a reason
+Row = dict[str, Any]
+
+
+class _OverBudget(Exception):
+    """A row has taken its seconds."""
+
+
+class Column(NamedTuple):
+    """A column of a data set: its type, and whether it holds a list, one value for each bench."""
+
+    type: type
+    is_list: bool = False
+
+
+def columns_of(study: Study) -> dict[str, Column]:
+    """Return the columns of a study's rows: index, inputs by their keys, answers, and what is told of each row."""
+    inputs = {key: Column(_type_of(study, key, one), one.is_per_bench) for key, one in study.vary}
+    answers = {name: Column(kind) for question in study.ask for name, kind in question.columns.items()}
+    about = {name: Column(kind) for name, kind in _ABOUT.items()}
+    return {'index': Column(int), **inputs, **answers, **about}
+
+
+def _type_of(study: Study, key: str, variation: object) -> type:
+    """Return the type of the values of a key."""
+    if isinstance(variation, Listed) and isinstance(variation.values[0], str):
+        return str
+    last, target = target_of(study.base, key)
+    listed = isinstance(variation, Listed) and any(isinstance(one, float) for one in variation.values)
+    return int if isinstance(target[last], int) and not listed else float
+
+
+def row_of(study: Study, index: int) -> Row:
+    """Return the row of an index; answers that are missing are None."""
+    return _computed(study, _Drawn.of(study, index))
+
+
+def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
+    """Return rows in the order of their indices; those of one dragon on one track are computed one after the other.
+
+    They share the compiled model, and their values are those that they have alone.
+    """
+    drawn = sorted((_Drawn.of(study, index) for index in indices), key=lambda one: one.shares)
+    return sorted((_computed(study, one) for one in drawn), key=lambda row: row['index'])
+
+
+@lru_cache(maxsize=8)
+def parsed(text: str) -> Study:
+    """Return the study of a complete text, as workers are sent it."""
+    return study_from('study', text)
+
+
+class _Drawn(NamedTuple):
+    """The inputs of a row, the mapping of its scene, and what a compiled model is shared by."""
+
+    number: int
+    inputs: Row
+    scene: dict[str, Any]
+    shares: str
+
+    @classmethod
+    def of(cls, study: Study, index: int) -> '_Drawn':
+        inputs = values_of(study, index)
+        scene = scene_values_of(study, inputs)
+        return cls(index, inputs, scene, json.dumps([scene['dragon'], scene['track']]))
+
+
+def _computed(study: Study, drawn: _Drawn) -> Row:
+    """Return a row with its answers, its status and what it took."""
+    began, row = time.thread_time(), dict.fromkeys(columns_of(study))
+    row |= {'index': drawn.number, **drawn.inputs, 'version': __version__, 'scene_sha256': _hash_of(drawn.scene)}
+    reasons: list[tuple[str, str]] = []
+
+    def tell(_: int) -> None:
+        if time.thread_time() - began > study.budget_s:
+            raise _OverBudget
+
+    scene = _tried('scene', partial(scene_of, Document('scene', drawn.scene)), reasons, study)
+    if isinstance(scene, Scene):
+        asked = Asked(scene, tell)
+        for question in study.ask:
+            found = _tried(name_of(question), partial(question.answer, asked), reasons, study)
+            row |= found if isinstance(found, dict) else {}
+            if reasons and reasons[-1][0] == OVER_BUDGET:
+                break
+    status = max((one for one, _ in reasons), key=STATUSES.index, default=OK)
+    return row | {'status': status, 'reason': '; '.join(why for _, why in reasons)[:_MOST_SHOWN] or None,
+                  'cpu_s': time.thread_time() - began}
+
+
+def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str]], study: Study) -> object:
+    """Return an answer, or None and note why there is none; no error of one scene ends a study of a million."""
+    try:
+        return answer()
+    except _OverBudget:
+        reasons.append((OVER_BUDGET, f'{what}: took more than its budget of {study.budget_s:g} s'))
+    except DragonError as error:
+        reasons.append((REFUSED, f'{what}: {" ".join(str(error).split())}'))
+    except Exception as error:  # noqa: BLE001 - a defect of one scene is a row that says so
+        reasons.append((FAILED, f'{what}: {type(error).__name__}: {" ".join(str(error).split())}'))
+    return None
+
+
+def _hash_of(scene: dict[str, Any]) -> str:
+    """Return the SHA-256 of a complete scene, as JSON with sorted keys."""
+    return hashlib.sha256(json.dumps(scene, sort_keys=True).encode()).hexdigest()

@@ -1,0 +1,58 @@
+"""The JSON Schema of study files, made from the dataclasses that they describe: for editors, and for other programs.
+
+It covers names, types and choices. What only the base scene can tell, such as which keys there are to vary, is checked
+where a study is read, with clearer errors.
+"""
+import json
+
+from dragon_ros.scenes.schema import Schema, kind_schema, scene_schema
+from dragon_ros.studies.questions import QUESTIONS
+from dragon_ros.studies.study import DESIGNS, Study
+
+_PAIR: Schema = {'type': 'array', 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2}
+_ENDS: dict[str, Schema] = {'from': {'type': 'number'}, 'to': {'type': 'number'}}
+_PER: Schema = {'description': 'one value for each bench of a group', 'const': 'bench'}
+
+
+def _form(description: str, required: list[str], **properties: Schema) -> Schema:
+    return {'description': description, 'type': 'object', 'additionalProperties': False, 'required': required,
+            'properties': properties}
+
+
+_VARIATION: Schema = {'anyOf': [
+    {'description': 'these values', 'type': 'array', 'minItems': 1, 'items': {'type': ['number', 'string', 'boolean']}},
+    _form('values between two, both included', ['from', 'to'], **_ENDS, steps={'type': 'integer', 'minimum': 2}),
+    _form('any value between two alike', ['uniform'], uniform=_PAIR, per=_PER),
+    _form('mean and deviation, truncated', ['normal', 'within'], normal=_PAIR, within=_PAIR, per=_PER)]}
+
+
+def study_schema() -> Schema:
+    """Return the schema of a whole study file."""
+    scene = {key: value for key, value in scene_schema().items() if key != '$schema'}
+    questions = {name: {'anyOf': [{'type': 'null'}, kind_schema('', kind, needed=False)]}
+                 for name, kind in QUESTIONS.items()}
+    parts = {
+        'scene': {'description': 'the base scene: a name, a file beside the study, or its keys',
+                  'anyOf': [{'type': 'string'}, scene], 'default': 'winding'},
+        'set': {'description': 'keys of the base scene to change', 'type': 'object',
+                'properties': scene['properties']},
+        'vary': {'description': 'what varies, by dotted keys such as track.pitch_m', 'type': 'object',
+                 'minProperties': 1, 'additionalProperties': _VARIATION},
+        'design': {'description': 'how points are chosen; saltelli is for what matters how much', 'enum': list(DESIGNS),
+                   'default': Study.design},
+        'samples': {'description': 'number of points; of a grid its own', 'type': 'integer', 'minimum': 1},
+        'seed': {'description': 'of all designs but the grid', 'type': 'integer', 'minimum': 0, 'default': Study.seed},
+        'ask': {'description': 'what is asked of each scene', 'anyOf': [
+            {'type': 'array', 'minItems': 1, 'items': {'enum': list(QUESTIONS)}},
+            {'type': 'object', 'minProperties': 1, 'additionalProperties': False, 'properties': questions}]},
+        'budget_s': {'description': 'CPU seconds that a row may take', 'type': 'number', 'exclusiveMinimum': 0,
+                     'default': Study.budget_s},
+        'about': {'description': 'free notes without any effect', 'type': 'object'}}
+    return {'$schema': 'https://json-schema.org/draft/2020-12/schema', 'title': 'A study of dragon_ros',
+            'description': 'Which scenes are computed, and what is asked of each.', 'type': 'object',
+            'additionalProperties': False, 'required': ['vary', 'ask'], 'properties': parts}
+
+
+def text() -> str:
+    """Return the schema as the text of its file."""
+    return json.dumps(study_schema(), indent=1) + '\n'

@@ -1,0 +1,107 @@
+"""What a data set says: quantiles and distributions with confidence bands, shares, and which input matters how much.
+
+Bands are for 95 % confidence and, but where one says so, without an assumption on the distribution. They speak for rows
+of a random design; of a Sobol design they are too wide as a rule, and not proved.
+"""
+from dataclasses import dataclass
+from math import ceil, inf, log, sqrt
+
+import numpy as np
+from scipy.stats import beta, binom, nct, norm, sobol_indices
+
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.studies.study import Study
+
+CONFIDENCE = 0.95
+_RESAMPLES = 999
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """A value with its confidence interval; an end is infinite where so few rows tell none."""
+
+    value: float
+    low: float
+    high: float
+
+
+def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Estimate:
+    """Return a quantile of samples (N,) with the order statistics that enclose it, from the binomial distribution."""
+    ordered, out = np.sort(values), (1 - confidence) / 2
+    count = ordered.size
+    low, high = int(binom.ppf(out, count, share)), int(binom.ppf(1 - out, count, share)) + 1
+    return Estimate(float(np.quantile(ordered, share)), float(ordered[low - 1]) if low >= 1 else -inf,
+                    float(ordered[high - 1]) if high <= count else inf)
+
+
+def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
+    """Return from how many rows on their largest value is a bound of a quantile: 1 - share^N >= confidence."""
+    return ceil(log(1 - confidence) / log(share))
+
+
+def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
+    """Return a value that a share of all is below, with confidence; inf where there are too few rows for one."""
+    count = values.size
+    rank = int(binom.ppf(confidence, count, share)) + 1
+    return float(np.sort(values)[rank - 1]) if rank <= count else inf
+
+
+def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
+    """Return what ``upper_bound`` does **if** values are normally distributed (the one-sided tolerance factor)."""
+    count = values.size
+    factor = float(nct.ppf(confidence, count - 1, norm.ppf(share) * sqrt(count))) / sqrt(count)
+    return float(np.mean(values) + factor * np.std(values, ddof=1))
+
+
+def proportion(hits: int, count: int, confidence: float = CONFIDENCE) -> Estimate:
+    """Return a share with its interval (Clopper and Pearson 1934)."""
+    out = (1 - confidence) / 2
+    return Estimate(hits / count, float(beta.ppf(out, hits, count - hits + 1)) if hits else 0.0,
+                    float(beta.ppf(1 - out, hits + 1, count - hits)) if hits < count else 1.0)
+
+
+def distribution(values: Floats, confidence: float = CONFIDENCE) -> tuple[Floats, Floats, float]:
+    """Return sorted values (N,), their empirical distribution, and the half width of its band (DKW, Massart 1990)."""
+    ordered = np.sort(values)
+    steps: Floats = np.arange(1, ordered.size + 1) / ordered.size
+    return ordered, steps, sqrt(log(2 / (1 - confidence)) / (2 * ordered.size))
+
+
+@dataclass(frozen=True)
+class Indices:
+    """Sobol indices of one input: alone (first order), and with all that it takes part in (total)."""
+
+    key: str
+    first: Estimate
+    total: Estimate
+
+
+def indices(study: Study, values: Floats) -> list[Indices]:
+    """Return the indices of an answer (rows,) of a study by the design ``saltelli`` (Saltelli 2010), bootstrapped.
+
+    Raises FieldError for another design, and where an answer is missing: the indices take each row.
+    """
+    if study.design != 'saltelli':
+        raise FieldError('design', study.design, 'indices take rows in pairs', 'write design: saltelli')
+    missing = int(np.sum(np.isnan(values)))
+    if missing or values.size < study.rows:
+        raise FieldError('rows', missing or values.size, 'each row must have the answer',
+                         'vary less, so that none is refused, or finish the study')
+    keys = [key for key, _ in study.vary]
+    if np.ptp(values) == 0:
+        nothing = Estimate(0.0, 0.0, 0.0)
+        return [Indices(key, nothing, nothing) for key in keys]
+    table = values.reshape(study.samples, len(keys) + 2).T
+    draw = np.random.default_rng(study.seed)
+    again = np.array([_both_of(table[:, draw.integers(study.samples, size=study.samples)]) for _ in range(_RESAMPLES)])
+    low, high = np.percentile(again, (50 * (1 - CONFIDENCE), 50 * (1 + CONFIDENCE)), axis=0)
+    first, total = (map(Estimate, *(part[n].tolist() for part in (_both_of(table), low, high))) for n in (0, 1))
+    return [Indices(*row) for row in zip(keys, first, total, strict=True)]
+
+
+def _both_of(table: Floats) -> Floats:
+    """Return the indices (2, keys), first order and total, of answers (2 + keys, samples)."""
+    functions = {'f_A': table[:1], 'f_B': table[1:2], 'f_AB': table[2:, None, :]}
+    found = sobol_indices(func=functions, n=table.shape[1])
+    return np.stack((np.ravel(found.first_order), np.ravel(found.total_order)))

@@ -1,0 +1,384 @@
+"""A study: a base scene, what varies, by which design, how often, and what is asked. Read from files as scenes are.
+
+A study is complete and plain: it holds its base scene in full and is written as the YAML text that makes it again. That
+text is what workers are sent and what a data set carries.
+"""
+from collections.abc import Mapping
+from dataclasses import dataclass, field, fields, replace
+from functools import cached_property
+from math import prod
+from pathlib import Path
+from typing import Any, ClassVar
+
+import yaml
+
+from dragon_ros.configuration import folder as configuration_folder
+from dragon_ros.core.checks import choice, number, settle, whole
+from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
+from dragon_ros.core.scene import Scene
+from dragon_ros.scenes.load import changed_scene, scene_of, scene_values
+from dragon_ros.scenes.yaml import Document, parse_document, read_document
+from dragon_ros.studies.questions import QUESTIONS, Question, name_of
+
+DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
+MOST_ROWS = 10**9
+MOST_DIMENSIONS = 10_000        # of Sobol sequences, twice as many for saltelli; scipy has 21,201
+_KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
+_MOST_STEPS = 100_000
+_MOST_DIGITS = 6        # of the number of a list's item
+_FAR = 1e300            # so that differences are finite
+Values = dict[str, Any]
+
+
+@dataclass(frozen=True)
+class Listed:
+    """Values one by one; a random design takes each as often as the others."""
+
+    values: tuple[Any, ...]
+    is_per_bench: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Refuse an empty list, and values that are no number, word or None."""
+        if not 1 <= len(self.values) <= _MOST_STEPS:
+            raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'list some')
+        for value in self.values:
+            if not isinstance(value, (int, float, str)):
+                raise FieldError('values', value, 'only numbers and words can be listed', 'list these')
+        if len({isinstance(value, str) for value in self.values}) > 1:
+            raise FieldError('values', self.values, 'a list has numbers or words', 'list one of the two')
+
+    @property
+    def as_value(self) -> Any:
+        """How a study file writes it."""
+        return list(self.values)
+
+
+@dataclass(frozen=True)
+class Range:
+    """``steps`` values from ``low`` to ``high``, both included; a random design takes any value between them."""
+
+    low: float
+    high: float
+    steps: int | None = None
+    is_per_bench: ClassVar[bool] = False
+
+    def __post_init__(self) -> None:
+        """Refuse a range that is none."""
+        settle(self, low=number('from', self.low, low=-_FAR), high=number('to', self.high, above=self.low, high=_FAR))
+        if self.steps is not None:
+            whole('steps', self.steps, low=2, high=_MOST_STEPS)
+
+    @property
+    def as_value(self) -> Any:
+        """How a study file writes it."""
+        return {'from': self.low, 'to': self.high, **({} if self.steps is None else {'steps': self.steps})}
+
+
+@dataclass(frozen=True)
+class Uniform:
+    """Any value between two alike; ``per: bench`` draws one for each bench of a group."""
+
+    low: float
+    high: float
+    is_per_bench: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a distribution that is none."""
+        settle(self, low=number('uniform', self.low, low=-_FAR),
+               high=number('uniform', self.high, above=self.low, high=_FAR))
+
+    @property
+    def as_value(self) -> Any:
+        """How a study file writes it."""
+        return {'uniform': [self.low, self.high], **_per(self.is_per_bench)}
+
+
+@dataclass(frozen=True)
+class Normal:
+    """A normal distribution, truncated to ``within``; ``per: bench`` draws one for each bench of a group."""
+
+    mean: float
+    deviation: float
+    low: float
+    high: float
+    is_per_bench: bool = False
+
+    def __post_init__(self) -> None:
+        """Refuse a distribution that is none, or that is cut off from all of its mass."""
+        settle(self, mean=number('normal', self.mean, low=-_FAR, high=_FAR),
+               deviation=number('normal', self.deviation, above=0.0, high=_FAR),
+               low=number('within', self.low, low=-_FAR), high=number('within', self.high, above=self.low, high=_FAR))
+        if not (self.mean - self.high < 6 * self.deviation and self.low - self.mean < 6 * self.deviation):
+            raise FieldError('within', [self.low, self.high], 'it lies more than 6 deviations from the mean',
+                             'give bounds nearer to it')
+
+    @property
+    def as_value(self) -> Any:
+        """How a study file writes it."""
+        return {'normal': [self.mean, self.deviation], 'within': [self.low, self.high], **_per(self.is_per_bench)}
+
+
+Variation = Listed | Range | Uniform | Normal
+
+
+def _per(is_per_bench: bool) -> Values:
+    return {'per': 'bench'} if is_per_bench else {}
+
+
+@dataclass(frozen=True)
+class Study:
+    """What is varied in which scene, and what is asked of each: all that a row depends on, but for its index.
+
+    ``samples`` are the points of a random or Sobol design; of ``saltelli`` the base points, with a row for each of the
+    two that belong together and one for each key besides. A grid has its own number. ``budget_s`` are the CPU seconds
+    of a row.
+    """
+
+    scene: Scene = field(default_factory=Scene)
+    vary: tuple[tuple[str, Variation], ...] = ()
+    design: str = 'grid'
+    samples: int = 0
+    seed: int = 0
+    ask: tuple[Question, ...] = ()
+    budget_s: float = 600.0
+
+    def __post_init__(self) -> None:
+        """Refuse what makes no rows."""
+        choice('design', self.design, DESIGNS)
+        whole('seed', self.seed, low=0, high=2**63 - 1)
+        settle(self, budget_s=number('budget_s', self.budget_s, above=0.0, high=1e9))
+        if not self.vary:
+            raise FieldError('vary', {}, 'a study varies at least one key of its scene', 'name one, such as '
+                             'track.pitch_m: {from: 0.5, to: 0.6, steps: 11}')
+        if not self.ask:
+            raise FieldError('ask', [], 'a study asks at least one question', f'name some of {", ".join(QUESTIONS)}')
+        for key, variation in self.vary:
+            self._check_key(key, variation)
+        if self.design == 'grid':
+            settle(self, samples=prod(len(_steps_of(one)) for _, one in self.vary))
+        whole('samples', self.samples, low=1, high=MOST_ROWS)
+        if self.design == 'saltelli' and len(self.vary) < 2:
+            raise FieldError('vary', [key for key, _ in self.vary], 'the design saltelli tells which of several keys '
+                             'matters how much', 'vary at least two')
+        if self.design == 'saltelli' and self.samples & (self.samples - 1):
+            raise FieldError('samples', self.samples, 'the design saltelli takes a power of 2',
+                             'give 64, 128, 256, ...')
+        whole('rows', self.rows, low=1, high=MOST_ROWS)
+        whole('vary', self.dimensions, low=1, high=MOST_DIMENSIONS)
+
+    def _check_key(self, key: str, variation: Variation) -> None:
+        """Refuse a key that the base scene has not, and a variation that does not suit it or the design."""
+        at = f'vary.{key}'
+        group, target = target_of(self.base, key)
+        value = target.get(group)
+        if isinstance(value, (list, dict)):
+            raise FieldError(at, value, 'it is no single value', 'name one of the keys below it')
+        if self.design == 'grid' and (isinstance(variation, (Uniform, Normal)) or
+                                      (isinstance(variation, Range) and variation.steps is None)):
+            raise FieldError(at, variation.as_value, 'a grid takes lists, and ranges with steps',
+                             'give steps, or another design')
+        if isinstance(value, str) and not isinstance(variation, Listed) and key != 'accuracy':
+            raise FieldError(at, variation.as_value, f'its value is a word, {value}', 'list the words')
+        if variation.is_per_bench and not (key.startswith('dragon.groups.') and key.endswith('.length_m')):
+            raise FieldError(at, variation.as_value, 'only a group of mixed benches has a value for each bench',
+                             'name dragon.groups.N.length_m of a scene with dragon.kind: mixed')
+
+    @cached_property
+    def base(self) -> Values:
+        """The complete base scene, as the mapping of a scene file."""
+        return scene_values(self.scene)
+
+    @cached_property
+    def widths(self) -> tuple[int, ...]:
+        """How many numbers each key is drawn from: one, or one for each bench."""
+        return tuple(target_of(self.base, key)[1]['count'] if one.is_per_bench else 1 for key, one in self.vary)
+
+    @property
+    def dimensions(self) -> int:
+        """How many numbers a point is made of."""
+        return sum(self.widths)
+
+    @property
+    def rows(self) -> int:
+        """How many rows there are."""
+        return self.samples * (len(self.vary) + 2 if self.design == 'saltelli' else 1)
+
+    @cached_property
+    def values(self) -> Values:
+        """The study as the mapping of a study file."""
+        return {**self.identity, 'samples': self.samples}
+
+    @cached_property
+    def identity(self) -> Values:
+        """All that the values of a row depend on."""
+        asked = {name_of(one): {f.name: getattr(one, f.name) for f in fields(one)} for one in self.ask}
+        return {'scene': self.base, 'vary': {key: one.as_value for key, one in self.vary}, 'design': self.design,
+                'seed': self.seed, 'ask': asked, 'budget_s': self.budget_s}
+
+    @cached_property
+    def text(self) -> str:
+        """The study as a study file."""
+        return yaml.safe_dump(self.values, sort_keys=False)
+
+    def with_samples(self, samples: int) -> 'Study':
+        """Return the study with another number of samples. Raises FieldError for a grid."""
+        if self.design == 'grid':
+            raise FieldError('samples', samples, f'a grid has its own number, {self.samples}',
+                             'change the steps in its file')
+        return replace(self, samples=samples)
+
+
+def target_of(scene: Values, key: str) -> tuple[str, Values]:
+    """Return the last part of a dotted key and the mapping of a scene that holds it. Raises FieldError.
+
+    The items of a list are counted from 1, as errors of scene files count them.
+    """
+    *sections, last = key.split('.')
+    target: Any = scene
+    for section in sections:
+        if isinstance(target, list):
+            number_of = int(section) if section.isdecimal() and len(section) <= _MOST_DIGITS else 0
+            target = target[number_of - 1] if 1 <= number_of <= len(target) else None
+        else:
+            target = target.get(section) if isinstance(target, dict) else None
+    if not isinstance(target, dict) or last not in target:
+        raise FieldError(f'vary.{key}', key, 'the base scene has no such key', 'name one as docs/reference.md has it; '
+                         'the items of a list are counted from 1: dragon.groups.2.length_m')
+    return last, target
+
+
+def _steps_of(variation: Variation) -> Any:
+    """Return something as long as a variation in a grid."""
+    return variation.values if isinstance(variation, Listed) else range(getattr(variation, 'steps', None) or 1)
+
+
+def study_names() -> list[str]:
+    """Return the names of the studies that come with the package."""
+    return sorted(path.stem for path in (configuration_folder() / 'studies').glob('*.yaml'))
+
+
+def load_study(name_or_file: str) -> Study:
+    """Return the study of a name or file. Raises InputError with file, line and key."""
+    if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
+        path = Path(name_or_file)
+    elif name_or_file in study_names():
+        path = configuration_folder() / 'studies' / f'{name_or_file}.yaml'
+    else:
+        raise MissingError(f'study: {name_or_file!r} is not known; the studies are {", ".join(study_names())}; or give '
+                           'the path of a .yaml file, or of a data set to go on with it')
+    return study_of(read_document(path), path.parent)
+
+
+def study_from(name: str, text: str) -> Study:
+    """Return the study of a text that is complete. Raises InputError."""
+    return study_of(parse_document(name, text), None)
+
+
+def study_of(document: Document, folder: Path | None) -> Study:
+    """Return the study that a document describes; scene files are looked for in a folder, or refused without one."""
+    document.check_keys('', document.values, _KEYS)
+    given = document.values
+    try:
+        scene = _scene(document, folder)
+        vary = tuple((key, _variation(document, key, value)) for key, value in document.section('vary').items())
+        single = {key: _plain_number(given[key]) for key in ('design', 'samples', 'seed', 'budget_s') if key in given}
+        if given.get('design', 'grid') == 'grid' and folder is not None and 'samples' in given:
+            document.refuse('samples', 'a grid has its own number; leave it out, or write another design')
+        return Study(scene, vary, ask=_questions(document), **single)
+    except FieldError as error:
+        raise InputError(f'{document.place(error.fields["field"])}: {error}', **error.fields) from None
+
+
+def _scene(document: Document, folder: Path | None) -> Scene:
+    """Return the base scene: a name or file with ``set`` on top, or a mapping like a scene file's."""
+    given = document.values.get('scene', 'winding')
+    changes = document.section('set')
+    if isinstance(given, dict):
+        if changes:
+            document.refuse('set', 'a scene that is written out has no changes; change it')
+        places = {key.removeprefix('scene.'): place for key, place in document.places.items()}
+        return scene_of(Document(document.name, given, places))
+    if not isinstance(given, str) or folder is None:
+        document.refuse('scene', f'it holds {shown(given)}; write the name or file of a scene, or its keys')
+    if '/' in given or given.endswith(('.yaml', '.yml')):
+        given = str(folder / given)
+    try:
+        return changed_scene(given, changes)
+    except InputError as error:
+        raise InputError(f'{document.place("scene")}: {error}', **error.fields) from None
+
+
+def _variation(document: Document, key: str, given: Any) -> Variation:
+    """Return how a key varies; errors have the key's name."""
+    at = f'vary.{key}'
+    if not isinstance(key, str):
+        document.refuse(at, 'it is no key of a scene; write one such as track.pitch_m')
+    try:
+        if isinstance(given, list):
+            return Listed(tuple(_plain_number(one) for one in given))
+        if not isinstance(given, dict):
+            document.refuse(at, f'{shown(given)} is no list, range or distribution; write for example '
+                            '[0.5, 0.55], {from: 0.5, to: 0.6, steps: 11} or {uniform: [0.5, 0.6]}')
+        known = next((names for names in _FORMS if names[0] in given), None)
+        if known is None:
+            document.refuse(at, 'it has none of from, uniform and normal; write one of them')
+        document.check_keys(f'{at}.', given, known)
+        per = given.get('per')
+        if per is not None and per != 'bench':
+            document.refuse(f'{at}.per', f'{shown(per)} is not known; write per: bench, or leave it out')
+        return _made(document, at, given, per == 'bench')
+    except FieldError as error:
+        raise FieldError(f'{at}.{error.fields["field"]}', error.fields['value'], error.fields['limit'],
+                         error.fields['cure']) from None
+
+
+_FORMS = (('from', 'to', 'steps'), ('uniform', 'per'), ('normal', 'within', 'per'))
+
+
+def _made(document: Document, at: str, given: Values, is_per_bench: bool) -> Variation:
+    if 'from' in given:
+        if 'to' not in given:
+            document.refuse(f'{at}.to', 'it is missing; write from and to')
+        return Range(_plain_number(given['from']), _plain_number(given['to']), given.get('steps'))
+    if 'uniform' in given:
+        return Uniform(*_pair(document, f'{at}.uniform', given['uniform']), is_per_bench)
+    if 'within' not in given:
+        document.refuse(f'{at}.within', 'it is missing; a normal distribution is truncated: write within: [low, high]')
+    return Normal(*_pair(document, f'{at}.normal', given['normal']), *_pair(document, f'{at}.within', given['within']),
+                  is_per_bench)
+
+
+def _pair(document: Document, at: str, given: Any) -> tuple[float, float]:
+    if not isinstance(given, list) or len(given) != 2:
+        document.refuse(at, f'{shown(given)} is not a pair; write for example [2.19, 2.21]')
+    return _plain_number(given[0]), _plain_number(given[1])
+
+
+def _plain_number(value: Any) -> Any:
+    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+def _questions(document: Document) -> tuple[Question, ...]:
+    """Return what is asked: a list of names, or a mapping of names to options."""
+    given = document.values.get('ask', [])
+    if isinstance(given, list) and all(isinstance(name, str) for name in given):
+        given = dict.fromkeys(given)
+    if not isinstance(given, Mapping):
+        document.refuse('ask', f'{shown(given)} is not a list; write for example [contact, lock]')
+    document.check_keys('ask.', given, QUESTIONS)
+    return tuple(_question(document, name, options) for name, options in given.items())
+
+
+def _question(document: Document, name: str, options: Any) -> Question:
+    options = {} if options is None else options
+    if not isinstance(options, dict):
+        document.refuse(f'ask.{name}', f'{shown(options)} is no mapping of options')
+    kind = QUESTIONS[name]
+    document.check_keys(f'ask.{name}.', options, [f.name for f in fields(kind)])
+    return kind(**{key: _plain_number(value) for key, value in options.items()})

@@ -1,0 +1,119 @@
+"""``study`` computes, goes on, tells and draws; a mistake is one line."""
+import json
+import subprocess
+import sys
+
+import pytest
+
+from dragon_ros.__main__ import main
+
+pytest.importorskip('distributed')
+
+GRID = """
+set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 413}}
+vary:
+  dragon.width_m: {from: 0.2, to: 0.3, steps: 3}
+  dragon.hole_inset_m: [0.25, 0.275]
+ask: [contact, lock]
+"""
+RANDOM = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {uniform: [0.5, 0.6]}, dragon.width_m: [0.2, 0.3]}\n' \
+         'ask: [lock]\ndesign: DESIGN\nsamples: 16\n'
+CURVE = 'set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {from: 0.4, to: 0.6, steps: 5}}\nask: [lock]'
+
+
+@pytest.fixture
+def computed(tmp_path, monkeypatch):
+    """A function that computes a study in this process, in the folder ``data``, and returns its folder."""
+    from dragon_ros.studies.dataset import part_of, writing
+    from dragon_ros.studies.rows import rows_of
+    from dragon_ros.studies.study import load_study
+
+    def compute(text, rows=None):
+        monkeypatch.chdir(tmp_path)
+        (tmp_path / 'study.yaml').write_text(text)
+        study = load_study('./study.yaml')
+        count = study.rows if rows is None else rows
+        with writing(tmp_path / 'data', study) as data:
+            data.write(0, count, part_of(study, rows_of(study, range(count))))
+        return tmp_path / 'data'
+    return compute
+
+
+def drawn(folder):
+    return sorted(path.name for path in folder.iterdir() if path.suffix in ('.png', '.svg'))
+
+
+def test_a_study_is_computed_drawn_and_not_computed_again(tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'study.yaml').write_text(GRID)
+    assert main(['study', './study.yaml', '--output', 'data', '--workers', '1', '--plot']) == 0
+    first = capsys.readouterr().out
+    assert 'data: 6 of 6 rows (6 ok)' in first
+    assert drawn(tmp_path / 'data') == ['contact_t_s.png', 'contact_t_s.svg', 'lock_t_s.png', 'lock_t_s.svg']
+    monkeypatch.setattr('dragon_ros.studies.cluster.LocalCluster', None)     # nothing is started for what is there
+    assert main(['study', 'data', '--format', 'json']) == 0
+    found = json.loads(capsys.readouterr().out)
+    assert found['statuses'] == {'ok': 6, 'refused': 0, 'over_budget': 0, 'failed': 0}
+    assert found['answers']['lock_t_s']['count'] == 6
+
+
+@pytest.mark.parametrize(('text', 'rows', 'said'), [
+    (RANDOM.replace('DESIGN', 'random'), None, 'takes 2,995 rows to be 95 % sure'),
+    (RANDOM.replace('DESIGN', 'sobol'), 9, 'data: 9 of 16 rows'),
+    (RANDOM.replace('DESIGN', 'saltelli'), None, 'data: 64 of 64 rows'),
+    (CURVE, None, 'data: 5 of 5 rows')])
+def test_each_design_has_its_picture(computed, capsys, text, rows, said):
+    folder = computed(text, rows)
+    assert main(['study', 'data', '--plot']) == 0
+    assert said in capsys.readouterr().out
+    assert drawn(folder) == ['lock_t_s.png', 'lock_t_s.svg']
+    before = {name: (folder / name).read_bytes() for name in drawn(folder)}
+    assert main(['study', 'data', '--plot']) == 0
+    assert {name: (folder / name).read_bytes() for name in drawn(folder)} == before
+
+
+def test_rows_that_are_refused_are_counted_with_their_reason_and_left_out_of_pictures(computed, capsys):
+    folder = computed('set: {dragon: {benches: 3}}\nvary: {track.pitch_m: [-1, 0.5, 0.6]}\nask: [lock]')
+    assert main(['study', 'data', '--plot']) == 0
+    out = capsys.readouterr().out
+    assert 'data: 3 of 3 rows (2 ok, 1 refused)' in out
+    assert '1 rows: scene: scene: track.pitch_m: -1' in out
+    assert drawn(folder) == ['lock_t_s.png', 'lock_t_s.svg']
+
+
+def test_the_rows_of_a_study_are_arrays_in_python(computed):
+    import dragon_ros as dr
+    folder = computed(RANDOM.replace('DESIGN', 'random'))
+    rows = dr.study(folder)
+    assert len(rows) == 16
+    assert rows['lock_t_s'].shape == (16,)
+    assert dr.study('./study.yaml', output=folder).table == rows.table
+    with pytest.raises(dr.api.InputError, match='in which folder'):
+        dr.study('./study.yaml')
+
+
+@pytest.mark.parametrize(('arguments', 'said'), [
+    (['nothing', '--output', 'x'], "study: study: 'nothing' is not known; the studies are pitch_map, tolerances"),
+    (['pitch_map'], 'study: --output: say in which folder'),
+    (['.'], 'study.yaml: cannot be read'),
+    (['.', '--output', 'x'], '--output: the folder of a study is its output'),
+    (['pitch_map', '--output', 'x', '--samples', '3'], 'samples: 3 is not possible, a grid has its own number, 77'),
+    (['tolerances', '--output', 'x', '--samples', '0'], '--samples: 0'),
+    (['tolerances', '--output', 'x', '--workers', '0'], '--workers: 0'),
+    (['tolerances', '--output', 'x', '--workers', '2', '--scheduler', 'tcp://127.0.0.1:9'], 'brings its own workers'),
+    (['./nothing.yaml', '--output', 'x'], 'nothing.yaml: cannot be read')])
+def test_a_mistake_is_one_line_and_exit_code_2(tmp_path, monkeypatch, capsys, arguments, said):
+    monkeypatch.chdir(tmp_path)
+    assert main(['study', *arguments]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count('\n') == 1
+
+
+def test_a_missing_library_is_named_with_the_cure(tmp_path):
+    for name in ('pyarrow', 'distributed'):
+        code = f'import sys; sys.modules[{name!r}] = None\nfrom dragon_ros.__main__ import main\n' \
+               f'sys.exit(main(["study", "pitch_map", "--output", {str(tmp_path)!r}]))'
+        done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=False)
+        assert done.returncode == 2
+        assert f"{name}: is not installed; studies need it: pip install 'dragon_ros[study]'" in done.stderr

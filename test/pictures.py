@@ -1,0 +1,89 @@
+"""What a drawn figure shows, measured with Matplotlib's renderer: boxes of its texts and legends, and its curves."""
+import numpy as np
+from matplotlib.text import Annotation, Text
+from shapely.affinity import rotate
+from shapely.geometry import LineString, MultiPoint, box
+from shapely.strtree import STRtree
+
+_HAIR = 0.75        # pixels at 100 dots per inch
+
+
+class Picture:
+    """A figure that has been laid out once."""
+
+    def __init__(self, figure):
+        figure.draw_without_rendering()
+        self._figure = figure
+        self._texts = list(_texts(figure))
+
+    def cropped(self):
+        """The texts that the edge of the figure cuts."""
+        edge = box(*self._figure.bbox.extents).buffer(_HAIR)
+        return [words for words, place in self._texts if not edge.contains(place)]
+
+    def overlapping(self):
+        """The pairs of texts that lie on each other."""
+        shapes = [place.buffer(-_HAIR) for _, place in self._texts]
+        pairs = STRtree(shapes).query(shapes, predicate='intersects').T.tolist()
+        return [(self._texts[one][0], self._texts[other][0]) for one, other in pairs if one < other]
+
+    def hidden(self):
+        """The curves that a legend lies on."""
+        found = []
+        for axes in self._figure.axes:
+            if legend := axes.get_legend():
+                area = box(*legend.get_window_extent().extents)
+                found += [(axes.get_title(loc='left'), line.get_label()) for line in axes.lines
+                          if _path(line).intersects(area)]
+        return found
+
+
+def _texts(figure):
+    """Every drawn text of a figure with its box in pixels, turned as the text is."""
+    axes = [axis for each in figure.axes for axis in (each.xaxis, each.yaxis)]
+    labels = {label for axis in axes for tick in (*axis.majorTicks, *axis.minorTicks)
+              for label in (tick.label1, tick.label2)}
+    drawn = {label for axis in axes for tick in axis._update_ticks() for label in (tick.label1, tick.label2)}
+    for text in figure.findobj(Text):
+        if text.get_text().strip() and text.get_visible() and text not in labels - drawn:
+            yield text.get_text(), _box(text)
+
+
+def _path(line):
+    points = line.get_transform().transform(np.column_stack(line.get_data()))
+    points = points[np.isfinite(points).all(axis=1)]
+    return LineString(points) if len(points) > 1 else MultiPoint(points)
+
+
+def _box(text):
+    if isinstance(text, Annotation):
+        extent = _of_words(text)
+        return box(*extent.extents)
+    angle = text.get_rotation()
+    if text.get_rotation_mode() != 'anchor' or angle == 0:
+        return box(*text.get_window_extent().extents)
+    text.set_rotation(0)
+    flat = box(*text.get_window_extent().extents)
+    text.set_rotation(angle)
+    return rotate(flat, angle, origin=tuple(text.get_transform().transform(text.get_position())))
+
+
+def _of_words(annotation):
+    """The box of an annotation without its arrow."""
+    return Text.get_window_extent(annotation)
+
+
+def outside(axes, points):
+    """The points (N, 2) in data that the limits of axes cut off."""
+    (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+    inside = np.all((points >= (left, bottom)) & (points <= (right, top)), axis=1)
+    return points[~inside]
+
+
+def readable(save):
+    """A function that saves the figure of a cost page, whose titles, axes and legends must be readable."""
+    def saved(figure, stem):
+        seen = Picture(figure)
+        assert (seen.cropped(), seen.hidden()) == ([], [])
+        return save(figure, stem)
+    return saved

@@ -1,0 +1,47 @@
+"""Studies of small dragons, whose rows take a millisecond or some hundredths of a second."""
+from pathlib import Path
+
+import pytest
+
+pytest.importorskip('scipy')
+pytest.importorskip('pyarrow')
+
+QUICK = """
+set: {dragon: {benches: 3}}
+vary:
+  dragon.width_m: {uniform: [0.2, 0.4]}
+  track.pitch_m: {from: 0.5, to: 0.6}
+design: random
+samples: 12
+ask: [lock]
+"""
+# Rows of some hundredths of a second: half of them are refused, since the chain is locked from the start.
+SLOWER = """
+set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 411}}
+vary:
+  dragon.width_m: {uniform: [0.1, 0.4]}
+  track.start_turns: [1, 16]
+design: random
+samples: 48
+ask: [contact, lock]
+"""
+
+
+@pytest.fixture(scope='session')
+def study():
+    """A function that returns the study of a text."""
+    from dragon_ros.scenes.yaml import parse_document
+    from dragon_ros.studies.study import study_of
+
+    def read(text=QUICK):
+        return study_of(parse_document('f.yaml', text), Path())
+    return read
+
+
+@pytest.fixture(scope='session')
+def without_times():
+    """A function that returns rows as plain values, without what each took."""
+    def values(table):
+        rows = table if isinstance(table, list) else table.to_pylist()
+        return [{key: value for key, value in row.items() if key != 'cpu_s'} for row in rows]
+    return values

@@ -1,0 +1,114 @@
+"""A data set has each part whole or not at all, whatever kills its writer, and goes on where it was."""
+import pytest
+from pyarrow import parquet
+from small_disk import small_disk
+
+from dragon_ros.core.errors import DiskError, InputError, MissingError
+from dragon_ros.studies import dataset
+from dragon_ros.studies.dataset import open_set, part_of, writing
+from dragon_ros.studies.rows import rows_of
+
+
+@pytest.fixture
+def fill(monkeypatch):
+    """A function that writes rows of ranges; blocks have 8 rows."""
+    monkeypatch.setattr(dataset, 'BLOCK', 8)
+
+    def write(data, *ranges):
+        for start, stop in ranges:
+            data.write(start, stop, part_of(data.study, rows_of(data.study, range(start, stop))))
+    return write
+
+
+def names(folder):
+    return sorted(path.name for path in (folder / 'rows').iterdir())
+
+
+def test_parts_are_joined_block_by_block_whatever_their_order(study, fill, tmp_path, without_times):
+    with writing(tmp_path, study()) as data:
+        fill(data, (9, 11), (2, 8), (8, 9))
+        assert data.missing == [(0, 2), (11, 12)]
+        fill(data, (0, 2))
+        assert names(tmp_path)[0] == 'part-0000000000-0000000008.parquet'
+        fill(data, (11, 12))
+    assert names(tmp_path) == ['part-0000000000-0000000008.parquet', 'part-0000000008-0000000012.parquet']
+    assert without_times(open_set(tmp_path).table()) == without_times(rows_of(study(), range(12)))
+
+
+def test_a_data_set_carries_its_study_and_its_versions(study, fill, tmp_path):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 3))
+    assert open_set(tmp_path).study == study()
+    assert 'dragon_ros: 0' in (tmp_path / 'study.yaml').read_text()
+    schema = parquet.read_schema(next((tmp_path / 'rows').iterdir()))
+    assert schema.metadata[b'dragon_ros.study'].decode() == study().text
+
+
+def test_what_a_kill_left_behind_is_left_out_and_removed(study, fill, tmp_path, without_times):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 3), (3, 6))
+        (tmp_path / 'rows' / 'part-0000000006-0000000008.tmp').write_bytes(b'half')
+        # Killed after a block was joined and before its parts were removed.
+        whole = part_of(study(), rows_of(study(), range(8)))
+        (tmp_path / 'rows' / 'part-0000000000-0000000008.parquet').write_bytes(whole)
+    assert open_set(tmp_path).count == 8
+    with writing(tmp_path, study()) as data:
+        assert names(tmp_path) == ['part-0000000000-0000000008.parquet']
+        assert data.missing == [(8, 12)]
+    assert without_times(open_set(tmp_path).table()) == without_times(rows_of(study(), range(8)))
+
+
+@pytest.mark.parametrize('size', [0, 100, 3000])
+def test_a_full_disk_keeps_what_was_there_and_no_half_of_a_part(study, fill, tmp_path, size):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 3))
+        with small_disk(size), pytest.raises(DiskError, match='File too large; 3 rows are kept; make room'):
+            fill(data, (3, 6))
+        assert names(tmp_path) == ['part-0000000000-0000000003.parquet']
+        fill(data, (3, 6))
+        assert data.count == 6
+
+
+def test_more_samples_of_a_random_study_go_on_and_fewer_are_refused(study, fill, tmp_path, without_times):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 8), (8, 12))
+    with writing(tmp_path, study().with_samples(14)) as data:
+        assert data.missing == [(12, 14)]
+        fill(data, (12, 14))
+    assert without_times(open_set(tmp_path).table()) == without_times(rows_of(study().with_samples(14), range(14)))
+    with pytest.raises(InputError, match='holds a study of 14 samples'), writing(tmp_path, study()):
+        pass
+
+
+def test_rows_of_another_study_or_version_are_never_mixed(study, tmp_path, monkeypatch):
+    with writing(tmp_path, study()):
+        pass
+    other = study('vary: {track.pitch_m: [1]}\nask: [lock]')
+    with pytest.raises(InputError, match='rows of another study, which differs in scene'), writing(tmp_path, other):
+        pass
+    monkeypatch.setattr(dataset, 'versions', lambda: {'dragon_ros': '9.9'})
+    with pytest.raises(InputError, match=r'rows of dragon_ros \S+, this is 9.9'), writing(tmp_path, study()):
+        pass
+
+
+def test_two_processes_never_write_one_data_set(study, tmp_path):
+    with writing(tmp_path, study()), pytest.raises(InputError, match='another process writes'), \
+            writing(tmp_path, study()):
+        pass
+
+
+def test_a_part_that_is_none_is_named(study, fill, tmp_path):
+    with writing(tmp_path, study()) as data:
+        fill(data, (0, 3))
+    path = tmp_path / 'rows' / 'part-0000000003-0000000006.parquet'
+    for content in (b'', b'PAR1', next((tmp_path / 'rows').iterdir()).read_bytes()[:-50]):
+        path.write_bytes(content)
+        with pytest.raises(InputError, match='part-0000000003-0000000006.parquet: cannot be read as rows'):
+            open_set(tmp_path).table()
+    path.write_bytes(next(iter(sorted((tmp_path / 'rows').iterdir()))).read_bytes())
+    assert len(open_set(tmp_path).table()) == 6, 'three rows are three rows'
+
+
+def test_a_folder_without_a_study_is_no_data_set(tmp_path):
+    with pytest.raises(MissingError, match=r'study.yaml: cannot be read'):
+        open_set(tmp_path)
