@@ -7,6 +7,7 @@ from numpy.polynomial import chebyshev
 from dragon_ros.core.numerics.types import Floats
 
 _ENOUGH = 1e-9         # a Newton step, of the interval: the next error is about its square
+_NOTHING = 1e-19       # of the interval: terms that no sum of doubles shows
 _NEWTON_STEPS = 6       # from within a tenth of the interval: quadratic convergence reaches the last digit in five
 
 
@@ -23,21 +24,49 @@ def transform(nodes: int) -> tuple[Floats, Floats]:
 def inverse_series(series: Floats) -> Floats:
     """Return the inverses u(x) of monotone series x(u) (K, M) from [-1, 1] to itself, as series in x (K, M)."""
     x, matrix = transform(series.shape[0])
-    slope = chebyshev.chebder(series)
-    u = wanted = np.repeat(x[:, None], series.shape[1], axis=1)
-    for _ in range(_NEWTON_STEPS):
-        change = (chebyshev.chebval(u, series[:, None, :], tensor=False) - wanted) / chebyshev.chebval(
-            u, slope[:, None, :], tensor=False)
-        u = u - change
+    at = chebyshev.chebvander(x, series.shape[0] - 1)
+    series = series[:1 + max(1, int(np.max(np.flatnonzero(np.abs(series).max(axis=1, initial=0.0) > _NOTHING),
+                                           initial=0)))]
+    slope, wanted = np.asarray(chebyshev.chebder(series), dtype=np.float64), x[:, None]
+    # The first step starts at the nodes, where a product has all values.
+    change = (at[:, :len(series)] @ series - wanted) / (at[:, :len(slope)] @ slope)
+    u = wanted - change
+    for _ in range(_NEWTON_STEPS - 1):
         if np.max(np.abs(change), initial=0.0) < _ENOUGH:
             break
+        change = (_values(series, u) - wanted) / _values(slope, u)
+        u -= change
     out: Floats = matrix @ u
+    return out
+
+
+def _values(series: Floats, u: Floats) -> Floats:
+    """Return the values (N, M) of series (K, M), each at its own points (N, M), by Clenshaw's recurrence in place."""
+    if len(series) == 1:
+        return np.broadcast_to(series[0], u.shape)
+    twice = 2 * u
+    room: Floats = np.empty_like(u)
+    c_0, c_1 = (np.broadcast_to(series[n], u.shape).copy() for n in (-2, -1))
+    for row in series[-3::-1]:
+        np.multiply(c_1, twice, out=room)
+        room += c_0
+        np.subtract(row, c_1, out=c_0)
+        c_1, room = room, c_1
+    out: Floats = c_0 + c_1 * u
+    return out
+
+
+@lru_cache(maxsize=64)
+def _powers(nodes: int) -> Floats:
+    """Return the coefficients (K, K) of Chebyshev polynomials in powers of their variable, the lowest first."""
+    out = np.eye(nodes)
+    for k in range(2, nodes):
+        out[k] = -out[k - 2]
+        out[k, 1:] += 2 * out[k - 1, :-1]
     return out
 
 
 def powers_of(series: Floats) -> Floats:
     """Return series (K, M) as powers of their variable (M, K), the highest first."""
-    nodes = series.shape[0]
-    powers = np.array([np.append(chebyshev.cheb2poly(row), np.zeros(nodes - k - 1))
-                       for k, row in ((k, np.eye(nodes)[k, :k + 1]) for k in range(nodes))])
-    return np.ascontiguousarray((powers.T @ series)[::-1].T)
+    out: Floats = np.ascontiguousarray((_powers(series.shape[0]).T @ series)[::-1].T)
+    return out

@@ -1,23 +1,26 @@
 """Building the table of a tile: where to cut the span, its images, row after row, and the series of what they met."""
 from collections.abc import Callable
 from dataclasses import dataclass
-from itertools import pairwise
-from math import ceil, inf
+from itertools import groupby, pairwise
+from math import ceil, floor, inf
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Block, forward_many
+from dragon_ros.core.chain.forward import Block, forward, forward_many
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transform
-from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Past, Segment, SpiralSegment
 
 NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
 _MOST_STEPS = 40_000        # from joints to their places in the span
 _MOST_BYTES = 256_000_000   # of the series of one table
+_FEWEST_ROWS = 8           # on one spiral that are found all at once
+_NEWTON_STEPS = 8          # of all rows at once
+_SETTLED = 1e-10            # of a link: the next error is about the square of a change
 _ROUNDS = 5                 # of cutting parts in two
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
@@ -153,6 +156,9 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Par
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Return a place moved ahead, link by link, into the span that ends at ``back_m``."""
+    sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
+    if sure > 0:        # links, each on an arc that is no longer than that
+        place = forward(track, (Block(0, sure, link_m),), place, AHEAD, Effort()).place(-1)
     while track.distance_of(place)[0] <= back_m:
         place = track.next(place, link_m, AHEAD, TIGHT)[0]
     return place
@@ -226,9 +232,89 @@ def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tupl
     def settle(places: Places) -> Places:
         return _together(track, places) if len(track.segments) > 1 else places
 
-    rows, _ = forward_many(track, (Block(0, count - 1, link_m),), first, BEHIND, Effort(), settle)
+    rows = [tuple(values[None] for values in first)]        # count of them, where the track does not end before
+    for k, many in _spans(track, link_m, first, count):
+        segment, u, lo = (values[-1] for values in rows[-1])
+        found = None if k is None else _along(track.segments[k], link_m, (segment, u, lo), many)
+        if found is None:
+            block = (Block(0, many, link_m),)
+            (segment, u, lo), _ = forward_many(track, block, (segment, u, lo), BEHIND, Effort(), settle)
+            found = segment[1:], u[1:], lo[1:]
+        rows.append(found)
+        if len(found[0]) < many:
+            break
     shape = -1, len(parts), NODES
-    return rows[0].reshape(shape)[..., 0], rows[1].reshape(shape), rows[2].reshape(shape)
+    segment, u, lo = (np.concatenate(values) for values in zip(*rows, strict=True))
+    return segment.reshape(shape)[..., 0], u.reshape(shape), lo.reshape(shape)
+
+
+def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
+    """Return how to go through the rows behind a row of nodes: so many on a spiral, its segment, or None, row by row.
+
+    Where both the foremost node and the rearmost are on a segment, so are all.
+    """
+    if len(track.segments) == 1:
+        return [(0 if isinstance(track.segments[0], SpiralSegment) else None, count - 1)]
+    ends = [Place.of(*(values[at].item() for values in first)) for at in (NODES - 1, -NODES)]
+    try:
+        fore, rear = (forward(track, (Block(0, count - 1, link_m),), end, BEHIND, Effort()).segment for end in ends)
+    except (TrackEndError, ChainLockError):     # before the last row
+        return [(None, count - 1)]
+    on = [a if a == b and isinstance(track.segments[a], SpiralSegment) else None
+          for a, b in zip(fore, rear, strict=True)]
+    out, row = list[tuple[int | None, int]](), 0
+    for k, group in groupby(range(count), on.__getitem__):
+        numbers = [*group]
+        begin, last = numbers[0], numbers[-1]
+        if k is not None and last - begin >= _FEWEST_ROWS:
+            out += [(None, begin - row), (k, last - begin)]
+            row = last
+    return [(k, many) for k, many in (*out, (None, count - 1 - row)) if many]
+
+
+def _along(spiral: Segment, link_m: float, first: Places, count: int) -> Places | None:
+    """Return the rows (count, S K) of nodes that follow a row (S K,) where all of them stay on one spiral.
+
+    Each row is made of the one before, which leaves little work for arrays. But rows are alike: with the foremost node
+    marched through all, the squared angles of the others lie between its own, in nearly the same shares. From there
+    Newton's method goes on all rows at once. With residuals e and slopes a of the map from row to row, the errors obey
+    d' = a d + e, which is a product and a sum. None where it does not settle on the spiral.
+    """
+    assert isinstance(spiral, SpiralSegment)
+    number, (begin, begin_lo) = first[0], first[1:]
+    low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
+    fore = DoubleDouble(begin[NODES - 1].item(), begin_lo[NODES - 1].item())
+    highs, lows, _ = spiral.march(fore, (count, link_m), BEHIND, Effort(), spiral.first)
+    if len(highs) < count:
+        return None
+    path, path_lo = np.array([fore.hi, *highs])[:, None], np.array([fore.lo, *lows])[:, None]
+    square = _steps_of(path, path_lo) * (path[:-1] + path[1:])      # differences of squared angles
+    square = np.append(square, square[-1:], axis=0)
+    offset = (begin - fore.hi) + (begin_lo - fore.lo)
+    between = offset * (2 * fore.hi + offset) / square[0] * square
+    u, lo = plus(path, path_lo, between / (path + np.sqrt(np.maximum(path * path + between, 0.0))))
+    u[0], lo[0] = begin, begin_lo
+    for _ in range(_NEWTON_STEPS):
+        here, step = u[:-1].reshape(-1), _steps_of(u, lo)
+        ahead = np.abs(step * (u[:-1] + u[1:])).reshape(-1)
+        try:
+            shift, _ = spiral.shifts(here, link_m, BEHIND, TIGHT, Past(ahead, ahead, ahead))
+        except ChainLockError:
+            return None
+        error = shift.reshape(count, -1) - step
+        grown = np.cumprod(spiral.slopes(here, shift).reshape(count, -1), axis=0)
+        change = grown * np.cumsum(error / grown, axis=0)
+        u[1:], lo[1:] = plus(u[1:], lo[1:], change)
+        if not np.all((low <= u) & (u <= high)):
+            return None
+        if np.max(np.abs(change)) <= _SETTLED * link_m / spiral.curve.b_m:
+            return np.broadcast_to(number, (count, number.size)), u[1:], lo[1:]
+    return None
+
+
+def _steps_of(u: Floats, lo: Floats) -> Floats:
+    """Return the differences of successive rows of (hi, lo)."""
+    return (u[1:] - u[:-1]) + (lo[1:] - lo[:-1])
 
 
 def _together(track: Track, places: Places) -> Places:

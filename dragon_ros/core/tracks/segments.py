@@ -447,6 +447,16 @@ class SpiralSegment:
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess, tolerance)
 
+    def slopes(self, u: Floats, shift: Floats) -> Floats:
+        """Return the derivatives of the next coordinates, ``shift`` from u, by u.
+
+        From half the squared chord, delta^2 / 2 + 2 u (u + delta) sin^2(delta / 2), which stays.
+        """
+        s = np.sin(0.5 * shift)
+        outer = u + shift
+        out: Floats = 1 - 2 * (u + outer) * s * s / (shift + 2 * u * s * (s + outer * np.cos(0.5 * shift)))
+        return out
+
     def squares(self, u: Floats, shift: Floats) -> Floats:
         """Return the differences of squared angles of changes of coordinates."""
         out: Floats = np.abs(shift * (2 * u + shift))
