@@ -5,8 +5,6 @@ from shapely.affinity import rotate
 from shapely.geometry import LineString, MultiPoint, box
 from shapely.strtree import STRtree
 
-from dragon_ros.cli import figures
-
 _HAIR = 0.75        # pixels at 100 dots per inch
 
 
@@ -82,8 +80,10 @@ def outside(axes, points):
     return points[~inside]
 
 
-def save_readable(figure, stem):
-    """Save the figure of a cost page, whose titles, axes and legends must be readable."""
-    seen = Picture(figure)
-    assert (seen.cropped(), seen.hidden()) == ([], [])
-    return figures.save(figure, stem)
+def readable(save):
+    """A function that saves the figure of a cost page, whose titles, axes and legends must be readable."""
+    def saved(figure, stem):
+        seen = Picture(figure)
+        assert (seen.cropped(), seen.hidden()) == ([], [])
+        return save(figure, stem)
+    return saved

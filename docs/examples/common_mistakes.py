@@ -258,7 +258,7 @@ def question_4() -> Rows:
     yield 'mistake', 'length of the turn'
     theta = RADIUS_M * 2 * pi / 1.7
     slip = atan(atan(theta) + theta + pi)
-    yield 'arcs of half a turn, as if the spirals met the circle at right angles', f'{pi * RADIUS_M:.6f} m'
+    yield 'arcs of half a turn, as if the spirals were tangent to the circle', f'{pi * RADIUS_M:.6f} m'
     yield "the tangent's angle is taken for its slope", f'{turn_length_m(slip):.6f} m'
     yield 'the same, and the radii are taken to add up to 4.5 m', f'{2 * RADIUS_M * slip:.6f} m'
 

@@ -5,11 +5,9 @@ from collections.abc import Callable
 from contextlib import suppress
 from dataclasses import asdict
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
-from dragon_ros.bags.check.compare import Comparison, compare_with_model
 from dragon_ros.bags.check.examine import Contents, examine, gaps_of
-from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.frames import frame_of_bag, log_times_are_ticks, namespace_of, scene_of_bag, walked_scene
 from dragon_ros.bags.read.mcap import BagError
@@ -23,6 +21,9 @@ from dragon_ros.core.scene import NS
 from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
+
+if TYPE_CHECKING:       # what checks and repairs is imported where it does
+    from dragon_ros.bags.check.compare import Comparison
 
 _SHOWN = 20     # lines of faults
 _STEPS = 8      # of the clearance over time
@@ -102,6 +103,7 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
 
 
 def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    from dragon_ros.bags.check.compare import compare_with_model
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
         scene, frame_id = scene_of_bag(bag, namespace, arguments.trust), frame_of_bag(bag, namespace)
@@ -115,13 +117,14 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
     return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
 
 
-def _verdict(path: Path, found: Comparison, tier: str) -> dict[str, Any]:
+def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'fault_count': found.fault_count,
             'missing_count': found.missing_count, 'faults': found.faults}
 
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
+    from dragon_ros.bags.check.repair import repair
     total = sum(each.stat().st_size for each in files_of(arguments.bag) if each.exists())
     with Progress('repair', 'B', total, unit_scale=True) as bar:
         done = repair(arguments.bag, arguments.repair, bar.update)

@@ -45,9 +45,8 @@ class Moment:
     @property
     def clearance_m(self) -> float:
         """The smallest signed gap of benches that are not neighbours in the chain; inf without any."""
-        from dragon_ros.core.contact.broad_phase import candidates
-        from dragon_ros.core.contact.signed_distance import gaps
-        return float(np.min(gaps(self.benches, *candidates(self.p, self.benches)), initial=np.inf))
+        from dragon_ros.core.contact.near_pairs import closeness
+        return closeness(self.p, self.benches).clearance_m
 
 
 @dataclass(frozen=True)

@@ -36,7 +36,7 @@ def main(argv: list[str]) -> int:
                          'the scheduler file of its scheduler')
     options.add_argument('--plot', action='store_true', help='draw what is there into the folder, as PNG and SVG; of a '
                          'FOLDER nothing is computed then')
-    options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (text)')
+    options.add_argument('--format', choices=('text', 'json'), default='text', help='output format (%(default)s)')
     return command_line.guarded('study', partial(_run, options.parse_args(argv)))
 
 

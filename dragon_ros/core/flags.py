@@ -37,7 +37,7 @@ NEEDS = {Effect.CLEARANCE: Effect.BENCHES, Effect.CONTACT: Effect.CLEARANCE, Eff
 MEANINGS = {
     Effect.VELOCITY: 'velocities of all handles',
     Effect.BENCHES: 'the benches as rectangles',
-    Effect.CLEARANCE: 'gaps of the pairs of benches that are near each other, and the smallest',
+    Effect.CLEARANCE: 'the smallest gap of benches that are not neighbours, and the gaps of those that touch',
     Effect.CONTACT: 'which benches touch, and where',
     Effect.MARKERS: 'the benches that touch, to be shown',
     Effect.ACCELERATIONS: 'accelerations of all handles',

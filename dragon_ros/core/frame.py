@@ -1,8 +1,5 @@
 """What one tick computes: the frame, and the results of its effects."""
 from dataclasses import dataclass
-from math import inf
-
-import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.rectangles import Benches
@@ -11,16 +8,17 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 @dataclass(frozen=True)
 class Closeness:
-    """Pairs (i, j) of benches that may be near each other, (K,), and their signed gaps in metres."""
+    """The smallest signed gap in metres of all benches that are not neighbours, ``closest``, and all pairs that touch.
 
+    ``clearance_m`` is inf, and ``closest`` None, where there are fewer than three benches; of several pairs with the
+    same gap the closest is the first. Pairs (i, j) (K,) that touch, i < j, with ``gap_m`` (K,), the deepest first.
+    """
+
+    clearance_m: float
+    closest: tuple[int, int] | None
     i: Ints
     j: Ints
     gap_m: Floats
-
-    @property
-    def clearance_m(self) -> float:
-        """Smallest signed gap; inf where no pair is near."""
-        return float(np.min(self.gap_m, initial=inf))
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,6 @@
 import subprocess
 import sys
 from argparse import Namespace
-from collections.abc import Callable
 from functools import partial
 from importlib import import_module
 from pathlib import Path
@@ -15,7 +14,7 @@ from dragon_ros.core.errors import DragonError, MissingError
 PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'promises': 'dragon_ros.cost.promises',
          'contact': 'dragon_ros.cost.contacts', 'effects': 'dragon_ros.cost.effects', 'tick': 'dragon_ros.cost.ticks',
          'scale': 'dragon_ros.cost.scale', 'bag': 'dragon_ros.cost.bags', 'memory': 'dragon_ros.cost.memory',
-         'study': 'dragon_ros.cost.study'}
+         'startup': 'dragon_ros.cost.startup', 'study': 'dragon_ros.cost.study'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[2]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
@@ -32,7 +31,8 @@ def main(argv: list[str]) -> int:
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; memory: that of a recorder during a long '
-                         'run; study: rows a second of studies on Dask; all: one after the other, for some hours')
+                         'run; startup: of every executable; study: rows a second of studies on Dask; all: one after '
+                         'the other, for some hours')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')
@@ -95,8 +95,7 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
     print('\n' + '\n'.join(map(str, paths)))
 
 
-def write(name: str, rows: Any, folder: Path,
-          save: Callable[[Any, Path], list[Path]] = figures.save) -> list[Path]:
+def write(name: str, rows: Any, folder: Path) -> list[Path]:
     """Write a page, its CSV and its pictures into a folder and return their paths. A page keeps its text."""
     page, text, data = import_module(PAGES[name]), folder / f'{name}.md', folder / f'{name}.csv'
     folder.mkdir(parents=True, exist_ok=True)
@@ -104,7 +103,7 @@ def write(name: str, rows: Any, folder: Path,
         text.write_text(f'{_mark(name)}\n{_END}\n', encoding='utf-8')
     renew(text, name, page.table(rows))
     data.write_text(page.csv_text(rows), encoding='utf-8')
-    return [text, data, *save(page.picture(rows), folder / name)]
+    return [text, data, *figures.save(page.picture(rows), folder / name)]
 
 
 def _mark(name: str) -> str:

@@ -25,7 +25,7 @@ LIVE = (223, 2000, 20_000)
 _AT_S = 300.0
 _FITTED = 1000          # exponents are fitted from here on
 _LIVE_TIMES = 10        # length of a live run in timings
-_COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#CCBB00', '#E69F00', '#D55E00'), strict=True))
+_COLOURS = dict(zip(STAGES, ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00'), strict=True))
 
 _OF_SOLVERS = ('chain', 'velocities')    # the stages in which solvers differ
 

@@ -22,7 +22,7 @@ from dragon_ros.cost.stages import STAGES, stages_of
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
 _ALL = (*STAGES, 'publish')
 _OBJECTS, _BYTES = 'objects', 'bytes'
-_COLOURS = ('#999999', '#0072B2', '#56B4E9', '#009E73', '#F0E442', '#E69F00', '#D55E00', '#CC79A7')    # Okabe-Ito
+_COLOURS = ('#999999', '#0072B2', '#56B4E9', '#009E73', '#E69F00', '#D55E00', '#CC79A7')    # Okabe-Ito
 _LONGEST_S = 120.0
 
 

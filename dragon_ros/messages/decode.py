@@ -290,11 +290,35 @@ def read_marker_array(data: bytes | bytearray) -> Markers:
                    doubles[:, 7:], data)
 
 
+_LAST_LAYOUT: list[tuple[str, Layout, tuple[int, ...]]] = []     # of a message's first marker, with its lengths
+
+
+def _first_layout(reader: Reader, fields: Sequence[Field]) -> Layout:
+    """Return the layout of a message's first marker: the last message's, where all words that hold lengths agree.
+
+    They alone decide it, each where those that follow are.
+    """
+    for order, layout, lengths in _LAST_LAYOUT:
+        if (order, layout.start) == (reader.order, reader.at) and layout.end <= len(reader.data) and (
+                lengths == _lengths(reader, layout)):
+            reader.at = layout.end
+            return layout
+    layout = layout_of(reader, fields)
+    _LAST_LAYOUT[:] = [(reader.order, layout, _lengths(reader, layout))]
+    return layout
+
+
+def _lengths(reader: Reader, layout: Layout) -> tuple[int, ...]:
+    word = struct.Struct(f'{reader.order}I')
+    return tuple(word.unpack_from(reader.data, at)[0] for at in layout.lengths)
+
+
 def _runs(reader: Reader, count: int) -> Iterator[Run]:
     (markers,) = fields_of('visualization_msgs/msg/MarkerArray')
-    most = count
+    most, first = count, True
     while count:
-        layout = layout_of(reader, markers.parts)
+        layout = _first_layout(reader, markers.parts) if first else layout_of(reader, markers.parts)
+        first = False
         stride = layout.end - layout.start + -(layout.end - layout.start) % 4
         same = 1 if stride % 8 else _alike(reader, layout, stride, min(count, most))
         reader.at = layout.end + (same - 1) * stride

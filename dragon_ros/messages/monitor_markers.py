@@ -31,7 +31,7 @@ def report_markers(report: Report) -> bytes:
 
 
 def clearance_marker(report: Report) -> bytes:
-    """Return the clearance as text above the point between the closest benches; DELETE where none are near."""
+    """Return the clearance as text above the point between the closest benches; DELETE where there are none."""
     spec = deleted('clearance')
     if report.closest:
         x, y = witness(report.observation.benches, *report.closest).point_m

@@ -211,8 +211,9 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 def _finite(what: str, values: Floats) -> Floats:
     """Return values as native floats. Raises MessageError unless all are finite and can be squared."""
-    bad = ~(np.abs(values) < 1e150)
-    if np.any(bad):
-        row = int(np.argwhere(bad)[0][0])
+    values = np.ascontiguousarray(values, dtype=np.float64)
+    size = np.abs(values)
+    if not np.max(size, initial=0.0) < 1e150:
+        row = int(np.argwhere(~(size < 1e150))[0][0])
         raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers')
-    return np.ascontiguousarray(values, dtype=np.float64)
+    return values

@@ -40,7 +40,7 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._tracker = Synchronizer(), ContactTracker(self._warn_below_m)
+        self._pairs, self._tracker = Synchronizer(), ContactTracker()
         self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
                          for name in ('handles', 'benches')}
         self._several: dict[str, list[str]] = {}
@@ -59,7 +59,7 @@ class Monitor(DragonNode):
 
     def changed(self, name: str) -> None:
         """Apply another limit from the next tick on."""
-        self._warn_below_m = self._tracker.near_m = float(self.setting['warn_below_m'])
+        self._warn_below_m = float(self.setting['warn_below_m'])
 
     def _on_handles(self, data: bytes, info: Any) -> None:
         self._take('handles', info, lambda: read_handles(data), self._pairs.add_handles)

@@ -20,7 +20,7 @@ from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # of a metre, or of the distance along the track: an interval is not halved below it
 _EARLY = 30_000         # steps, before which no proof is called hopeless
-_HOPELESS = 10          # times the budget is what a proof would take that is given up early
+_HOPELESS = 3           # times the budget is what a proof would take that is given up early; honest ones: 1.8 at most
 Progress = Callable[[float, float], None]
 
 

@@ -133,7 +133,7 @@ def test_simulate_that_is_interrupted_leaves_a_whole_bag(tmp_path):
     assert counts['/dragon/handles'] == counts['/dragon/benches'] > 10
 
 
-@pytest.mark.parametrize('loaded', ['difflib', 'dragon_ros.executables', 'yaml', 'numpy', 'rclpy.node'])
+@pytest.mark.parametrize('loaded', ['dragon_ros.executables', 'argparse', 'yaml', 'numpy', 'rclpy.node'])
 def test_a_recorder_that_is_interrupted_while_it_starts_ends_without_a_traceback(tmp_path, loaded):
     command = [sys.executable, '-X', 'importtime', '-m', 'dragon_ros', 'record', '--output', tmp_path / 'a']
     said = []

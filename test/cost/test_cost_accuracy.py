@@ -1,6 +1,5 @@
 """The page ``cost accuracy``: its rows for tiers, for other solvers and for integration, and its files."""
 import numpy as np
-import pictures
 import pytest
 
 from dragon_ros.cost import command, workprec
@@ -43,6 +42,6 @@ def test_integration_starts_exactly_and_drifts():
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     rows = [workprec._tier_row(CASES['classic'], tier, 'table', 0.0) for tier in ('fine', 'exact')]
     with np.errstate(all='warn'):
-        paths = command.write('accuracy', rows, tmp_path, pictures.save_readable)
+        paths = command.write('accuracy', rows, tmp_path)
     assert [path.name for path in paths] == ['accuracy.md', 'accuracy.csv', 'accuracy.png', 'accuracy.svg']
     assert '2 promises are kept and 0 broken' in workprec.summary(rows)

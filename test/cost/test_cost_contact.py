@@ -1,6 +1,5 @@
 """The page ``cost contact``: its verdicts, its growth and its files, from rows made by hand."""
 import numpy as np
-import pictures
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -33,7 +32,7 @@ def test_growth_is_the_slope_in_logarithms():
 def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     rows = contacts.Measured([search(0.0), search(0.5)], checks(1.0))
     with np.errstate(all='warn'):
-        paths = command.write('contact', rows, tmp_path, pictures.save_readable)
+        paths = command.write('contact', rows, tmp_path)
     assert [path.name for path in paths] == ['contact.md', 'contact.csv', 'contact.png', 'contact.svg']
     assert all(path.stat().st_size for path in paths)
     assert 'WRONG' in contacts.table(rows)

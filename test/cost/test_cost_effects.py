@@ -1,6 +1,5 @@
 """The page ``cost effects``: its prices, its whole ticks and its files."""
 import numpy as np
-import pictures
 
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
@@ -44,7 +43,7 @@ def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
         + [prices.Price('clock', scene, 0, None) for scene in (prices.ALONE, 'first_contact')],
         [prices.Whole('minimal', TIMING, 0.2, 'everything on')])
     with np.errstate(all='warn'):
-        paths = command.write('effects', rows, tmp_path, pictures.save_readable)
+        paths = command.write('effects', rows, tmp_path)
     assert [path.name for path in paths] == ['effects.md', 'effects.csv', 'effects.png', 'effects.svg']
     assert all(path.stat().st_size for path in paths)
     assert '| benches | 100 | 10 | 10 |' in effects.table(rows)

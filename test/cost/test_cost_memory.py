@@ -4,7 +4,6 @@ import io
 from dataclasses import replace
 
 import numpy as np
-import pictures
 import pytest
 
 from dragon_ros.cost import command, memory
@@ -32,7 +31,7 @@ def test_a_step_is_distinguished_from_steady_growth():
 
 def test_table_csv_and_picture_have_the_run(tmp_path):
     with np.errstate(all='warn'):
-        paths = command.write('memory', recorded(), tmp_path, pictures.save_readable)
+        paths = command.write('memory', recorded(), tmp_path)
     assert {path.name for path in paths} == {'memory.md', 'memory.csv', 'memory.png', 'memory.svg'}
     assert '| 10 | 0 | 60 s: 80.01 | 80.06 | 85.00 | 6 | 0.00 | 6 | 35 | 4,800 | 1000 |' in memory.table(recorded())
     read = list(csv.DictReader(io.StringIO((tmp_path / 'memory.csv').read_text())))

@@ -1,6 +1,5 @@
 """The pages ``cost tick`` and ``cost scale``: their sums, exponents, verdicts and files."""
 import numpy as np
-import pictures
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
@@ -25,7 +24,7 @@ def test_the_stages_of_a_tick_are_those_of_the_model(solver):
     assert tuple(calls) == STAGES
     np.testing.assert_allclose(calls['chain']().p, state(scene, 300.0).p, atol=compile_scene(scene).promise_m)
     assert len(calls['encode']()) == 3
-    assert calls['gaps']() > 0
+    assert calls['look']().clearance_m > 0
 
 
 def tick_rows():
@@ -36,11 +35,11 @@ def tick_rows():
 
 def test_the_tick_page_says_how_many_times_faster_than_before(tmp_path):
     with np.errstate(all='warn'):
-        paths = command.write('tick', tick_rows(), tmp_path, pictures.save_readable)
+        paths = command.write('tick', tick_rows(), tmp_path)
     assert [path.name for path in paths] == ['tick.md', 'tick.csv', 'tick.png', 'tick.svg']
     assert all(path.stat().st_size for path in paths)
-    assert '| 80 | 10.0 |' in ticks.table(tick_rows())
-    assert len(ticks.csv_text(tick_rows()).splitlines()) == 1 + 2 * 8
+    assert '| 70 | 11.3 |' in ticks.table(tick_rows())
+    assert len(ticks.csv_text(tick_rows()).splitlines()) == 1 + 2 * 7
 
 
 def test_without_ros_the_tick_page_leaves_publishing_out(monkeypatch, capsys):
@@ -48,7 +47,7 @@ def test_without_ros_the_tick_page_leaves_publishing_out(monkeypatch, capsys):
     assert ticks._messages(0.0) == {}
     assert 'publishing is omitted' in capsys.readouterr().err
     row = ticks.Row('march', 'exact', 'bytes', {name: timing(1e-5) for name in STAGES})
-    assert '| - | 70 |' in ticks.table([row])
+    assert '| - | 60 |' in ticks.table([row])
 
 
 def test_publishing_is_measured_where_ros_is():
@@ -91,7 +90,7 @@ def test_the_scale_page_has_exponents_and_verdicts(tmp_path):
     rates = [run(223, 50), run(223, 70, overruns=3)]
     rows = scale.Measured(stages, [run(223, 0)], rates, [build(Scene(dragon=Dragon(30)))])
     with np.errstate(all='warn'):
-        paths = command.write('scale', rows, tmp_path, pictures.save_readable)
+        paths = command.write('scale', rows, tmp_path)
     assert [path.name for path in paths] == ['scale.md', 'scale.csv', 'scale.png', 'scale.svg']
     text = scale.table(rows)
     assert text.count('N^1.00') == 2 * len(STAGES)

@@ -3,16 +3,13 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import inf
 
 import numpy as np
 
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
 from dragon_ros.core.chain.commanded import Commanded, Walked, profile_of, walked_from
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.broad_phase import candidates
-from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.contact.tracker import NEAR_M
+from dragon_ros.core.contact.near_pairs import closeness
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.limits import LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
@@ -47,11 +44,8 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap of benches that may touch, in m; inf where there are none, None without benches."""
-        if self.benches is None:
-            return None
-        i, j = candidates(self.handles_m, self.benches, NEAR_M)
-        return float(np.min(gaps(self.benches, i, j), initial=inf))
+        """Smallest signed gap of benches that are not neighbours, in m; inf where all are, None without benches."""
+        return None if self.benches is None else closeness(self.handles_m, self.benches).clearance_m
 
 
 @dataclass

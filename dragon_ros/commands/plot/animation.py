@@ -22,6 +22,7 @@ MOST_FRAMES = 3000
 _INCHES = 4.6               # of the longer side of the axes
 _SAMPLES = 24               # moments whose dragons set the window
 _HAIR_S = 1e-9
+_HOLD_MS = 1500             # of the last frame of a GIF
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -119,6 +120,12 @@ class _GifWriter(PillowWriter):
         super().grab_frame(**options)
         frames: list[Any] = self._frames  # type: ignore[attr-defined]
         frames[-1] = frames[-1].convert('RGB').quantize(palette=_palette(), dither=0)
+
+    def finish(self) -> None:
+        """Write the file; its last frame stays for a while before the animation starts again."""
+        frames: list[Any] = self._frames  # type: ignore[attr-defined]
+        each_ms = [round(1000 / self.fps)] * (len(frames) - 1)
+        frames[0].save(self.outfile, save_all=True, append_images=frames[1:], duration=[*each_ms, _HOLD_MS], loop=0)
 
 
 @lru_cache

@@ -7,7 +7,7 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import Patch
+from matplotlib.patches import ConnectionPatch, Patch
 
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, POINT, QUIET, TOUCHED, TRACK
@@ -54,6 +54,9 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
     draw(whole, seen, source.track, one, touch.benches)
     _look_closer(close, source.track, one, touch)
     whole.indicate_inset_zoom(close, edgecolor=POINT, alpha=0.8, linewidth=0.8)
+    for part in whole.get_children():
+        if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10 a layout made room for these lines
+            part.set_in_layout(False)
     inner, outer = touch.benches
     witness = touch.witness
     whole.set_title(figures.titled(source.name, f'first contact at {touch.t_s:.6f} s', inches[0]))
@@ -105,9 +108,9 @@ def _frame(axes: Axes, seen: Floats) -> None:
 
 def _points_per_m(axes: Any) -> float:
     """Return the scale of axes, before their layout: a little too small."""
-    width_in, height_in = axes.get_position().size * axes.get_figure(root=True).get_size_inches()
     (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
-    return 72 * float(min(width_in / (right - left), height_in / (top - bottom)))
+    pixels_per_m = min(axes.bbox.width / (right - left), axes.bbox.height / (top - bottom))
+    return 72 * float(pixels_per_m) / float(axes.figure.dpi)
 
 
 def _look_closer(axes: Axes, track: Floats | None, one: Moment, touch: Touch) -> None:

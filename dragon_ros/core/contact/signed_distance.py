@@ -11,6 +11,7 @@ along an axis is off by 20 u L, and the root of a sum of squares by 1.5 times wh
 gap of two benches is off by more than 128 u (S + L).
 """
 from dataclasses import dataclass
+from math import sqrt
 
 import numpy as np
 
@@ -101,6 +102,39 @@ def gaps(benches: Benches, i: Index, j: Index) -> Floats:
         return signed_gap(placement(benches, i, j))
     parts = range(0, i.size, _AT_ONCE)
     return np.concatenate([signed_gap(placement(benches, i[n:n + _AT_ONCE], j[n:n + _AT_ONCE])) for n in parts])
+
+
+def gap_of(benches: Benches, i: int, j: int) -> float:
+    """Return the signed gap of benches i and j in metres, with the bits of ``gaps``: the same operations on floats.
+
+    A pair takes a tenth of what arrays of one pair take.
+    """
+    (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), benches.centre[j].tolist()
+    (u_x, u_y), (w_x, w_y) = benches.axis[i].tolist(), benches.axis[j].tolist()
+    a, b = ((benches.half_length.item(n), benches.half_width.item(n)) for n in (i, j))
+    offset_x, offset_y = x_j - x_i, y_j - y_i
+    x, y = offset_x * u_x + offset_y * u_y, offset_y * u_x - offset_x * u_y
+    cos, sin = u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x
+    axis_a, near_a = _separation(x, y, cos, sin, a, b)
+    axis_b, near_b = _separation(-x * cos - y * sin, x * sin - y * cos, cos, -sin, b, a)
+    gap = max(axis_a, axis_b)
+    return max(sqrt(min(near_a, near_b)), gap) if gap > 0 else gap
+
+
+def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, float],
+                b: tuple[float, float]) -> tuple[float, float]:
+    """Return what ``Placement.separations`` does, of one pair."""
+    turned = (cos < 0) ^ (sin < 0) ^ (x < 0) ^ (y < 0)
+    x, y, c, s = abs(x), abs(y), abs(cos), abs(sin)
+    (a_x, a_y), (half, side) = a, b
+    along_x, along_y, across_x, across_y = half * c, half * s, side * s, side * c
+    tilt = -1.0 if turned else 1.0
+    x_1, y_2 = x - along_x - across_x, y - along_y - across_y
+    y_1, x_2 = abs(y - tilt * (along_y - across_y)), abs(x - tilt * (along_x - across_x))
+    first_x, first_y = max(abs(x_1) - a_x, 0.0), max(y_1 - a_y, 0.0)
+    second_x, second_y = max(x_2 - a_x, 0.0), max(abs(y_2) - a_y, 0.0)
+    return max(x_1 - a_x, y_2 - a_y), min(first_x * first_x + first_y * first_y,
+                                          second_x * second_x + second_y * second_y)
 
 
 def _at(array: Array, index: Index) -> Floats:

@@ -7,23 +7,23 @@ Observations come late, twice or from a run that started again: ``ReorderBuffer`
 are the open contacts of all pairs at once, as arrays: which pairs touch, how deep and when, and which were reported.
 """
 from collections import deque
-from dataclasses import dataclass, replace
-from math import inf, nan
+from dataclasses import dataclass
+from math import nan
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
 
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.broad_phase import candidates
-from dragon_ros.core.contact.signed_distance import gaps, witness
+from dragon_ros.core.contact.near_pairs import NearPairs
+from dragon_ros.core.contact.signed_distance import gap_of, witness
+from dragon_ros.core.frame import Closeness
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
-NEAR_M = 0.02           # gaps up to this are found for certain
+NEAR_M = 0.02           # a smaller clearance deserves a warning
 MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
-TOUCH_M = 1e-10         # positions are right to 2e-12 m: a smaller gap is a contact
 _SHOWN = 8
 _UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
 
@@ -83,9 +83,9 @@ class EpisodeEnd:
 class Report:
     """What follows from one observation.
 
-    ``clearance_m`` is the smallest signed gap of all candidate pairs (inf without any), ``closest`` its benches;
-    ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts contacts that
-    began beyond the ``MOST_REPORTED``.
+    ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf without any), ``closest`` its
+    benches; ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts
+    contacts that began beyond the ``MOST_REPORTED``.
     """
 
     observation: Observation
@@ -162,6 +162,10 @@ class Episodes:
 
         ``key`` (K,) are the pairs that touch now, growing, each once; ``gap_m`` (K,) their gaps.
         """
+        if np.array_equal(key, self.key):
+            deeper, none = gap_m < self.deepest_m, np.zeros(key.size, bool)
+            return Episodes(key, np.where(deeper, gap_m, self.deepest_m), np.where(deeper, t_ns, self.deepest_ns),
+                            self.reported), none, none
         _, old, now = np.intersect1d(self.key, key, assume_unique=True, return_indices=True)
         deepest, times = gap_m.copy(), np.full(key.size, t_ns, dtype=np.int64)
         reported, new, ended = np.zeros(key.size, bool), np.ones(key.size, bool), np.ones(self.key.size, bool)
@@ -180,9 +184,9 @@ def no_episodes() -> Episodes:
 class ContactTracker:
     """Examines observations in the order of their times; reports each contact of a pair when it begins and ends."""
 
-    def __init__(self, near_m: float = NEAR_M) -> None:
-        """Start having seen nothing; gaps up to ``near_m`` are never missed as clearance."""
-        self.near_m = near_m
+    def __init__(self) -> None:
+        """Start having seen nothing."""
+        self._near = NearPairs()
         self._buffer: ReorderBuffer[Observation] = ReorderBuffer()
         self._restart()
         self._ended: tuple[EpisodeEnd, ...] = ()
@@ -203,42 +207,34 @@ class ContactTracker:
         self._open = no_episodes()
 
     def _report_on(self, observation: Observation) -> Report:
-        i, j, gap = self._gaps(observation)
-        least = int(np.argmin(gap)) if gap.size else -1
-        report = Report(observation, float(gap[least]), (int(i[least]), int(j[least]))) if gap.size else Report(
-            observation, inf, None)
-        touching = gap <= TOUCH_M
-        if self._open.key.size or np.any(touching):
-            key, rows = np.unique((i * len(observation.benches.centre) + j)[touching], return_index=True)
-            report = self._episodes(report, key, gap[touching][rows])
-        ends, self._ended = (*self._ended, *report.ends), ()
-        self._seen = [*self._seen[-2:], observation]
-        return replace(report, ends=ends)
+        found = self._near.look(observation.p, observation.benches)
+        if self._open.key.size or found.i.size:
+            report = self._episodes(observation, found)
+        else:
+            report = Report(observation, found.clearance_m, found.closest, ends=self._ended)
+        self._ended, self._seen = (), [*self._seen[-2:], observation]
+        return report
 
-    def _gaps(self, observation: Observation) -> tuple[Ints, Ints, Floats]:
-        """Return candidates (K,), (K,) and their gaps; the pairs of open episodes are always among them."""
-        b = observation.benches
-        i, j = candidates(observation.p, b, self.near_m)
-        if self._open.key.size:
-            inner, outer = np.divmod(self._open.key, len(b.centre))
-            i, j = np.concatenate((i, inner)), np.concatenate((j, outer))
-        return i, j, gaps(b, i, j)
-
-    def _episodes(self, report: Report, key: Ints, gap: Floats) -> Report:
+    def _episodes(self, observation: Observation, found: Closeness) -> Report:
         """Carry the episodes on with the pairs that touch now."""
-        observation = report.observation
-        now, new, ended = self._open.advance(observation.t_ns, key, gap)
+        key = found.i * len(observation.benches.centre) + found.j
+        order = np.argsort(key)
+        now, new, ended = self._open.advance(observation.t_ns, key[order], found.gap_m[order])
+        touching = self._pairs(key[:_SHOWN], observation)
+        if not (np.any(new) or np.any(ended)):
+            self._open = now
+            return Report(observation, found.clearance_m, found.closest, touching, key.size, ends=self._ended)
         ends = self._ends(observation, ended & self._open.reported, True)
-        deepest = np.argsort(gap, kind='stable')
+        deepest = np.argsort(order)
         begun = deepest[new[deepest]]
         room = max(0, MOST_REPORTED - int(np.sum(now.reported)))
-        begins = tuple(self._event(observation, pair, float(gap[n])) for n, pair in
-                       zip(begun[:room], self._pairs(key[begun[:room]], observation), strict=True))
+        begins = tuple(self._event(observation, pair, float(found.gap_m[order[n]])) for n, pair in
+                       zip(begun[:room], self._pairs(now.key[begun[:room]], observation), strict=True))
         reported = now.reported.copy()
         reported[begun[:room]] = True
         self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, reported)
-        return replace(report, touching=self._pairs(key[deepest[:_SHOWN]], observation), count=key.size, begins=begins,
-                       ends=ends, more=max(0, begun.size - room))
+        return Report(observation, found.clearance_m, found.closest, touching, key.size, begins,
+                      (*self._ended, *ends), max(0, begun.size - room))
 
     @staticmethod
     def _pairs(key: Ints, observation: Observation) -> tuple[Pair, ...]:
@@ -265,8 +261,7 @@ class ContactTracker:
         if not self._seen:
             return observation.t_ns / NS, nan
         known = [*self._even(observation), observation]
-        i, j = np.array([pair[0]]), np.array([pair[1]])
-        gap = [float(gaps(one.benches, i, j)[0]) for one in known]
+        gap = [gap_of(one.benches, *pair) for one in known]
         origin = self._seen[-1].t_ns
         span = [(one.t_ns - origin) / NS for one in known]
         curve = np.poly1d(np.polyfit(span, gap, len(known) - 1))

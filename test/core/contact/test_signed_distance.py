@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.signed_distance import CORNERS, gaps, shortest_vector, witness, witnesses
+from dragon_ros.core.contact.signed_distance import CORNERS, gap_of, gaps, shortest_vector, witness, witnesses
 
 A, B = np.array([0]), np.array([1])
 EPS = np.finfo(float).eps
@@ -41,6 +41,16 @@ def ulps(benches):
 
 size = st.one_of(st.just(0.0), st.floats(1e-3, 4))
 bench = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), size, size)
+
+
+@given(bench, bench)
+@example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1))
+@example((0, 0, 0, 2, 1), (2, 1, 0, 2, 1))                  # corner on corner
+@settings(max_examples=1000)
+def test_the_gap_of_one_pair_has_the_bits_of_many(one, two):
+    benches = rectangles(one, two)
+    for i, j in ((0, 1), (1, 0)):
+        assert gap_of(benches, i, j) == gaps(benches, np.array([i]), np.array([j]))[0]
 
 
 @given(bench, bench)

@@ -149,9 +149,10 @@ def test_benches_two_and_three_apart_in_the_chain_count_however_far():
     assert (report.clearance_m, report.closest, report.touching) == (pytest.approx(30), (0, 3), ())
 
 
-def test_no_gap_up_to_the_wanted_one_is_missed_in_any_layout():
-    (report,) = reports_of([(0, 0.0999)], ContactTracker(near_m=0.1))
-    assert report.clearance_m == pytest.approx(0.0999)
+@pytest.mark.parametrize('gap', [0.0999, 3.0, 30.0])
+def test_no_gap_is_missed_however_large(gap):
+    (report,) = reports_of([(0, gap)])
+    assert report.clearance_m == pytest.approx(gap)
 
 
 def test_a_gap_of_rounding_errors_is_a_contact():
@@ -219,13 +220,16 @@ def test_many_contacts_at_once_are_bounded_deepest_first_and_counted():
     assert (after.count, tracker._open.key.size) == (0, 0)
 
 
-def test_an_open_episode_goes_on_where_the_pair_is_no_candidate_any_more(monkeypatch):
-    from dragon_ros.core.contact import tracker as module
-    tracker = ContactTracker()
-    tracker.add(crossed(10**9, -0.1))
-    monkeypatch.setattr(module, 'candidates', lambda p, benches, reach_m=None: (np.array([0]), np.array([2])))
-    (report,) = tracker.add(crossed(2 * 10**9, -0.2))
-    assert (report.count, report.ends) == (1, ())
+def test_an_open_episode_goes_on_where_the_pair_is_neither_the_closest_nor_near_any_other():
+    crossed_, tracker = crossed(10**9, -0.1), ContactTracker()
+    tracker.add(crossed_)
+    b = crossed_.benches
+    centre = b.centre.copy()
+    centre[1] = centre[-1]      # another pair is now the deepest
+    (report,) = tracker.add(Observation(2 * 10**9, crossed_.p, Benches(centre, b.axis, b.half_length, b.half_width)))
+    assert (0, 3) in report.touching
+    assert report.closest != (0, 3)
+    assert report.ends == ()
 
 
 def test_a_watch_of_the_whole_run_never_grows():

@@ -1,0 +1,119 @@
+"""``cost startup``: how long each executable takes to start: its help, and the smallest thing that it does."""
+import os
+import re
+import subprocess
+import sys
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from urllib.request import urlopen
+
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
+
+_MODULE = '-m', 'dragon_ros'
+_BAG = 'simulate', '--force', '--set', 'run.stop_s=2', '--output'
+HELP = '--help'
+FLOORS = {'python': ('-c', 'pass'), 'python with numpy': ('-c', 'import numpy')}
+# The smallest thing that an executable does, with BAG for a bag of two seconds and OUT for a file to write.
+SMALLEST = {
+    'table': 'table --times 60 --handles 0', 'contact': 'contact', 'inspect': 'inspect BAG',
+    'export': 'export BAG --force --output OUT.csv',
+    'simulate': 'simulate --force --set run.stop_s=2 --output OUT.mcap',
+    'plot': 'plot dragon --output OUT.png', 'view': 'view --no-browser', 'design': 'design turn'}
+
+
+@dataclass(frozen=True)
+class Start:
+    """An executable, the arguments that it was started with, and the wall time until it was done."""
+
+    name: str
+    arguments: str
+    timing: Timing
+
+
+def measure(budget_s: float = 0.3) -> list[Start]:
+    """Measure everything, each start in a process of its own; progress goes to standard error."""
+    with TemporaryDirectory() as folder:
+        bag, out = Path(folder) / 'run.mcap', Path(folder) / 'out'
+        _run(*_MODULE, *_BAG, bag)
+        jobs: list[tuple[str, str, Callable[[], None]]] = [
+            (name, ' '.join(words), partial(_run, *words)) for name, words in FLOORS.items()]
+        jobs += [(name, HELP, partial(_run, *_MODULE, name, HELP)) for name in names()]
+        for name, line in SMALLEST.items():
+            words = line.replace('BAG', str(bag)).replace('OUT', str(out)).split()
+            jobs.append((name, line, partial(_first_frame if name == 'view' else _run, *_MODULE, *words)))
+        return [Start(name, line, timed(job, budget_s)) for name, line, job in
+                tqdm(jobs, desc='cost startup', unit='start', disable=None)]
+
+
+def names() -> list[str]:
+    """Return the names of all executables, as the package's help lists them."""
+    listed = subprocess.run([sys.executable, *_MODULE, HELP], capture_output=True, text=True, check=True).stdout
+    return re.findall(r'^  (\w+) ', listed, re.MULTILINE)
+
+
+def _run(*words: str | Path) -> None:
+    subprocess.run([sys.executable, *words], env=_environment(), capture_output=True, check=True)
+
+
+def _first_frame(*words: str | Path) -> None:
+    """Start ``view`` and take its first frames."""
+    with subprocess.Popen([sys.executable, *words], env=_environment(), stdout=subprocess.PIPE,
+                          text=True) as view:
+        assert view.stdout is not None
+        address = next(word for word in view.stdout.readline().split() if word.startswith('http'))
+        for name in ('run.json', 'frames/0'):
+            with urlopen(address + name) as answer:
+                answer.read()
+        view.terminate()
+
+
+def _environment() -> dict[str, str]:
+    """Return this environment, in which modules are compiled once, as for a user."""
+    return {name: value for name, value in os.environ.items() if name != 'PYTHONDONTWRITEBYTECODE'}
+
+
+def table(rows: list[Start]) -> str:
+    """Return the rows as a Markdown table, an executable a line."""
+    done = {(row.name, row.arguments == HELP): row for row in rows}
+    lines = [circumstances(), '', '| executable | `--help` (ms) | smallest use | (ms) |', '|---|---:|---|---:|']
+    lines += [f'| {name} | | `{done[name, False].arguments}` | {_ms(done[name, False])} |' for name in FLOORS]
+    for name in dict.fromkeys(row.name for row in rows if row.name not in FLOORS):
+        use = done.get((name, False))
+        lines.append(f'| `{name}` | {_ms(done[name, True])} | {f"`{use.arguments}`" if use else ""} '
+                     f'| {_ms(use) if use else ""} |')
+    return '\n'.join([*lines, '', 'Wall time of a process from its start to its end, once modules are compiled; of '
+                      '`view` until its first frames have been received. BAG is a bag of 2 s, OUT a file.'])
+
+
+def _ms(row: Start) -> str:
+    return f'{row.timing.median_s * 1e3:.0f}'
+
+
+def csv_text(rows: list[Start]) -> str:
+    """Return the rows as CSV."""
+    return csv_of(['executable', 'arguments', *TIMES], [(row.name, row.arguments, *row.timing.cells) for row in rows])
+
+
+def picture(rows: list[Start]) -> Figure:
+    """Return bars of all starts; the floors are grey, help is blue, uses are orange."""
+    figure = Figure(figsize=(9, 0.28 * len(rows) + 1.2), layout='constrained')
+    axes = figure.subplots()
+    for n, row in enumerate(rows):
+        colour = '#999999' if row.name in FLOORS else '#0072B2' if row.arguments == HELP else '#E69F00'
+        axes.barh(n, row.timing.median_s * 1e3, 0.7, color=colour)
+        axes.annotate(_ms(row), (row.timing.median_s * 1e3, n), xytext=(4, 0), textcoords='offset points', va='center',
+                      fontsize=8)
+    axes.set_yticks(range(len(rows)), [row.name if row.name in FLOORS else f'{row.name} {HELP}' if row.arguments == HELP
+                                       else row.arguments for row in rows], fontsize=8)
+    axes.invert_yaxis()
+    axes.set(xlabel='time (ms)', title='From the start of a process to its end')
+    axes.margins(x=0.1)
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure

@@ -1,0 +1,10 @@
+"""Every picture that a test of a cost page saves is readable."""
+import pictures
+import pytest
+
+from dragon_ros.cli import figures
+
+
+@pytest.fixture(autouse=True)
+def _pictures_are_readable(monkeypatch):
+    monkeypatch.setattr(figures, 'save', pictures.readable(figures.save))

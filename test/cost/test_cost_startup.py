@@ -1,0 +1,38 @@
+"""The page ``cost startup``: a line for each executable, its uses are understood, and its files."""
+import numpy as np
+import pytest
+
+from dragon_ros.cli import figures
+from dragon_ros.cost import startup
+from dragon_ros.cost.measure import Timing
+from dragon_ros.executables import EXECUTABLES
+
+
+def rows():
+    every = [*((name, ' '.join(words)) for name, words in startup.FLOORS.items()),
+             *((name, startup.HELP) for name in EXECUTABLES), *startup.SMALLEST.items()]
+    return [startup.Start(name, line, Timing(0.01 * n, 0.01, 0.5, 5)) for n, (name, line) in enumerate(every, 1)]
+
+
+def test_the_page_has_every_executable(tmp_path):
+    text = startup.table(rows())
+    assert all(f'| `{name}` | ' in text for name in EXECUTABLES)
+    assert '| `sim` | 30 |  |  |' in text
+    with np.errstate(all='warn'):
+        startup.picture(rows())
+        paths = figures.save(startup.picture(rows()), tmp_path / 'startup')
+    assert [path.name for path in paths] == ['startup.png', 'startup.svg']
+    assert len(startup.csv_text(rows()).splitlines()) == 1 + len(rows())
+
+
+def test_a_start_is_measured_in_a_process_of_its_own(monkeypatch):
+    assert startup.names() == list(EXECUTABLES)
+    monkeypatch.setattr(startup, 'names', lambda: ['table'])
+    monkeypatch.setattr(startup, 'SMALLEST', {'export': startup.SMALLEST['export'], 'view': startup.SMALLEST['view']})
+    monkeypatch.setattr(startup, 'timed', lambda job, budget_s: job() or Timing(1.0, 1.0, 1.0, 1))
+    assert [row.name for row in startup.measure()] == ['python', 'python with numpy', 'table', 'export', 'view']
+
+
+@pytest.mark.parametrize('name', startup.SMALLEST)
+def test_a_use_is_that_of_its_executable(name):
+    assert startup.SMALLEST[name].split()[0] == name
