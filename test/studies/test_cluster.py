@@ -237,11 +237,11 @@ def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path, long)
         wait_for_workers(file, 1, security=Security(tls_ca_file=paths['ca'], tls_client_key=paths['key'],
                                                     tls_client_cert=paths['cert'], require_encryption=True))
         address = json.loads(file.read_text())['address']
-        with pytest.raises(MissingError, match='cannot be reached'):
-            cluster.complete(data, Event(), nothing, scheduler=address)
         import dask
         with dask.config.set({'distributed.comm.tls.ca-file': paths['ca'],
                               'distributed.comm.tls.client.key': paths['key'],
                               'distributed.comm.tls.client.cert': paths['cert']}):
             cluster.complete(data, Event(), nothing, scheduler=address)
         assert without_times(data.table()) == without_times(rows_of(study(), range(12)))
+    with writing(tmp_path / 'other', study()) as data, pytest.raises(MissingError, match='cannot be reached'):
+        cluster.complete(data, Event(), nothing, scheduler=address)
