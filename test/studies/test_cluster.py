@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 from threading import Event
 
@@ -147,7 +148,7 @@ def test_batches_grow_with_the_speed_of_rows(study, shared, tmp_path):
     with writing(tmp_path, study().with_samples(600)) as data:
         cluster.complete(data, Event(), lambda state: told.append(state.done), scheduler=shared[0])
     assert told[-1] == 600
-    assert max(later - sooner for sooner, later in zip(told, told[1:], strict=False)) > 20
+    assert max(later - sooner for sooner, later in pairwise(told)) > 20
 
 
 def test_a_stopped_study_goes_on_where_it_was(study, undisturbed, without_times, shared, tmp_path):
