@@ -205,8 +205,9 @@ class _Run:
             self._count_workers()
             self._look_again = monotonic() + _LOOK_S
         while self._ranges and len(self.ahead) < _AHEAD * max(1, self.progress.workers):
+            size = self._size()
             start, stop = self._ranges.popleft()
-            end = min(stop, start + self._size())
+            end = min(stop, start + size)
             if end < stop:
                 self._ranges.appendleft((end, stop))
             self._submit(start, end)

@@ -8,6 +8,7 @@ import signal
 import subprocess
 import sys
 from contextlib import ExitStack, contextmanager, suppress
+from itertools import pairwise
 from pathlib import Path
 from threading import Event
 
@@ -140,6 +141,14 @@ def test_a_study_that_is_killed_half_way_goes_on(study, undisturbed, without_tim
         done = cluster.complete(data, Event(), nothing, scheduler=shared[0])
     assert sum(done.statuses.values()) == 48 - there
     assert without_times(open_set(tmp_path / 'data').table()) == undisturbed
+
+
+def test_batches_grow_with_the_speed_of_rows(study, shared, tmp_path):
+    told = []
+    with writing(tmp_path, study().with_samples(600)) as data:
+        cluster.complete(data, Event(), lambda state: told.append(state.done), scheduler=shared[0])
+    assert told[-1] == 600
+    assert max(later - sooner for sooner, later in pairwise(told)) > 20
 
 
 def test_a_stopped_study_goes_on_where_it_was(study, undisturbed, without_times, shared, tmp_path):
