@@ -11,7 +11,7 @@ from matplotlib.axes import Axes
 from matplotlib.colors import ListedColormap
 from matplotlib.figure import Figure
 
-from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, style
+from dragon_ros.cli.figures import BODY, HEAD, LINES, QUIET, legend_below, style
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.studies.answers import SAFE, main_answers, numbers
@@ -156,7 +156,7 @@ def _spread(data: DataSet, values: Floats, name: str) -> Figure:
         right.axvline(normal, color=HEAD, linestyle='--', label=f'{SAFE:.1%} are below {normal:.6g} if they are\n'
                       f'normally distributed; to know takes {safe_rows(SAFE):,} rows')
     right.set(xlabel=_label(name), ylabel='share of dragons', ylim=(0, 1.02))
-    right.legend(loc='lower right')
+    legend_below(right)
     right.set_title('distribution')
     return figure
 
@@ -178,6 +178,6 @@ def _what_matters(data: DataSet, values: Floats, name: str) -> Iterator[tuple[st
                   error_kw={'elinewidth': 1, 'ecolor': QUIET})
     axes.set_yticks(at, [_label(one.key) for one in found])
     axes.set(xlabel='share of the variance (Sobol index, 95 % interval)', xlim=(min(0.0, axes.get_xlim()[0]), None))
-    axes.legend(loc='lower right')
+    legend_below(axes)
     axes.set_title(f'{data.folder.name}: what {_label(name)} depends on, {_rows_text(data, values.size)}')
     yield name, figure
