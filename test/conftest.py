@@ -1,4 +1,6 @@
 """What all tests share: floating-point errors raise, properties are repeatable."""
+import signal
+
 import numpy as np
 import pytest
 from hypothesis import HealthCheck, settings
@@ -7,6 +9,13 @@ from hypothesis import HealthCheck, settings
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
     parser.addoption('--long', action='store_true', help='also run what takes many processes (test/studies)')
+
+
+def pytest_configure():
+    # A job in the background ignores SIGINT, one of nohup SIGHUP, and so would the processes that are ended here.
+    for number, usual in ((signal.SIGINT, signal.default_int_handler), (signal.SIGHUP, signal.SIG_DFL)):
+        if signal.getsignal(number) is signal.SIG_IGN:
+            signal.signal(number, usual)
 
 
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,

@@ -32,7 +32,7 @@ def completions(line, cwd):
     ('dragon table --accuracy f', {'fine'}),
     ('dragon plot c', {'clearance', 'contact'}),
     ('dragon plot dragon --bag r', {'run.mcap'}),
-    ('dragon cost a', {'accuracy'}),
+    ('dragon cost a', {'accuracy', 'all'}),
     ('./dragon view --no', {'--no-browser'}),
 ])
 def test_the_tab_key_offers_what_fits(tmp_path, line, offered):

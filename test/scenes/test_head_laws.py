@@ -69,7 +69,7 @@ def test_a_law_that_breaks_its_contract_is_refused_with_the_reason(tmp_path, hea
 
 
 def test_no_law_is_loaded_because_a_bag_or_a_topic_names_it(monkeypatch):
-    monkeypatch.setattr('dragon_ros.scenes.head_laws.entry_points', lambda **_: pytest.fail('it was looked for'))
+    monkeypatch.setattr('importlib.metadata.entry_points', lambda **_: pytest.fail('it was looked for'))
     text = 'head: {kind: plugin, law: wave}'
     for read in (lambda: scene_of(parse_document('bag', text)), lambda: strangers_scene('a bag', text, trust=True)):
         with pytest.raises(InputError, match='never for a bag or topic'):

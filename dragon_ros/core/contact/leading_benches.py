@@ -29,6 +29,7 @@ _MOST_PLACES = 50_000   # of one window to begin with, for the memory
 _MOST_RAD = 2e6         # of a domain: a million first places
 _TOGETHER, _USUAL = 2**20, 256      # handles at the first places of windows that are cleared together, for the memory;
                         # no more than so many benches behind one usually matter
+_POINT = 1e-6           # of the longest link: shorter ones may have both handles at one place
 _IN_CACHE = 2**14       # pairs that are bounded together
 _CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
 
@@ -291,7 +292,8 @@ class BodyBenches:
 
     def _together(self, windows: list[_Window]) -> Iterator[list[_Window]]:
         """Yield windows by as many as the memory allows; one by one where links of no length need their own care."""
-        size, most, one_by_one = 0, list[_Window](), not np.all(self._domain.dragon.link_lengths_m)
+        links_m = self._domain.dragon.link_lengths_m
+        size, most, one_by_one = 0, list[_Window](), bool(np.min(links_m) <= _POINT * np.max(links_m))
         for window in windows:
             more = window.places.size * min(window.behind, _USUAL)
             if most and (one_by_one or size + more > _TOGETHER):

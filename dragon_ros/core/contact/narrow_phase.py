@@ -101,7 +101,7 @@ class Sizes:
 class BenchSampler:
     """Samples benches ``leads`` (0 is the head), each with the ``follow`` benches from it on, on a first spiral.
 
-    ``error_m`` is what positions may err by. Of several leads, no link behind may be of no length.
+    ``error_m`` is what positions may err by. Of several leads, no link may be of no length, or nearly so.
     """
 
     track: Track
