@@ -53,7 +53,8 @@ def _run(arguments: Namespace) -> int:
     values = values_of(found)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     if arguments.near_misses is not None:
-        near = near_misses(scene, found, arguments.near_misses)
+        with Progress('near misses', 'states') as bar:
+            near = near_misses(scene, found, arguments.near_misses, bar.update)
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 't_s': miss.t_s,
                                   'gap_m': miss.gap_m} for miss in near.nearest]
         values['near_misses_count'] = near.count
