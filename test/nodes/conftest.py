@@ -13,7 +13,7 @@ from dragon_ros.cli.dds_domain import free_domain, local_environment
 
 pytest.importorskip('rclpy')
 
-PATIENCE_S = 60.0
+PATIENCE_S = 120.0
 
 
 class Process:
