@@ -17,7 +17,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
 from dragon_ros.scenes.head_laws import PLUGIN, plugged
-from dragon_ros.scenes.yaml import Document, parse_document, read_document
+from dragon_ros.scenes.yaml import Document, parse_document, plain_number, read_document
 
 SECTIONS: dict[str, dict[str, type]] = {
     'dragon': {'equal': Dragon, 'mixed': Mixed},
@@ -130,7 +130,7 @@ def _settings(document: Document) -> Scene:
         if 'effects' in values:
             parts['effects'] = effects_of(_names(document, 'effects', values['effects']))
         if 'accuracy' in values:
-            parts['accuracy'] = _number(values['accuracy'])
+            parts['accuracy'] = plain_number(values['accuracy'])
         parts |= {name: values[name] for name in CHOICES if name in values}
         return Scene(**parts)
     except FieldError as error:
@@ -212,30 +212,20 @@ def _value(document: Document, name: str, value: Any) -> Any:
     if key == 'knots':
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
             document.refuse(name, f'{shown(value)} is not a list of pairs; write for example [[0, 1], [60, -1]]')
-        return tuple((_number(t_s), _number(speed)) for t_s, speed in value)
+        return tuple((plain_number(t_s), plain_number(speed)) for t_s, speed in value)
     if key == 'at_m' and value is not None:
         if not _is_pair(value):
             document.refuse(name, f'{shown(value)} is not a point; write for example [1.5, 2]')
-        return tuple(map(_number, value))
+        return tuple(map(plain_number, value))
     if key in PARTS:
         if not isinstance(value, list):
             document.refuse(name, f'{shown(value)} is not a list of {key}; write for example [{_EXAMPLES[key]}]')
         return tuple(_part(document, f'{name}.{n}', key, one) for n, one in enumerate(value, 1))
-    return value if key in _WORDS else _number(value)
+    return value if key in _WORDS else plain_number(value)
 
 
 def _is_pair(value: Any) -> bool:
     return isinstance(value, list) and len(value) == 2
-
-
-def _number(value: Any) -> Any:
-    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
 
 
 def _names(document: Document, key: str, value: Any) -> list[Any]:

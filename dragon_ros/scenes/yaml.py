@@ -141,3 +141,13 @@ def _collect(document: Document, node: yaml.MappingNode, prefix: str) -> None:
         document.places[dotted] = place
         if isinstance(value, yaml.MappingNode):
             _collect(document, value, f'{dotted}.')
+
+
+def plain_number(value: Any) -> Any:
+    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
+    if isinstance(value, str):
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value

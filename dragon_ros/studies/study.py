@@ -17,7 +17,7 @@ from dragon_ros.core.checks import choice, number, settle, whole
 from dragon_ros.core.errors import FieldError, InputError, MissingError, shown
 from dragon_ros.core.scene import Scene
 from dragon_ros.scenes.load import changed_scene, scene_of, scene_values
-from dragon_ros.scenes.yaml import Document, parse_document, read_document
+from dragon_ros.scenes.yaml import Document, parse_document, plain_number, read_document
 from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
@@ -281,7 +281,7 @@ def study_of(document: Document, folder: Path | None) -> Study:
     try:
         scene = _scene(document, folder)
         vary = tuple((key, _variation(document, key, value)) for key, value in document.section('vary').items())
-        single = {key: _plain_number(given[key]) for key in ('design', 'samples', 'seed', 'budget_s') if key in given}
+        single = {key: plain_number(given[key]) for key in ('design', 'samples', 'seed', 'budget_s') if key in given}
         if given.get('design', 'grid') == 'grid' and folder is not None and 'samples' in given:
             document.refuse('samples', 'a grid has its own number; leave it out, or write another design')
         return Study(scene, vary, ask=_questions(document), **single)
@@ -315,7 +315,7 @@ def _variation(document: Document, key: str, given: Any) -> Variation:
         document.refuse(at, 'it is no key of a scene; write one such as track.pitch_m')
     try:
         if isinstance(given, list):
-            return Listed(tuple(_plain_number(one) for one in given))
+            return Listed(tuple(plain_number(one) for one in given))
         if not isinstance(given, dict):
             document.refuse(at, f'{shown(given)} is no list, range or distribution; write for example '
                             '[0.5, 0.55], {from: 0.5, to: 0.6, steps: 11} or {uniform: [0.5, 0.6]}')
@@ -339,7 +339,7 @@ def _made(document: Document, at: str, given: Values, is_per_bench: bool) -> Var
     if 'from' in given:
         if 'to' not in given:
             document.refuse(f'{at}.to', 'it is missing; write from and to')
-        return Range(_plain_number(given['from']), _plain_number(given['to']), given.get('steps'))
+        return Range(plain_number(given['from']), plain_number(given['to']), given.get('steps'))
     if 'uniform' in given:
         return Uniform(*_pair(document, f'{at}.uniform', given['uniform']), is_per_bench)
     if 'within' not in given:
@@ -351,17 +351,7 @@ def _made(document: Document, at: str, given: Values, is_per_bench: bool) -> Var
 def _pair(document: Document, at: str, given: Any) -> tuple[float, float]:
     if not isinstance(given, list) or len(given) != 2:
         document.refuse(at, f'{shown(given)} is not a pair; write for example [2.19, 2.21]')
-    return _plain_number(given[0]), _plain_number(given[1])
-
-
-def _plain_number(value: Any) -> Any:
-    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
+    return plain_number(given[0]), plain_number(given[1])
 
 
 def _questions(document: Document) -> tuple[Question, ...]:
@@ -381,4 +371,4 @@ def _question(document: Document, name: str, options: Any) -> Question:
         document.refuse(f'ask.{name}', f'{shown(options)} is no mapping of options')
     kind = QUESTIONS[name]
     document.check_keys(f'ask.{name}.', options, [f.name for f in fields(kind)])
-    return kind(**{key: _plain_number(value) for key, value in options.items()})
+    return kind(**{key: plain_number(value) for key, value in options.items()})
