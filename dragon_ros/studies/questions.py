@@ -16,11 +16,10 @@ from dragon_ros.core.chain.dragon import AnyDragon, is_even
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.checks import number
-from dragon_ros.core.contact.broad_phase import candidates
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses
-from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.contact.near_pairs import closeness
 from dragon_ros.core.design.bounding_box import bounding_box, fits
 from dragon_ros.core.design.max_speed import max_speed
 from dragon_ros.core.design.min_pitch import min_pitch
@@ -32,7 +31,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 
 Tell = Callable[[int], object]
 Values = dict[str, Any]
-_NEAR_M = 1.0       # how far apart the closest benches may be to be told
+_NEAR_M = 1.0       # the largest gap that a near miss may have
 _SHARED = 64        # answers that are kept for the other rows of a batch
 
 
@@ -109,20 +108,18 @@ class Clearance:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; bounds are what positions may err, which is tested. Benches more than a metre apart are not told."""
+        """Answer; bounds are what positions may err, which is tested. Below three benches there is no gap."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
-        benches = benches_of(chain, asked.scene.dragon, axes_of(chain))
-        i, j = candidates(chain.p, benches, _NEAR_M)
+        found = closeness(chain.p, benches_of(chain, asked.scene.dragon, axes_of(chain)))
         out: Values = {'clearance_t_s': t_s, 'clearance_proved': False}
-        if not i.size:
+        if found.closest is None:
             return out
-        gap_m = gaps(benches, i, j)
-        least, off_m = int(np.argmin(gap_m)), 2 * simulation.promise_m
-        return out | {'clearance_m': float(gap_m[least]), 'clearance_low_m': float(gap_m[least]) - off_m,
-                      'clearance_high_m': float(gap_m[least]) + off_m, 'clearance_inner': int(i[least]),
-                      'clearance_outer': int(j[least])}
+        (inner, outer), off_m = found.closest, 2 * simulation.promise_m
+        return out | {'clearance_m': found.clearance_m, 'clearance_low_m': found.clearance_m - off_m,
+                      'clearance_high_m': found.clearance_m + off_m, 'clearance_inner': inner,
+                      'clearance_outer': outer}
 
 
 @dataclass(frozen=True)

@@ -1,16 +1,19 @@
 """A row has the answers of the engines, and says why one is missing; it is the same alone and in any batch."""
 import pytest
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.design.bounding_box import bounding_box
 from dragon_ros.core.design.max_speed import max_speed
 from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.yaml import Document
 from dragon_ros.studies import questions
-from dragon_ros.studies.questions import QUESTIONS
+from dragon_ros.studies.questions import QUESTIONS, Asked
 from dragon_ros.studies.rows import columns_of, row_of, rows_of
 from dragon_ros.studies.sampling import scene_values_of, values_of
 
@@ -136,3 +139,10 @@ def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(study, option
                        f'ask: {{min_pitch: {{{given}{options}}}}}'), 0)
     assert row['status'] == 'refused'
     assert why in row['reason']
+
+
+def test_the_clearance_is_that_of_all_benches_however_far_apart():
+    scene = Scene(dragon=Dragon(3, 5.0, 5.0), track=Spiral(50.0, 4.0), run=Run(0, 1))
+    row = QUESTIONS['clearance'](at_s=0.0).answer(Asked(scene, lambda states: None))
+    assert row['clearance_m'] == pytest.approx(4.45 - 2 * 0.275, abs=0.05)      # on a track that is nearly straight
+    assert (row['clearance_inner'], row['clearance_outer']) == (0, 2)
