@@ -30,7 +30,7 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
              'messages': {'numpy'},
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
-             'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed'}, 'verify': {'flint'},
+             'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
              'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap', 'distributed'}}
 
 

@@ -4,20 +4,21 @@ Batches are as many rows as take about ``_BATCH_S`` seconds, so that what Dask c
 few batches for each worker are ahead. A batch comes back as a Parquet file and is kept as it comes. What a worker had
 that died is computed again by Dask; a batch under which worker after worker died is tried row by row.
 """
+import asyncio
 import logging
 import os
 import signal
 import warnings
 from collections import deque
 from collections.abc import Callable, Iterator
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
 from multiprocessing import resource_tracker
 from pathlib import Path
 from platform import python_version
 from queue import Empty, Queue
 from tempfile import TemporaryDirectory
-from threading import Event
+from threading import Event, Thread
 from time import monotonic, perf_counter
 from typing import Any, NamedTuple
 
@@ -27,6 +28,7 @@ import numpy as np
 import pyarrow
 import scipy
 from distributed import Client, Future, KilledWorker, LocalCluster
+from tornado.ioloop import IOLoop
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.studies.dataset import BLOCK, DataSet, part_of
@@ -40,6 +42,7 @@ _LATEST = 0.3           # weight of the latest batch in the mean time of a row
 _WAIT_S = 0.5           # for a batch, before signals are looked at again
 _LOOK_S = 2.0           # between two looks at who is working
 _CONNECT_S = 30.0
+_START_S = 120.0        # for a thread of this process
 _NO_WORKERS_S = 60.0    # before it is told that no worker is there
 # What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served.
 _ALONE: dict[str, list[str]] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': []}
@@ -97,13 +100,44 @@ def local_client(workers: int | None) -> Iterator[Client]:
     They listen on the loopback address, without a dashboard, and speak TLS with keys that exist in their memory alone:
     another user of this host can neither see nor join them.
     """
-    with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE):
+    with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE), \
+            ExitStack() as opened:
+        loop, end = _running_loop()
+        opened.callback(end)
         with _deaf_to_ctrl_c():
             cluster = LocalCluster(n_workers=workers or os.cpu_count(), threads_per_worker=1, processes=True,
                                    host='127.0.0.1', security=True, dashboard_address=None, local_directory=scratch,
-                                   silence_logs=logging.CRITICAL, scheduler_kwargs={'dashboard_address': '127.0.0.1:0'})
+                                   silence_logs=logging.CRITICAL, loop=loop,
+                                   scheduler_kwargs={'dashboard_address': '127.0.0.1:0'})
         with cluster, Client(cluster, timeout=_CONNECT_S) as client:
             yield client
+
+
+def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
+    """Return an event loop that runs in a thread of its own, and what ends it. Raises DragonError where none starts.
+
+    Dask would start one too, but gives it ten seconds, too few for a machine that stands still for a moment.
+    """
+    ready: Queue[tuple[IOLoop, asyncio.Event]] = Queue()
+
+    async def serve() -> None:
+        over = asyncio.Event()
+        ready.put((IOLoop.current(), over))
+        await over.wait()
+
+    thread = Thread(target=lambda: asyncio.run(serve()), name='dask', daemon=True)
+    with _deaf_to_ctrl_c():
+        thread.start()
+    try:
+        loop, over = ready.get(timeout=_START_S)
+    except Empty:
+        raise DragonError(f'study: no thread of this process ran for {_START_S:g} s; is the machine overloaded? '
+                          'Start the study again') from None
+
+    def end() -> None:
+        loop.add_callback(over.set)
+        thread.join(_CONNECT_S)
+    return loop, end
 
 
 @contextmanager
@@ -128,15 +162,18 @@ def joined_client(scheduler: str) -> Iterator[Client]:
     Raises MissingError where none is reached, InputError where versions differ.
     """
     where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
+    loop, end = _running_loop()
     try:
         with warnings.catch_warnings():         # versions are refused below, all of them in one line
             warnings.simplefilter('ignore', distributed.versions.VersionMismatchWarning)
-            client = Client(**where, timeout=_CONNECT_S, set_as_default=False)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:
+            client = Client(**where, timeout=_CONNECT_S, set_as_default=False, loop=loop)
+    except (OSError, ValueError, TypeError, RuntimeError) as error:     # its loop stays: it closes itself there, later
         why = ' '.join(str(error).split())[:200] or type(error).__name__
         raise MissingError(f'--scheduler {scheduler}: cannot be reached ({why}); give an address such as '
                            'tcp://host:8786, or a scheduler file', field='scheduler') from None
-    with client:
+    with ExitStack() as opened:
+        opened.callback(end)
+        opened.enter_context(client)
         check_versions(client)
         yield client
 
