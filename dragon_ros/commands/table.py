@@ -94,6 +94,7 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
     from dragon_ros.bags.read.frames import namespace_of
     from dragon_ros.bags.read.reader import BagReader
     out: list[Row] = []
+    command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
         for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):
