@@ -206,7 +206,7 @@ class Tile:
         """Return where many places on the stretch are, and which of them are in the table."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
-        for k in np.unique(segment).tolist():
+        for k in self.track.present(segment):
             side, on = self.entrance.sides[k], segment == k
             if side:
                 at = np.searchsorted(side.begins, side.sense * u[on], side='right') - 1
