@@ -22,6 +22,7 @@ from typing import NamedTuple
 
 import numpy as np
 
+from dragon_ros.core.numerics.chebyshev import columns_of
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Stretch, Table, build
@@ -31,7 +32,6 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
 _BOUNDARIES = 1024          # between stretches, whose places are kept
-_BATCH = 256                # states of one batch of products: what they fill stays in the cache
 _MOST_CELLS = 256           # that a tile keeps for single states, at most 144 kB each
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
@@ -268,8 +268,9 @@ class Tile:
         for low, end, k, start, terms in zip(begins.tolist(), [*begins[1:].tolist(), cell.size], part.tolist(),
                                              (2 * row).tolist(), table.terms[part, row].tolist(), strict=False):
             of_cell = series[k, :terms, start:start + width]
-            for at in range(low, end, _BATCH) if end - low > _BATCH else (low,):
-                stop = min(at + _BATCH, end)
+            batch = columns_of(of_cell.size)
+            for at in range(low, end, batch):
+                stop = min(at + batch, end)
                 np.matmul(basis[at:stop, :terms], of_cell, flat[at:stop])
 
     def paces(self, spots: Spots) -> Floats:
