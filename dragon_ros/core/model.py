@@ -260,7 +260,7 @@ class Simulation:
 
     @cached_property
     def _sure_s(self) -> float:
-        """A time up to which there is a state for certain: the search for the end takes as long as many states."""
+        """A time up to which there is a state for certain: to search for the end takes as long as many states."""
         if self.model.sure_m < 0:
             return -1.0
         passed_s = self.scene.head.passage_s(self.model.sure_m)

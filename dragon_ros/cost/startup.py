@@ -71,7 +71,7 @@ def _first_frame(*words: str | Path) -> None:
         for name in ('run.json', 'frames/0'):
             with urlopen(address + name) as answer:
                 answer.read()
-        view.terminate()
+        view.kill()         # how long it takes to end is not what anybody waits for
 
 
 def _environment() -> dict[str, str]:

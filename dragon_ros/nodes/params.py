@@ -1,6 +1,5 @@
 """Parameters of the nodes, each declared once: name, default, limits and text. Imports little to keep --help quick."""
-from dataclasses import dataclass
-from typing import Any
+from typing import Any, NamedTuple
 
 # A test keeps these equal to those of core.scene and core.contact.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
@@ -9,8 +8,7 @@ DISCOVERY_S = 4.0       # nodes/publisher_queue.py says why
 _AS_SCENE = -1.0
 
 
-@dataclass(frozen=True)
-class Parameter:
+class Parameter(NamedTuple):
     """One parameter; its type is that of the default, numbers have limits, texts may have choices.
 
     A ``live`` one can be set while the node runs; the others are read at the start and read-only afterwards.

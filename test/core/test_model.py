@@ -117,8 +117,8 @@ def test_mixed_benches_that_spell_out_a_dragon_place_it_alike():
     assert state(spelt, 300.0).p.tobytes() == state(CLASSIC, 300.0).p.tobytes()
 
 
-@pytest.mark.parametrize('dragon', [Dragon(), Mixed((Group(1, 1.2), Group(20, 6.0), Group(3, 0.9))),
-                                    Dragon(5, 0.8, 0.6)], ids=['classic', 'mixed', 'short'])
+@pytest.mark.parametrize('dragon', [Dragon(), Mixed((Group(1.2), Group(6.0, 20), Group(0.9, 3))), Dragon(5, 0.8, 0.6)],
+                         ids=['classic', 'mixed', 'short'])
 @pytest.mark.parametrize('pitch_m', [0.4, 0.55, 1.7, 6.0, 30.0])
 def test_what_is_certain_without_a_search_ends_before_the_chain_locks(dragon, pitch_m):
     simulation = compile_scene(Scene(dragon=dragon, track=Spiral(pitch_m, 12.0)))

@@ -13,6 +13,8 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import FieldError
 
+_LOOKS_S = 0.1         # how often the server looks whether to end
+
 
 def main(argv: list[str]) -> int:
     """Serve until Ctrl-C; return the exit code."""
@@ -41,7 +43,7 @@ def _run(arguments: Namespace) -> int:
     with opened(arguments) as source, ViewServer(ViewData(source, Progress('view', 'ticks')), arguments.port) as server:
         for number in ending():
             signal.signal(number, lambda *_: stop.set())
-        serving = threading.Thread(target=server.serve_forever)
+        serving = threading.Thread(target=server.serve_forever, args=(_LOOKS_S,))
         serving.start()
         print(f'{source.name} is at {server.url} (Ctrl-C ends)', flush=True)
         if not arguments.no_browser and _has_screen():
