@@ -22,6 +22,8 @@ settings.register_profile('repeatable', derandomize=True, deadline=None, databas
                           suppress_health_check=[HealthCheck.too_slow])
 # With other versions of libraries the same properties hold of the same code: a few examples show that they run.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
+# By hand, and after changes of what a property is about: ten times as many as in each run of the tests.
+settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
 settings.load_profile('repeatable')
 
 
