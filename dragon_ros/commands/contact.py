@@ -1,6 +1,5 @@
 """``contact``: the first contact of a scene."""
 import json
-import subprocess
 import sys
 import time
 from argparse import Namespace
@@ -43,9 +42,7 @@ def main(argv: list[str]) -> int:
 def _run(arguments: Namespace) -> int:
     if arguments.verify:
         return _verify(arguments.verify, arguments.output)
-    from dragon_ros.commands import certificate
     from dragon_ros.core.contact.first_contact import first_contact
-    from dragon_ros.core.contact.near_misses import near_misses
     scene = _scene_of(arguments)
     start = time.perf_counter()
     with Progress('contact', 'states') as bar:
@@ -53,12 +50,14 @@ def _run(arguments: Namespace) -> int:
     values = values_of(found)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     if arguments.near_misses is not None:
+        from dragon_ros.core.contact.near_misses import near_misses
         with Progress('near misses', 'states') as bar:
             near = near_misses(scene, found, arguments.near_misses, bar.update)
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 't_s': miss.t_s,
                                   'gap_m': miss.gap_m} for miss in near.nearest]
         values['near_misses_count'] = near.count
     if arguments.certificate:
+        from dragon_ros.commands import certificate
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
@@ -75,6 +74,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         raise InputError('BAG: brings its scene; leave out --scene, --set and --accuracy')
     from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
     from dragon_ros.bags.read.reader import BagReader
+    command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
         scene = scene_of_bag(bag, namespace, arguments.trust)
@@ -85,6 +85,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
 
 def _verify(certificate_file: Path, output: Path | None) -> int:
     """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
+    import subprocess
     done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file], stdout=subprocess.PIPE,
                           text=True, check=False)
     if done.stdout:

@@ -23,7 +23,7 @@ from dragon_ros.core.step import states, velocity_of
 if TYPE_CHECKING:       # a picture of a scene starts without bags, and one without contacts without their search
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.contact.signed_distance import Witness
-    from dragon_ros.core.contact.tracker import Observation
+    from dragon_ros.core.frame import Observation
 
 _AT_ONCE = 64               # states that are computed together
 _SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
@@ -259,7 +259,7 @@ class BagSource:
     def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:
         """Yield observations and speeds of the ticks logged between two times, in order."""
         from dragon_ros.bags.read.frames import frames
-        from dragon_ros.core.contact.tracker import Observation
+        from dragon_ros.core.frame import Observation
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
                 speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)

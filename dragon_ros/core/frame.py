@@ -1,4 +1,4 @@
-"""What one tick computes: the frame, and the results of its effects."""
+"""What one tick computes: the frame, and the results of its effects; and what is seen of a tick from outside."""
 from dataclasses import dataclass
 
 from dragon_ros.core.chain.chain import Chain
@@ -85,3 +85,13 @@ class Frame:
     trail_m: Floats | None = None
     health: Health | None = None
     leader: Leading | None = None
+
+
+@dataclass(frozen=True)
+class Observation:
+    """What was seen at one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
+
+    t_ns: int
+    p: Floats
+    benches: Benches
+    frame_id: str = ''

@@ -114,9 +114,12 @@ class Model:
         """Return the chain when the leader has gone (hi, lo) metres. Raises ModelEnd where there is none."""
         return self.placement.place(self.leader.place(gone_m))
 
-    def place_many(self, gone_m: tuple[Floats, Floats]) -> Chain:
-        """Return the chains of many distances in one: the same to the tier's metres, not bit for bit."""
-        return self.placement.place_many(self.leader.places(gone_m))
+    def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
+        """Return the chains of many distances (S,) in one: the same to the tier's metres, not bit for bit.
+
+        ``out`` (S, N+1, 2) takes the handles, if it is given.
+        """
+        return self.placement.place_many(self.leader.places(gone_m), out)
 
     def march(self, gone_m: tuple[float, float], effort: Effort) -> Chain:
         """Return the chain by forward placement alone, at an effort of its own."""
@@ -125,6 +128,15 @@ class Model:
     def size_m(self, extent_m: tuple[float, float]) -> float:
         """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
         return self.leader.size_m(extent_m)
+
+    @cached_property
+    def sure_m(self) -> float:
+        """How far the leader can go for certain, without the search for where the chain locks; negative if unknown.
+
+        Handles lie further and further out, and no link locks further out than half its chord (``lock.lock_angle``).
+        """
+        spiral = self.track.from_afar if self.track.may_lock else None
+        return spiral.curve.distance_to(0.5 * float(np.max(self.links_m)) / spiral.curve.b_m) if spiral else -1.0
 
     @cached_property
     def limits(self) -> tuple[Limit | None, Limit | None]:
@@ -241,10 +253,18 @@ class Simulation:
 
     def check_time(self, t_s: float) -> None:
         """Raise FieldError or ModelEnd where the model has no state at ``t_s``."""
-        if not 0.0 <= t_s <= self._last_s:
+        if not 0.0 <= t_s <= self._sure_s and not 0.0 <= t_s <= self._last_s:
             number('t_s', t_s, low=0.0)
             assert self.limit
             raise self._beyond(t_s, self.limit)
+
+    @cached_property
+    def _sure_s(self) -> float:
+        """A time up to which there is a state for certain, since the search for the end takes as long as many states."""
+        if self.model.sure_m < 0:
+            return -1.0
+        passed_s = self.scene.head.passage_s(self.model.sure_m)
+        return _LAST_FLOAT if passed_s is None else passed_s
 
     @cached_property
     def _last_s(self) -> float:
@@ -252,8 +272,9 @@ class Simulation:
 
     def check_times(self, times_s: Floats) -> None:
         """Raise as ``check_time`` does for the first of many times without a state."""
-        for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
-            self.check_time(t_s)
+        if not np.all((times_s >= 0) & (times_s <= self._sure_s)):
+            for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
+                self.check_time(t_s)
 
     def _beyond(self, t_s: float, limit: End) -> ModelEnd:
         """Return the error for a time after the model's end."""
@@ -303,7 +324,7 @@ class Simulation:
 
     def chain(self, t_s: float) -> Chain:
         """Return all handles at any instant. Raises ModelEnd beyond the end of the model."""
-        if not 0.0 <= t_s <= self._last_s:
+        if not 0.0 <= t_s <= self._sure_s:
             self.check_time(t_s)
         if self.tier is PAPER:
             return paper.place(self.model.track, self.model.links_m, self.scene.steady_m_s, t_s)

@@ -12,7 +12,8 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
 from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.contact.tracker import ContactTracker, Observation
+from dragon_ros.core.contact.tracker import ContactTracker
+from dragon_ros.core.frame import Observation
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state

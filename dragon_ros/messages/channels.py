@@ -6,7 +6,7 @@ from typing import Any
 from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect, effects_of
-from dragon_ros.scenes.yaml import Document, read_document
+from dragon_ros.scenes.yaml import Document, read_own
 
 _KEYS = ('type', 'from', 'effect', 'qos', 'meaning')
 _QOS = {'reliability': ('reliable', 'best_effort'), 'durability': ('volatile', 'transient_local')}
@@ -40,7 +40,7 @@ class Channel:
 @lru_cache(maxsize=1)
 def channels() -> dict[str, Channel]:
     """Return every topic by name, in the file's order."""
-    return channels_of(read_document(configuration_folder() / 'topics.yaml'))
+    return channels_of(read_own(configuration_folder() / 'topics.yaml'))
 
 
 def channels_of(document: Document) -> dict[str, Channel]:

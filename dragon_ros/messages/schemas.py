@@ -4,7 +4,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 
 from dragon_ros.configuration import folder as configuration_folder
-from dragon_ros.scenes.yaml import read_document
+from dragon_ros.scenes.yaml import read_own
 
 PRIMITIVES = {'bool': '?', 'byte': 'B', 'char': 'B', 'int8': 'b', 'uint8': 'B', 'int16': 'h', 'uint16': 'H',
               'int32': 'i', 'uint32': 'I', 'int64': 'q', 'uint64': 'Q', 'float32': 'f', 'float64': 'd'}
@@ -37,7 +37,7 @@ def schema_text(name: str) -> str:
 @lru_cache
 def type_hash(name: str) -> str:
     """Return the RIHS01 hash of a message type."""
-    return str(read_document(configuration_folder() / 'schemas' / 'types.yaml').values[name])
+    return str(read_own(configuration_folder() / 'schemas' / 'types.yaml').values[name])
 
 
 @lru_cache

@@ -115,3 +115,16 @@ def test_a_model_places_what_the_scene_places():
 def test_mixed_benches_that_spell_out_a_dragon_place_it_alike():
     spelt = Scene(dragon=Mixed((Group(3.41), Group(2.2, 222))))
     assert state(spelt, 300.0).p.tobytes() == state(CLASSIC, 300.0).p.tobytes()
+
+
+@pytest.mark.parametrize('dragon', [Dragon(), Mixed((Group(1, 1.2), Group(20, 6.0), Group(3, 0.9))), Dragon(5, 0.8, 0.6)],
+                         ids=['classic', 'mixed', 'short'])
+@pytest.mark.parametrize('pitch_m', [0.4, 0.55, 1.7, 6.0, 30.0])
+def test_what_is_certain_without_a_search_ends_before_the_chain_locks(dragon, pitch_m):
+    simulation = compile_scene(Scene(dragon=dragon, track=Spiral(pitch_m, 12.0)))
+    limit = simulation.model.limits[1]
+    assert 0 < simulation.model.sure_m < limit.gone_m
+    simulation = compile_scene(Scene(dragon=dragon, track=Spiral(pitch_m, 12.0), head=Head(-1.0)))
+    simulation.check_times(np.array([0.0, 1e6]))
+    with pytest.raises(FieldError, match='t_s'):
+        simulation.check_times(np.array([5.0, -1.0]))

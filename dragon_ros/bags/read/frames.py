@@ -9,7 +9,6 @@ import numpy as np
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
 from dragon_ros.core.chain.commanded import Commanded, Walked, profile_of, walked_from
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.near_pairs import closeness
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.limits import LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
@@ -45,7 +44,10 @@ class BagFrame:
     @cached_property
     def clearance_m(self) -> float | None:
         """Smallest signed gap of benches that are not neighbours, in m; inf where all are, None without benches."""
-        return None if self.benches is None else closeness(self.handles_m, self.benches).clearance_m
+        if self.benches is None:
+            return None
+        from dragon_ros.core.contact.near_pairs import closeness  # few readers ask
+        return closeness(self.handles_m, self.benches).clearance_m
 
 
 @dataclass

@@ -149,7 +149,7 @@ def next_places(track: Track, places: Places, chord_m: float, direction: int, ef
     number, u, lo = places
     if not number.size:
         return places, None, 0
-    numbers = np.unique(number).tolist() if len(track.segments) > 1 else [0]
+    numbers = track.present(number)
     if len(numbers) == 1:
         return _next_on_one(track, numbers[0], places, chord_m, direction, effort, past)
     number, u, lo, spent = number.copy(), u.copy(), lo.copy(), 0

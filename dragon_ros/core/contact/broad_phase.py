@@ -11,7 +11,6 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 import numpy as np
-import shapely
 
 from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.errors import CrowdError
@@ -202,6 +201,7 @@ def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:
 
 def _meeting(low: Floats, high: Floats) -> Ints:
     """Return the pairs i, j of boxes (N, 2) that meet, and those with |i - j| = 2 and 3, as sorted numbers i N + j."""
+    import shapely  # most dragons wind about the origin, and never ask
     count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)

@@ -20,7 +20,6 @@ from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.contact.broad_phase import pairs_on_steps
 from dragon_ros.core.contact.certificate import ALL, Interval
 from dragon_ros.core.contact.interval_clearing import Judgement, clear, parts_for
-from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.second_order_bounds import ABOVE
 from dragon_ros.core.contact.signed_distance import gaps, placement, rounding_m
@@ -177,6 +176,8 @@ class _Space:
 
     def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
         """Return second-order bounds of pairs' gaps, and the room."""
+        # Dragons that wind in on one spiral are cleared by leading benches alone.
+        from dragon_ros.core.contact.relative_motion import Handles, kinematics, second_derivatives, views
         domain = self._domain
         used, row = np.unique(row, return_inverse=True)
         a, b = a.rows(used), b.rows(used)

@@ -19,7 +19,7 @@ from dragon_ros.core.contact.narrow_phase import BenchSampler, BenchSamples, joi
 from dragon_ros.core.contact.search_domain import Bracket, SearchDomain
 from dragon_ros.core.contact.second_order_bounds import bounds, comes_in
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats, Ints, distinct
 from dragon_ros.core.tracks.composite import Place
 
 _FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the larger is between the first places. What
@@ -253,7 +253,7 @@ class LeadingBenches:
         places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
         if self._domain.track.may_lock:
             places = np.concatenate((places, turning_places(*self._two(self.lead), *sorted((start, stop)))))
-        places = np.unique(places)
+        places = distinct(places)
         yield _Window(self, bench, places if stop > start else places[::-1], behind)
 
     def sampler(self, ends: Floats) -> BenchSampler:

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.near_pairs import NearPairs
 from dragon_ros.core.contact.signed_distance import gap_of, witness
-from dragon_ros.core.frame import Closeness
+from dragon_ros.core.frame import Closeness, Observation
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Floats, Ints
 
@@ -33,16 +33,6 @@ _LATE_NS = 10**9    # by no more than this
 _IN_A_ROW = 3       # so many late ones in a row are a run that started again
 
 Bools = NDArray[np.bool_]
-
-
-@dataclass(frozen=True)
-class Observation:
-    """What was seen at one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
-
-    t_ns: int
-    p: Floats
-    benches: Benches
-    frame_id: str = ''
 
 
 @dataclass(frozen=True)

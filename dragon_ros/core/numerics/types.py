@@ -15,3 +15,10 @@ def read_only(array: Floats) -> Floats:
     """Return the array, closed for writing: what leaves the core does not change under its reader."""
     array.flags.writeable = False
     return array
+
+
+def distinct(values: Array) -> Array:
+    """Return the distinct values of an array (n,), growing, as ``np.unique``, which imports masked arrays for it."""
+    grown = np.sort(values)
+    out: Array = grown[np.append(True, grown[1:] != grown[:-1])[:grown.size]]
+    return out

@@ -16,7 +16,7 @@ from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import acos, floor, inf
 from typing import NamedTuple
 
@@ -30,6 +30,7 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
+_BOUNDARIES = 1024          # between stretches, whose places are kept
 _BATCH = 256                # states of one batch of products: what they fill stays in the cache
 _MOST_CELLS = 256           # that a tile keeps for single states, at most 144 kB each
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
@@ -205,7 +206,7 @@ class Tile:
         """Return where many places on the stretch are, and which of them are in the table."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
-        for k in np.unique(segment).tolist():
+        for k in self.track.present(segment):
             side, on = self.entrance.sides[k], segment == k
             if side:
                 at = np.searchsorted(side.begins, side.sense * u[on], side='right') - 1
@@ -309,6 +310,7 @@ class ShiftMap:
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
+        self._boundary = lru_cache(_BOUNDARIES)(self._boundary_of)
 
     @property
     def tiles(self) -> list[Tile]:
@@ -407,7 +409,7 @@ class ShiftMap:
         begin = self._boundary(number)
         return None if begin is None else towards_leader(self.track, begin, link_m, self.direction)
 
-    def _boundary(self, number: int) -> Place | None:
+    def _boundary_of(self, number: int) -> Place | None:
         """Return the place at which a stretch begins; None beyond the track."""
         metres = self._stretch_of(number, 1)[0]
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None

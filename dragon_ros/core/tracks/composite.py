@@ -146,10 +146,17 @@ class Track:
         number = np.searchsorted(np.array(self.joints_m), metres, side='right')
         u, u_lo = np.empty_like(metres), np.empty_like(metres)
         here, here_lo = plus(metres, lo, -np.array(self.origins_m)[number])
-        for k in np.unique(number).tolist():
+        for k in self.present(number):
             on = number == k
             u[on], u_lo[on] = self.segments[k].after_many(here[on], here_lo[on])
         return number, u, u_lo
+
+    def present(self, number: Ints) -> list[int]:
+        """Return which segments occur among the numbers of many places."""
+        if len(self.segments) == 1:
+            return [0]
+        occurring: list[int] = np.flatnonzero(np.bincount(number.reshape(-1))).tolist()
+        return occurring
 
     @cached_property
     def joints_m(self) -> list[float]:
@@ -278,7 +285,7 @@ class Track:
             only: Floats = np.asarray(value(0, u), dtype=np.float64)
             return only
         out: Floats = np.empty(u.shape)
-        for k in np.unique(segment).tolist():
+        for k in self.present(segment):
             out[segment == k] = value(k, u[segment == k])
         return out
 
@@ -292,7 +299,7 @@ class Track:
 
     def _vectors(self, segment: Ints, u: Floats, value: Callable[[int, Any], Array]) -> Floats:
         out = np.empty((*u.shape, 2))
-        for k in [0] if len(self.segments) == 1 else np.unique(segment).tolist():
+        for k in self.present(segment):
             here = ... if len(self.segments) == 1 else segment == k
             z = value(k, here)
             out[here, 0], out[here, 1] = z.real, z.imag

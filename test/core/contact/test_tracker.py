@@ -2,7 +2,8 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.tracker import MOST_REPORTED, ContactTracker, Observation
+from dragon_ros.core.contact.tracker import MOST_REPORTED, ContactTracker
+from dragon_ros.core.frame import Observation
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick

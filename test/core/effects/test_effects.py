@@ -15,11 +15,12 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.contact.signed_distance import gaps, witness
-from dragon_ros.core.contact.tracker import ContactTracker, Observation
+from dragon_ros.core.contact.tracker import ContactTracker
 from dragon_ros.core.effects.noise import normal
 from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_needs, effects_of, known
+from dragon_ros.core.frame import Observation
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import frame_of, state, tick, velocity_of
