@@ -59,7 +59,7 @@ class Forked:
 
 def _run(arguments, environment, cwd, output):
     """Run in the new process what ``python -m dragon_ros`` runs; nothing of the first process's surroundings stays."""
-    from dragon_ros.__main__ import main
+    from dragon_ros.__main__ import run
     os.environ.clear()
     os.environ.update(environment)
     os.chdir(cwd)
@@ -68,4 +68,4 @@ def _run(arguments, environment, cwd, output):
         stream.reconfigure(line_buffering=True)
     output.close()
     sys.argv = ['dragon_ros', *arguments]
-    sys.exit(main(arguments))
+    run(arguments)

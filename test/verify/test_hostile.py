@@ -114,7 +114,7 @@ def hostile(**sections):
      'beyond its end'),
     ({**hostile(), 'intervals': [{}] * 300_000}, 'to 250000')])
 def test_a_scene_that_would_take_forever_is_refused_within_its_budget(values, line):
-    assert re.search(line, refusal(values, effort=0.1))
+    assert re.search(line, refusal(values, effort=0.02))
 
 
 def test_a_file_without_end_is_not_read(tmp_path):
