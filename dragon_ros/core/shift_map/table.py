@@ -35,7 +35,8 @@ _BOUNDARIES = 1024          # between stretches, whose places are kept
 _MOST_CELLS = 256           # that a tile keeps for single states, at most 144 kB each
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
-_FEWEST_LINKS = 512         # length of a stretch, in links; a tile has as many of them, a power of two, as its blocks
+_FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, no less than its blocks
+_STRETCH_LINKS = 64         # length of its stretches; when leaders get to one, the series of their own link are fitted
 _SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
@@ -306,8 +307,8 @@ class ShiftMap:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._series_m = series_m
-        self._stretches = links_of_tile(links) // _FEWEST_LINKS     # of a tile
-        self._stretch_m, self._before_m = _FEWEST_LINKS * link_m, _BEFORE_LINKS * link_m
+        self._stretches = links_of_tile(links) // _STRETCH_LINKS    # of a tile
+        self._stretch_m, self._before_m = _STRETCH_LINKS * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
@@ -396,7 +397,7 @@ class ShiftMap:
         """Return whether a place, or its follower at a link, is behind the beginning of a stretch."""
         begin = self._boundary(number)
         if begin is None:
-            return number * self._stretch_m - self._before_m > 0
+            return self._stretch_of(number, 1)[0] >= self.track.end_m
         if link_m:
             begin = self._leader_at(number, link_m)
             if begin is None:
