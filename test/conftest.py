@@ -1,4 +1,5 @@
-"""What all tests share: floating-point errors raise, properties are repeatable."""
+"""What all tests share: floating-point errors raise, properties are repeatable, the longest tests come first."""
+import os
 import signal
 
 import numpy as np
@@ -18,10 +19,28 @@ def pytest_configure():
             signal.signal(number, usual)
 
 
+# These take ten seconds and more: last, each would leave the other processors idle.
+LONGEST = ('test_types_hold_strictly', 'test_the_demo_can_be_run_twice_in_one_place',
+           'test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired',
+           'test_handles_without_benches_are_counted_and_logged', 'test_every_command_of_a_document_runs')
+
+
+def pytest_collection_modifyitems(items):
+    items.sort(key=lambda item: not item.name.startswith(LONGEST))
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_auto_num_workers():
+    """Half as many again as there are processors, since tests of nodes and clusters wait for half of their time."""
+    return (3 * len(os.sched_getaffinity(0)) + 1) // 2
+
+
 settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,
                           suppress_health_check=[HealthCheck.too_slow])
 # With other versions of libraries the same properties hold of the same code: a few examples show that they run.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
+# By hand, and after changes of what a property is about: ten times as many as in each run of the tests.
+settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
 settings.load_profile('repeatable')
 
 

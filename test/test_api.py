@@ -79,6 +79,38 @@ def test_states_are_those_of_the_model():
         run.state(1e4)
 
 
+@pytest.mark.parametrize('name', ['winding', 'turning', 'paper'])
+def test_batches_have_all_states_and_each_takes_the_memory_of_the_last(name):
+    run, times = dr.compile(dr.scene(name)), np.linspace(0.0, 30.0, 7)
+    whole, tiny = run.states(times), 2e-11
+    seen = [(one.t_s, one.handles_m.copy(), one.velocity_m_s.copy(), one.handles_m.__array_interface__['data'][0])
+            for one in run.batches(times, 3)]
+    assert [t_s.size for t_s, *_ in seen] == [3, 3, 1]
+    assert len({at for *_, at in seen}) == 1
+    np.testing.assert_array_equal(np.concatenate([t_s for t_s, *_ in seen]), times)
+    np.testing.assert_allclose(np.concatenate([p for _, p, _, _ in seen]), whole.handles_m, rtol=0, atol=tiny)
+    np.testing.assert_allclose(np.concatenate([v for _, _, v, _ in seen]), whole.velocity_m_s, rtol=1e-9, atol=1e-9)
+
+
+@pytest.mark.parametrize('name', ['winding', 'paper'])
+def test_states_fill_the_arrays_that_they_are_given(name):
+    run, times = dr.compile(dr.scene(name)), [0.0, 100.0]
+    handles, velocity = np.full((2, 2, 224, 2), np.nan)
+    motion = run.states(times, (handles, velocity))
+    np.testing.assert_array_equal(handles, run.states(times).handles_m)
+    np.testing.assert_array_equal(velocity, run.states(times).velocity_m_s)
+    assert np.shares_memory(motion.handles_m, handles)
+    assert not motion.handles_m.flags.writeable
+    assert handles.flags.writeable
+
+
+@pytest.mark.parametrize('out', [np.empty((2, 3, 2)), np.empty((2, 224, 2), np.float32),
+                                 np.empty((2, 2, 224)).swapaxes(1, 2)])
+def test_arrays_that_cannot_take_the_states_are_refused(out):
+    with pytest.raises(InputError, match=r'out: .*\(2, 224, 2\) are to be filled in; give a writable array'):
+        dr.compile(dr.scene('winding')).states([0.0, 1.0], (out, out))
+
+
 def test_a_table_needs_pandas_and_says_so(monkeypatch):
     monkeypatch.setitem(sys.modules, 'pandas', None)
     with pytest.raises(MissingError, match='pip install pandas'):

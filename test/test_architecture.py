@@ -162,6 +162,9 @@ def copy_source(target):
     return target
 
 
+NO_BYTECODE = {'PYTHONDONTWRITEBYTECODE': '1'}      # of a copy that is used once
+
+
 def installed_names(prefix):
     return {path.name for path in (prefix / 'lib' / 'dragon_ros').iterdir()}
 
@@ -169,7 +172,7 @@ def installed_names(prefix):
 def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path):
     source = copy_source(tmp_path / 'source')
     subprocess.run([sys.executable, '-m', 'pip', 'wheel', '--quiet', '--no-deps', '--no-build-isolation',
-                    '--disable-pip-version-check', '-w', tmp_path, source], check=True)
+                    '--disable-pip-version-check', '-w', tmp_path, source], env=os.environ | NO_BYTECODE, check=True)
     (wheel,) = tmp_path.glob('*.whl')
     names = zipfile.ZipFile(wheel).namelist()
     assert not [name for name in names if 'entry_points' in name or '/scripts/' in name]
@@ -192,7 +195,7 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
 def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, options):
     workspace = tmp_path / 'ws'
     copy_source(workspace / 'src' / 'dragon_ros')
-    environment = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'}
+    environment = {key: value for key, value in os.environ.items() if key != 'PYTHONPATH'} | NO_BYTECODE
     subprocess.run([sys.executable, '-m', 'colcon', 'build', *options], cwd=workspace, env=environment, check=True,
                    capture_output=True)
     prefix = workspace / 'install' / 'dragon_ros'
@@ -232,6 +235,7 @@ def test_ruff_finds_nothing():
 
 @pytest.mark.skipif(not find_spec('mypy'), reason='mypy is not installed here')
 def test_types_hold_strictly():
-    done = subprocess.run([sys.executable, '-m', 'mypy', '--cache-dir', os.devnull], cwd=ROOT, capture_output=True,
+    cache = Path(os.environ['XDG_CACHE_HOME'], 'mypy') if 'XDG_CACHE_HOME' in os.environ else os.devnull
+    done = subprocess.run([sys.executable, '-m', 'mypy', '--cache-dir', cache], cwd=ROOT, capture_output=True,
                           text=True, check=False)
     assert done.returncode == 0, done.stdout

@@ -10,7 +10,9 @@ import numpy as np
 import pytest
 
 import dragon_ros as dr
+from dragon_ros.__main__ import main
 from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.executables import EXECUTABLES, NODES
 
 ROOT = Path(__file__).parents[1]
 DOCUMENTS = [ROOT / 'README.md', ROOT / 'CONTRIBUTING.md', *sorted((ROOT / 'docs').rglob('*.md'))]
@@ -92,9 +94,27 @@ def planned(command):
 
 
 def run(arguments, folder):
+    """Run Python in a process of its own; return its exit code and what it wrote to the two streams."""
     environment = {**local_environment(free_domain()), 'ROS_LOG_DIR': str(folder / 'log')}
-    return subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True,
+    done = subprocess.run([sys.executable, *arguments], cwd=folder, env=environment, capture_output=True, text=True,
                           timeout=LONGEST_S, check=False)
+    return done.returncode, done.stdout, done.stderr
+
+
+@pytest.fixture
+def command(tmp_path, monkeypatch, capsys):
+    """A function that runs a command in the folder of the test, a node as a process; it returns what ``run`` does."""
+    monkeypatch.chdir(tmp_path)
+
+    def run_here(arguments):
+        if arguments[0] in EXECUTABLES and EXECUTABLES[arguments[0]].module == NODES:
+            return run(['-m', 'dragon_ros', *arguments], tmp_path)
+        try:
+            code = main(arguments)
+        except SystemExit as end:
+            code = end.code
+        return code, *capsys.readouterr()
+    return run_here
 
 
 def write_files(path, folder):
@@ -105,22 +125,22 @@ def write_files(path, folder):
 
 @pytest.mark.parametrize('path', DOCUMENTS, ids=lambda path: path.name if path.parent == ROOT else str(
     path.relative_to(ROOT)))
-def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path):
+def test_every_command_of_a_document_runs_and_says_what_is_shown(path, tmp_path, command):
     pytest.importorskip('rclpy')
     write_files(path, tmp_path)
     for commands, shown in blocks(path):
         output = ''
-        for command in commands:
-            arguments = planned(command)
+        for line in commands:
+            arguments = planned(line)
             if arguments is None:
                 continue
-            done = run(['-m', 'dragon_ros', *arguments], tmp_path)
-            output += done.stdout + done.stderr
+            code, out, err = command(arguments)
+            output += out + err
             refused = path.name == 'faq.md' and shown
-            assert done.returncode == (2 if refused else 0), f'{command}\n{output}'
+            assert code == (2 if refused else 0), f'{line}\n{output}'
             assert 'Traceback' not in output, output
-            for figure in re.findall(r'\d+\.\d{6,}', command.partition('#')[2]):
-                assert figure in done.stdout, f'{command}\n{output}'
+            for figure in re.findall(r'\d+\.\d{6,}', line.partition('#')[2]):
+                assert figure in out, f'{line}\n{output}'
         for line in shown if output else []:
             assert _steady(line) in _steady(output), f'{commands}: {line!r} is not in\n{output}'
 
@@ -137,8 +157,8 @@ def test_every_python_program_in_a_document_runs(path, tmp_path):
     for text in re.findall(r'^```python\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
         if 'rclpy' in text:
             pytest.importorskip('rclpy')
-        done = run(['-c', text], tmp_path)
-        assert done.returncode == 0, done.stderr
+        code, _, err = run(['-c', text], tmp_path)
+        assert code == 0, err
 
 
 def test_every_substitute_stands_for_a_command_of_a_document():

@@ -96,6 +96,13 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
     return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
 
 
+def check_is_bag(path: Path) -> None:
+    """Refuse the name or the file of a scene where a recording is taken. Raises InputError."""
+    from dragon_ros.configuration import scene_names
+    if path.suffix in ('.yaml', '.yml') or (not path.exists() and str(path) in scene_names()):
+        raise InputError(f'BAG {path}: is a scene, not a recording; write --scene {path}')
+
+
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     """Return rows under their column names as CSV; every line ends in a line feed."""
     import csv

@@ -74,6 +74,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         raise InputError('BAG: brings its scene; leave out --scene, --set and --accuracy')
     from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
     from dragon_ros.bags.read.reader import BagReader
+    command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
         namespace = namespace_of(bag, arguments.namespace)
         scene = scene_of_bag(bag, namespace, arguments.trust)

@@ -2,7 +2,7 @@
 import json
 import sys
 from argparse import Namespace
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -14,7 +14,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import states, velocity_of
+from dragon_ros.core.step import batches
 
 if TYPE_CHECKING:       # a table of a scene starts without bags
     from dragon_ros.bags.read.frames import BagFrame
@@ -57,7 +57,9 @@ def run(arguments: Namespace) -> int:
         if arguments.contest:
             return _write_contest(arguments.contest, scene)
         handles = handles_of(arguments.handles, scene.dragon.benches)
-        rows = table(scene, times_of(arguments.times or '0'), handles)
+        times_s = times_of(arguments.times or '0')
+        with Progress('table', 'times', len(times_s)) as bar:
+            rows = table(scene, times_s, handles, bar.update)
     command_line.write_output(arguments.output, _FORMATS[arguments.format](rows))
     return command_line.OK
 
@@ -74,14 +76,17 @@ def _write_contest(folder: Path, scene: Scene) -> int:
     return command_line.OK
 
 
-def table(scene: Scene, times_s: list[float], handles: list[int]) -> list[Row]:
-    """Return one row for each time and handle, in the order of COLUMNS."""
-    chain = states(scene, times_s)
-    velocity = velocity_of(scene, chain, times_s)
-    speed = np.hypot(velocity[..., 0], velocity[..., 1])
-    block = np.concatenate((chain.p, velocity, speed[..., None]), axis=-1)[:, handles].tolist()
-    return [(t_s, handle, *values) for t_s, group in zip(times_s, block, strict=True)
-            for handle, values in zip(handles, group, strict=True)]
+def table(scene: Scene, times_s: list[float], handles: list[int],
+          progress: Callable[[int], object] = lambda times: None) -> list[Row]:
+    """Return one row for each time and handle, in the order of COLUMNS; ``progress(times)`` is called now and then."""
+    rows: list[Row] = []
+    for some in batches(scene, times_s):
+        p, velocity = some.handles_m[:, handles], some.velocity_m_s[:, handles]
+        block = np.concatenate((p, velocity, np.hypot(velocity[..., :1], velocity[..., 1:])), axis=-1).tolist()
+        rows += [(t_s, handle, *values) for t_s, group in zip(some.t_s.tolist(), block, strict=True)
+                 for handle, values in zip(handles, group, strict=True)]
+        progress(len(block))
+    return rows
 
 
 def _bag_rows(arguments: Namespace) -> list[Row]:
@@ -89,6 +94,7 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
     from dragon_ros.bags.read.frames import namespace_of
     from dragon_ros.bags.read.reader import BagReader
     out: list[Row] = []
+    command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
         times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
         for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):

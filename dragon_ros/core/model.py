@@ -114,9 +114,12 @@ class Model:
         """Return the chain when the leader has gone (hi, lo) metres. Raises ModelEnd where there is none."""
         return self.placement.place(self.leader.place(gone_m))
 
-    def place_many(self, gone_m: tuple[Floats, Floats]) -> Chain:
-        """Return the chains of many distances in one: the same to the tier's metres, not bit for bit."""
-        return self.placement.place_many(self.leader.places(gone_m))
+    def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
+        """Return the chains of many distances (S,) in one: the same to the tier's metres, not bit for bit.
+
+        ``out`` (S, N+1, 2) takes the handles, if it is given.
+        """
+        return self.placement.place_many(self.leader.places(gone_m), out)
 
     def march(self, gone_m: tuple[float, float], effort: Effort) -> Chain:
         """Return the chain by forward placement alone, at an effort of its own."""

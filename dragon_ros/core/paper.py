@@ -27,11 +27,11 @@ class PaperChain(Chain):
         """The paper's recipe."""
         return 'paper'
 
-    def velocities(self, leader_speed_m_s: float | Floats) -> Floats:
+    def velocities(self, leader_speed_m_s: float | Floats, out: Floats | None = None) -> Floats:
         """Return the paper's speeds along the track's tangents, shape (..., N+1, 2); the power law telescopes."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
-        return read_only(-speed[..., None] * tangents(self.u))
+        return read_only(np.multiply(-speed[..., None], tangents(self.u), out=out).view())
 
 
 def steps_of(t_s: float) -> int:

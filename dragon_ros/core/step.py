@@ -5,12 +5,12 @@ gone, its model maps that to the chain of all handles, and each effect that the 
 frame. A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same
 bits.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
 from types import SimpleNamespace
-from typing import Any, cast
+from typing import Any, NamedTuple, cast
 
 import numpy as np
 
@@ -21,9 +21,11 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
+
+_BATCH_HANDLES = 2**16      # of a batch: with velocities 2 MB
 
 
 def tick(scene: Scene, k: int) -> Frame:
@@ -40,21 +42,63 @@ def state(scene: Scene, t_s: float) -> Chain:
     return compile_scene(scene).chain(t_s)
 
 
-def states(scene: Scene, times_s: Sequence[float]) -> Chain:
-    """Return the chains at many instants at once: the same model to the tier's metres, arrays with a leading axis."""
+def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
+    """Return the chains at many instants (S,) at once: the same model to the tier's metres, arrays with a leading axis.
+
+    ``out`` (S, N+1, 2) takes the handles, if it is given. Raises FieldError where it cannot.
+    """
     simulation = compile_scene(scene)
+    if out is not None:
+        _check_room(out, (len(times_s), scene.dragon.benches + 1, 2))
     if simulation.tier is PAPER:
-        return stack([simulation.chain(t_s) for t_s in times_s])
+        chain = stack([simulation.chain(t_s) for t_s in times_s])
+        if out is None:
+            return chain
+        out[:] = chain.p
+        return replace(chain, p=read_only(out.view()))
     times = np.asarray(times_s, dtype=np.float64)
     simulation.check_times(times)
-    return simulation.model.place_many(scene.head.travelled_m(times))
+    return simulation.model.place_many(scene.head.travelled_m(times), out)
 
 
-def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float]) -> Floats:
-    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at ``t_s`` or of many at many."""
+def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at ``t_s`` or of many at many.
+
+    ``out``, of the same shape, takes them, if it is given. Raises FieldError where it cannot.
+    """
+    if out is not None:
+        _check_room(out, chain.p.shape)
     if isinstance(t_s, Sequence):
-        return chain.velocities(np.array([scene.head.speed_at_m_s(t) for t in t_s]))
-    return chain.velocities(scene.head.speed_at_m_s(t_s))
+        return chain.velocities(np.array([scene.head.speed_at_m_s(t) for t in t_s]), out)
+    return chain.velocities(scene.head.speed_at_m_s(t_s), out)
+
+
+class Batch(NamedTuple):
+    """Some of many instants: when (S,), all handles (S, N+1, 2) in m and velocities (S, N+1, 2) in m/s, read-only."""
+
+    t_s: Floats
+    handles_m: Floats
+    velocity_m_s: Floats
+
+
+def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> Iterator[Batch]:
+    """Yield many instants, ``size`` at a time, in memory that the next batch takes again: copy what is to stay.
+
+    Fresh memory costs as much as what is computed into it; by itself a batch is about as large as a cache.
+    """
+    size = size or max(1, _BATCH_HANDLES // (scene.dragon.benches + 1))
+    room: Floats = np.empty((2, min(size, len(times_s)), scene.dragon.benches + 1, 2))
+    for first in range(0, len(times_s), size):
+        some = times_s[first:first + size]
+        handles, velocity = room[:, :len(some)]
+        chain = states(scene, some, handles)
+        yield Batch(np.array(some, dtype=np.float64), chain.p, velocity_of(scene, chain, some, velocity))
+
+
+def _check_room(out: Floats, shape: tuple[int, ...]) -> None:
+    if out.shape != shape or out.dtype != np.float64 or not (out.flags.c_contiguous and out.flags.writeable):
+        raise FieldError('out', f'{out.dtype} {out.shape}', f'{shape} are to be filled in',
+                         'give a writable array of that shape, float64 in C order')
 
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:

@@ -39,7 +39,7 @@ class PlainChain(Chain):
         """Usual Python code."""
         return 'plain'
 
-    def velocities(self, head_speed_m_s: Any) -> Floats:
+    def velocities(self, head_speed_m_s: Any, out: Floats | None = None) -> Floats:
         """Return the velocities as usual code does: link by link, from the angles with both tangents."""
         speed, rows, points, before = float(head_speed_m_s), [], self.p.tolist(), (0.0, 0.0)
         for k, t in enumerate(self.theta):
@@ -50,7 +50,9 @@ class PlainChain(Chain):
                 speed *= (before[0] * link[0] + before[1] * link[1]) / (tangent[0] * link[0] + tangent[1] * link[1])
             before = tangent
             rows.append((-speed * tangent[0], -speed * tangent[1]))
-        return np.array(rows)
+        out = np.empty((len(rows), 2)) if out is None else out
+        out[:] = rows
+        return out
 
 
 def _march(scene: Scene, head: Place) -> Chain:

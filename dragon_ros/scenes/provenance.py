@@ -63,7 +63,7 @@ def _git(*arguments: str) -> str:
     root = Path(__file__).resolve().parents[2]
     if not (root / '.git').exists():
         return ''
-    import subprocess       # who reads a bag starts nothing
+    import subprocess  # who reads a bag starts nothing
     with suppress(OSError, subprocess.SubprocessError):
         return subprocess.run(['git', '-C', str(root), *arguments], capture_output=True, text=True, check=True,
                               timeout=5).stdout.strip()

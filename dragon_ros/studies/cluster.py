@@ -44,8 +44,8 @@ _LOOK_S = 2.0           # between two looks at who is working
 _CONNECT_S = 30.0
 _START_S = 120.0        # for a thread of this process
 _NO_WORKERS_S = 60.0    # before it is told that no worker is there
-# What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served. Nor does anybody look at
-# its profiles: what it would watch a hundred times a second took a tenth of a worker's time.
+# What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served. Nor does anybody look
+# at its profiles: what it would watch a hundred times a second took a tenth of a worker's time.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',

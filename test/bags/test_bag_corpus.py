@@ -7,8 +7,9 @@ from functools import partial
 from pathlib import Path
 
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.bags.check.examine import examine
 from dragon_ros.bags.check.repair import repair
@@ -105,7 +106,7 @@ def use(path, out):
             assert frame.clearance_m is None or frame.clearance_m == frame.clearance_m
 
 
-@settings(max_examples=150)
+@examples(150)
 @given(st.sampled_from(GOOD), st.floats(0, 1))
 def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_path_factory, name, share):
     folder, data = tmp_path_factory.mktemp('cut'), CORPUS[name].read_bytes()
@@ -126,7 +127,7 @@ def test_a_bag_cut_at_any_byte_is_refused_and_all_before_the_cut_is_saved(tmp_pa
         assert saved.messages >= int(messages_before) - 3
 
 
-@settings(max_examples=200)
+@examples(200)
 @given(st.sampled_from(sorted(CORPUS)), st.lists(st.tuples(st.floats(0, 1), st.integers(0, 255)), max_size=4),
        st.floats(0, 1))
 @example('good_zstd', [(0.0, 0)], 1.0)
@@ -142,7 +143,7 @@ def test_flipped_and_cut_bags_raise_nothing_but_clear_errors(tmp_path_factory, n
     use(path, folder / 'out.mcap')
 
 
-@settings(max_examples=100)
+@examples(100)
 @given(st.sampled_from(GOOD), st.integers(0, 2**13), st.integers(0, 2**13), st.integers(0, 2**13))
 def test_bags_with_parts_doubled_or_moved_raise_nothing_but_clear_errors(tmp_path_factory, name, start, length, to):
     folder, data = tmp_path_factory.mktemp('twice'), CORPUS[name].read_bytes()

@@ -14,6 +14,7 @@ import pytest
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
@@ -285,6 +286,14 @@ def test_check_of_a_bag_without_a_scene_is_refused(capsys):
     code, _, err = run(capsys, 'inspect', CORPUS / 'good_none.mcap', '--check')
     assert code == 2
     assert 'does not contain its scene' in err
+
+
+@pytest.mark.parametrize('command', ['contact', 'table'])
+@pytest.mark.parametrize('scene', ['winding', str(configuration_folder() / 'scenes' / 'winding.yaml')])
+def test_a_scene_in_the_place_of_a_bag_is_told_how_to_be_given(capsys, command, scene):
+    code, _, err = run(capsys, command, scene)
+    assert code == 2
+    assert err == f'{command}: BAG {scene}: is a scene, not a recording; write --scene {scene}\n'
 
 
 def stranger_s(path, text):

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
@@ -48,7 +49,7 @@ tracks = st.one_of(
     shapes.map(lambda pieces: Composite(tuple(pieces))))
 
 
-@settings(max_examples=150)
+@examples(50)
 @given(even | mixed, tracks, st.sampled_from(['head', 'tail']), st.sampled_from(TIERS),
        st.one_of(st.just(0.0), st.floats(0, 1), st.floats(0, 8).map(lambda digits: 1 - 10**-digits)),
        st.sampled_from(['table', 'march']))

@@ -3,8 +3,9 @@ import struct
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
@@ -187,7 +188,7 @@ def test_every_byte_that_is_not_padding_is_that_of_the_real_serialiser(style, fr
 
 @pytest.mark.parametrize('name', TYPES)
 @given(data=st.binary(max_size=300))
-@settings(max_examples=40)
+@examples(40)
 def test_random_bytes_are_values_or_a_message_error(name, data):
     try:
         decode(name, b'\0\1\0\0' + data)

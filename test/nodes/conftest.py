@@ -1,13 +1,13 @@
 """Real nodes in real processes over real DDS: one domain a test, waiting on conditions, never on sleeps."""
 import os
 import signal
-import subprocess
 import sys
 import threading
 import time
 from contextlib import contextmanager
 
 import pytest
+from processes import Forked, Started
 
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 
@@ -19,9 +19,8 @@ PATIENCE_S = 120.0
 class Process:
     """A program that runs; what it prints is collected line by line."""
 
-    def __init__(self, command, environment, cwd):
-        self._child = subprocess.Popen(command, env=environment, cwd=cwd, stdin=subprocess.DEVNULL,
-                                       stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True)
+    def __init__(self, child):
+        self._child = child
         self.lines, self._new = [], threading.Condition()
         self._reader = threading.Thread(target=self._read, daemon=True)
         self._reader.start()
@@ -88,13 +87,15 @@ def domain(monkeypatch):
 
 @pytest.fixture
 def start(domain, tmp_path):
-    """Start executables that end with the test."""
+    """Start executables that end with the test: forked, or ``anew``, perhaps under a command, where that is claimed."""
     running = []
 
-    def run(*arguments, under=(), **variables):
+    def run(*arguments, anew=False, under=(), **variables):
+        words = list(map(str, arguments))
         environment = {**os.environ, 'PYTHONUNBUFFERED': '1', 'ROS_LOG_DIR': str(tmp_path / 'log'), **variables}
-        command = [*under, sys.executable, '-m', 'dragon_ros', *map(str, arguments)]
-        running.append(Process(command, environment, tmp_path))
+        kind, command = (Started, [*under, sys.executable, '-m', 'dragon_ros', *words]) if anew or under else (
+            Forked, words)
+        running.append(Process(kind(command, environment, tmp_path)))
         return running[-1]
     yield run
     for process in running:

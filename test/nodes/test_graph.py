@@ -49,9 +49,10 @@ def by_topic(path):
 def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, node, tmp_path, scale, markers):
     changes = 'run.start_s=409', f'markers={markers}'
     bag, events = tmp_path / 'run.mcap', heard_events(node)
-    monitor, record = start('monitor'), start('record', '--output', bag, '--keep-going')
+    monitor = start('monitor', anew=True)
+    record = start('record', '--output', bag, '--keep-going', anew=True)
     sim = start('sim', '--scene', 'first_contact', *overrides(*changes), '--ros-args', '-p', READERS,
-                '-p', f'time_scale:={scale}')
+                '-p', f'time_scale:={scale}', anew=True)
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
     node.until(lambda: events)
@@ -165,8 +166,8 @@ def test_a_late_joiner_still_gets_the_event(start, node):
 def test_a_signal_closes_the_bag_properly(start, node, tmp_path, number):
     from geometry_msgs.msg import PoseArray
     bag = tmp_path / 'run.mcap'
-    record = start('record', '--output', bag)
-    sim = start('sim', '--json', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1,velocities=1]')
+    record = start('record', '--output', bag, anew=True)
+    sim = start('sim', '--json', '--ros-args', '-p', 'wait_subscribers:=[handles=1,benches=1,velocities=1]', anew=True)
     handles = []
     node.create_subscription(PoseArray, 'handles', handles.append, 100, raw=True)
     node.until(lambda: len(handles) > 30)
@@ -230,7 +231,7 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
 
 @pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
 def test_a_node_that_is_interrupted_while_it_starts_ends_as_one_that_runs(start, loaded):
-    process = start('sim')
+    process = start('sim', anew=True)
     while loaded not in Path(f'/proc/{process.pid}/maps').read_text():
         assert process.running
     assert process.stop() == 0, process.text
@@ -345,7 +346,7 @@ def test_a_sim_that_its_reader_holds_back_still_ends_on_a_signal(start):
 
 def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
     import psutil
-    demo = start('demo', '--output', tmp_path / 'demo', '--pace', '0.5')
+    demo = start('demo', '--output', tmp_path / 'demo', '--pace', '0.5', anew=True)
     demo.wait_for('at 400')
     children = psutil.Process(demo.pid).children(recursive=True)
     assert len(children) >= 3
@@ -366,7 +367,7 @@ def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
 
 def test_security_that_the_wheels_cannot_give_is_refused_in_one_line(start):
     pytest.importorskip('ros_wheels_bootstrapper')
-    process = start('sim', '--scene', 'minimal', ROS_SECURITY_ENABLE='true')
+    process = start('sim', '--scene', 'minimal', anew=True, ROS_SECURITY_ENABLE='true')
     assert process.end() == 2
     assert process.text.startswith('sim: ROS_SECURITY_ENABLE: the ROS wheels have no DDS security plugins')
     assert len(process.text.splitlines()) == 1

@@ -10,6 +10,7 @@ pytest.importorskip('launch_ros', reason='launch_ros comes with ROS 2, not from 
 
 from conftest import Process
 from geometry_msgs.msg import PoseArray
+from processes import Started
 from rcl_interfaces.srv import GetParameters
 
 from dragon_ros.bags.read.reader import BagReader
@@ -53,7 +54,7 @@ def launch(domain, prefix, tmp_path):
 
     def run(*arguments):
         command = [sys.executable, '-c', LAUNCH, str(ROOT / 'launch' / 'dragon.launch.py'), *arguments]
-        running.append(Process(command, environment, tmp_path))
+        running.append(Process(Started(command, environment, tmp_path)))
         return running[-1]
     yield run
     for process in running:

@@ -3,8 +3,9 @@ from contextlib import suppress
 
 import pytest
 from flint import acb, arb
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.scene import Scene
@@ -90,7 +91,7 @@ dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset 
                        st.lists(st.just(0.0) | st.floats(0.2, 2.2), min_size=BENCHES, max_size=BENCHES)))
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(dragons, st.floats(0, 30), st.floats(1e-3, 1.5))
 def test_bounds_hold_on_a_spiral_to_its_centre(dragon, way, length):
     track, benches, bend = compiled(dragon, Spiral(0.9, 3.4))
@@ -100,7 +101,7 @@ def test_bounds_hold_on_a_spiral_to_its_centre(dragon, way, length):
         assume(False)
 
 
-@settings(max_examples=30)
+@examples(30)
 @given(dragons, st.floats(0, 20), st.floats(1e-3, 1.5))
 def test_bounds_hold_across_joints(dragon, way, length):
     track, benches, bend = compiled(dragon, SWAY)
@@ -108,7 +109,7 @@ def test_bounds_hold_across_joints(dragon, way, length):
     check(track, benches, bend, way, min(way + length, float(track.end)))
 
 
-@settings(max_examples=25)
+@examples(25)
 @given(dragons, st.floats(-10, 35), st.floats(1e-3, 1.5))
 def test_bounds_hold_in_and_out_of_an_s_turn(dragon, way, length):
     track, benches, bend = compiled(dragon, STurn(1.7, 5.0, 1.5))

@@ -1,7 +1,7 @@
 """A bug planted anywhere in the solver, so that it misses or misdates a contact, is caught by the checker."""
 import sys
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 import numpy as np
 import pytest
@@ -163,13 +163,19 @@ def again(run):
     return replace(run, dragon=replace(run.dragon), track=replace(run.track), head=replace(run.head))
 
 
+@lru_cache
+def honest(run):
+    """What the solver writes of a run without a bug, which the checker accepts."""
+    values = written(again(run))
+    assert proved(values)
+    return values
+
+
 @pytest.mark.parametrize(('bug', 'run'), BUGS, ids=[f'{n} {bug.__name__}' for n, (bug, _) in enumerate(BUGS)])
 def test_a_bug_in_the_solver_is_caught(monkeypatch, bug, run):
     with monkeypatch.context() as patch:
         patch.setattr(model, '_COMPILED', model._Compiled())
         bug(patch)
         values = written(again(run))
-    honest = written(again(run))
-    assert values['contact'] != honest['contact']
+    assert values['contact'] != honest(run)['contact']
     assert refusal(values)
-    assert proved(honest)

@@ -5,8 +5,9 @@ from fractions import Fraction
 import numpy as np
 import pytest
 from flint import arb
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -100,7 +101,7 @@ def test_joints_meet_as_they_head():
 rows = st.lists(st.tuples(st.floats(0, 5), st.floats(-2, 2)), min_size=1, max_size=5)
 
 
-@settings(max_examples=40)
+@examples(40)
 @given(rows, st.sampled_from(['linear', 'smooth']), st.floats(0, 10), st.floats(0, 10))
 @example([(1.0, -1.0), (0.0, 1.0)], 'linear', 0.0, 5.0)
 def test_the_law_goes_as_far_as_the_solvers_does_and_its_extent_holds_every_place(rows, ramps, start_s, run_s):

@@ -137,20 +137,18 @@ class Chain:
         start = part.start if self.direction == BEHIND else self.links_m.size - part.start - part.links
         return slice(start, start + part.links + 1)
 
-    def velocities(self, leader_speed_m_s: Any) -> Floats:
-        """Return velocity vectors in m/s, shape (..., N+1, 2).
+    def velocities(self, leader_speed_m_s: Any, out: Floats | None = None) -> Floats:
+        """Return velocity vectors in m/s, shape (..., N+1, 2), in ``out`` if it is given.
 
         The leader's speed (one, or one an instant) is positive in its own way: outwards where a tail leads.
         """
         speed = -self.direction * leader_speed_m_s
-        out: Floats = np.empty(self.p.size)
+        out = np.empty(self.p.size) if out is None else out.reshape(-1)
         if self.p.ndim > 2:
             out, speed = out.reshape(self.p.shape), np.broadcast_to(np.asarray(speed, np.float64), self.p.shape[:1])
         for part in self.parts:
             speed = part.velocities(self, speed, out)
-        out = out.reshape(self.p.shape)
-        out.setflags(write=False)
-        return out
+        return read_only(out.reshape(self.p.shape).view())
 
 
 def conditioning(chain: Chain) -> float:

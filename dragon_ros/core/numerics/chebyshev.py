@@ -6,9 +6,11 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.numerics.types import Floats
 
-_ENOUGH = 1e-9         # a Newton step, of the interval: the next error is about its square
-_NOTHING = 1e-19       # of the interval: terms that no sum of doubles shows
-_NEWTON_STEPS = 6       # from within a tenth of the interval: quadratic convergence reaches the last digit in five
+_ENOUGH = 1e-12        # a Newton step, of the interval: the next error is smaller by four digits at least
+_NOTHING = 2e-17       # of the interval: terms that no sum of doubles shows
+_NEWTON_STEPS = 6       # from within a tenth of the interval: three reach the last digit
+_WORK = 200_000         # multiplications of one product: BLAS shares larger ones among threads, and on a busy machine
+                        # these wait for each other for longer than one alone takes
 
 
 @lru_cache(maxsize=64)
@@ -21,21 +23,60 @@ def transform(nodes: int) -> tuple[Floats, Floats]:
     return quarter[odd], matrix
 
 
+def in_parts(matrix: Floats, values: Floats) -> Floats:
+    """Return the product (..., L, M) of a matrix (L, K) and values (..., K, M), some columns at a time."""
+    columns = columns_of(matrix.size)
+    out: Floats = np.empty((*values.shape[:-2], len(matrix), values.shape[-1]))
+    for first in range(0, values.shape[-1], columns):
+        some = slice(first, first + columns)
+        out[..., some] = matrix @ values[..., some]
+    return out
+
+
+def columns_of(size: int) -> int:
+    """Return how many columns a product with a matrix of so many numbers has at most, for one thread."""
+    return max(1, _WORK // max(1, size))
+
+
+def series_of(values: Floats) -> Floats:
+    """Return the series (..., K, M) of functions from their values (..., K, M) at the nodes."""
+    return in_parts(transform(values.shape[-2])[1], values)
+
+
 def inverse_series(series: Floats) -> Floats:
     """Return the inverses u(x) of monotone series x(u) (K, M) from [-1, 1] to itself, as series in x (K, M)."""
+    columns, out = columns_of(series.shape[0]**2), np.empty(series.shape)
+    for first in range(0, series.shape[1], columns):
+        some = slice(first, first + columns)
+        out[:, some] = _inverse(np.ascontiguousarray(series[:, some]))
+    return out
+
+
+def _inverse(series: Floats) -> Floats:
+    """Return ``inverse_series`` of some.
+
+    Products give values and four derivatives at the nodes, so Newton's method starts from a polynomial's root near each
+    of them. From there slopes are those of that polynomial: only values are summed again.
+    """
     x, matrix = transform(series.shape[0])
-    at = chebyshev.chebvander(x, series.shape[0] - 1)
-    series = series[:1 + max(1, int(np.max(np.flatnonzero(np.abs(series).max(axis=1, initial=0.0) > _NOTHING),
-                                           initial=0)))]
-    slope, wanted = np.asarray(chebyshev.chebder(series), dtype=np.float64), x[:, None]
-    # The first step starts at the nodes, where a product has all values.
-    change = (at[:, :len(series)] @ series - wanted) / (at[:, :len(slope)] @ slope)
-    u = wanted - change
-    for _ in range(_NEWTON_STEPS - 1):
-        if np.max(np.abs(change), initial=0.0) < _ENOUGH:
-            break
-        change = (_values(series, u) - wanted) / _values(slope, u)
+    at, wanted = chebyshev.chebvander(x, series.shape[0] - 1), x[:, None]
+    terms = 1 + max(1, int(np.max(np.flatnonzero(np.abs(series).max(axis=1) > _NOTHING), initial=0)))
+    each = [series[:terms]]
+    for _ in range(4):
+        each.append(np.asarray(chebyshev.chebder(each[-1]), dtype=np.float64))
+    zeroth, first, second, third, fourth = (at[:, :len(one)] @ one for one in each)
+    zeroth -= wanted
+    change = -zeroth / first
+    for _ in range(2):
+        value = (((fourth * (change / 24) + third / 6) * change + second / 2) * change + first) * change + zeroth
+        change -= value / (((fourth * (change / 6) + third / 2) * change + second) * change + first)
+    slope = ((fourth * (change / 6) + third / 2) * change + second) * change + first
+    u = wanted + change
+    for _ in range(_NEWTON_STEPS):
+        change = (_values(each[0], u) - wanted) / slope
         u -= change
+        if np.max(np.abs(change)) < _ENOUGH:
+            break
     out: Floats = matrix @ u
     return out
 

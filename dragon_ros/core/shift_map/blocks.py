@@ -281,8 +281,11 @@ class Placement:
         part.fill(flat)
         return part
 
-    def place_many(self, leaders: Places) -> Chain:
-        """Return the chains of many leaders in one; a block is marched where its tables do not serve them all."""
+    def place_many(self, leaders: Places, out: Floats | None = None) -> Chain:
+        """Return the chains of many leaders (S,) in one; a block is marched where its tables do not serve them all.
+
+        ``out`` (S, N+1, 2) takes the handles, if it is given.
+        """
         parts: list[Part] = []
         places, spent = leaders, 0
         for block, shift in self.blocks:
@@ -291,7 +294,7 @@ class Placement:
             spent += more
             if block.stop < self.links_m.size:
                 places = part.end() if isinstance(part, TabulatedStates) else _last(part.places())
-        return self._chains(parts, spent, leaders[0].size)
+        return self._chains(parts, spent, np.empty((leaders[0].size, self.links_m.size + 1, 2)) if out is None else out)
 
     def _states(self, block: Block, places: Places, shift: ShiftMap | None) -> tuple[Part, int]:
         count = block.stop - block.start
@@ -305,8 +308,8 @@ class Placement:
         last = spots.row - self.direction * count
         return bool(np.all((last >= 0) & (last < spots.tile.table.rows)))
 
-    def _chains(self, parts: list[Part], spent: int, instants: int) -> Chain:
-        p = np.empty((instants, self.links_m.size + 1, 2))
+    def _chains(self, parts: list[Part], spent: int, out: Floats) -> Chain:
+        p = out.view()      # read-only below, and ``out`` is not
         chain = Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
         for part in parts:
             some = p[:, chain.slice_of(part)]

@@ -1,6 +1,6 @@
 """Building the table of a tile: where to cut the span, its images, row after row, and the series of what they met."""
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from math import ceil, floor, inf
 
@@ -8,7 +8,7 @@ import numpy as np
 
 from dragon_ros.core.chain.forward import Block, forward, forward_many
 from dragon_ros.core.errors import ChainLockError, TrackEndError
-from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transform
+from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
@@ -92,6 +92,30 @@ class _Part:
         share = 0.5 * (1 + transform(NODES)[0])
         high, low = np.broadcast_to(self.fore[:, None], (2, NODES))
         return plus(high, low, share * ((self.rear[0] - self.fore[0]) + (self.rear[1] - self.fore[1])))
+
+
+@dataclass(frozen=True, eq=False)
+class _Pushed:
+    """Series of R rows of one part: of coordinates less ``origin`` (K, R), places and motions (K, R, 2).
+
+    ``along_m`` (R, 2) is where its rear and its front are along the track, ``far_m`` (R,) how far out it is at most.
+    """
+
+    segment: Ints           # (R,)
+    origin: Floats          # (2, R), as (hi, lo)
+    along_m: Floats
+    far_m: Floats
+    coordinates: Floats
+    places: Floats
+    motions: Floats
+    inverses: dict[tuple[int, int], Floats] = field(default_factory=dict)
+
+    def inverse(self, x: Floats, rows: slice) -> Floats:
+        """Return the inverses (K, L) of scaled coordinates (K, R) in some rows, which are found once."""
+        key = rows.start, rows.stop
+        if key not in self.inverses:
+            self.inverses[key] = inverse_series(x[:, rows])
+        return self.inverses[key]
 
 
 @dataclass(frozen=True)
@@ -181,46 +205,62 @@ def _halves(part: _Part) -> list[_Part]:
 def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
            series_m: Callable[[Floats], Floats]) -> Table | None:
     """Return the table, once all series end; parts whose do not are cut in two."""
+    pieces: list[tuple[_Part, _Pushed | None]] = [(part, None) for part in parts]
     for _ in range(_ROUNDS):
-        if 8 * 5 * NODES * len(parts) * count > _MOST_BYTES:
+        if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
-        rows = _series(track, link_m, parts, count, stretch, series_m)
+        new = iter(_series(track, link_m, [part for part, one in pieces if not one], count))
+        pushed = [one or next(new) for _, one in pieces]
+        rows = _together_in_rows(pushed, link_m, stretch, series_m)
         x, middle, scale = scaled(rows.coordinates)
-        leading = x[:, :, rows.leading]
-        if not leading.shape[2]:
+        if rows.leading.start == rows.leading.stop:
             return None
-        inverse = _by_part(inverse_series(leading.transpose(1, 0, 2).reshape(NODES, -1)), len(parts))
+        inverse = np.stack([one.inverse(each, rows.leading) for one, each in zip(pushed, x, strict=True)])
         left = _left(rows, x, inverse, link_m)
         if np.max(left) <= NOISE:
             return _table(rows, (x, middle, scale), inverse, link_m)
-        parts = [one for part, over in zip(parts, left, strict=True)
-                 for one in (_halves(part) if over > NOISE else [part])]
+        parts = [part for part, _ in pieces]
+        pieces = []
+        for part, one, over in zip(parts, pushed, left.tolist(), strict=True):
+            pieces += [(part, one)] if over <= NOISE else [(half, None) for half in _halves(part)]
     return None
 
 
-def _series(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
-            series_m: Callable[[Floats], Floats]) -> _Rows:
-    """Push the nodes of all parts back through ``count`` rows, as far as there is track, and return their series."""
+def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list[_Pushed]:
+    """Push the nodes of parts back through ``count`` rows, as far as there is track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
-    matrix, rows, several = transform(NODES)[1], segment.shape[0], segment[..., None]
+    rows, several = segment.shape[0], segment[..., None]
     each = np.broadcast_to(several, u.shape)
-    p, heading = track.points(each, u, lo), track.headings(each, u, lo)
+    p, heading = track.poses(each, u, lo)
     axis = p[:-1] - p[1:]
     ratio = np.sum(axis * heading[:-1], axis=-1) / np.sum(axis * heading[1:], axis=-1)
     speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)
-    origin = u[..., NODES // 2], lo[..., NODES // 2]
+    origin = np.stack((u[..., NODES // 2], lo[..., NODES // 2]))
     from_origin = (u - origin[0][..., None]) + (lo - origin[1][..., None])
-    by_part = [values.transpose(1, 2, 0, 3).reshape(len(parts), NODES, 2 * rows)
-               for values in (p, speed[..., None] * heading)]
+    coordinates, places, motions = (series_of(values.transpose(1, 2, 0, 3).reshape(len(parts), NODES, -1))
+                                    for values in (from_origin[..., None], p, speed[..., None] * heading))
     # Nodes run from the rear of a part to its front.
-    along = track.distances(each[..., [0, -1]], u[..., [0, -1]])
+    along, far_m = track.distances(each[..., [0, -1]], u[..., [0, -1]]), np.max(np.abs(p), axis=(2, 3))
+    return [_Pushed(segment[:, n], origin[:, :, n], along[:, n], far_m[:, n], coordinates[n],
+                    places[n].reshape(NODES, rows, 2), motions[n].reshape(NODES, rows, 2)) for n in range(len(parts))]
+
+
+def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
+                      series_m: Callable[[Floats], Floats]) -> _Rows:
+    """Return the rows that all parts have."""
+    rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
+    along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
     reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
     # A row near the origin is as exact as the dragon is large: about as a spiral of its length, one turn a link apart.
-    size_m = np.maximum(np.max(np.abs(p), axis=(1, 2, 3)), link_m * np.sqrt(stretch.links))
-    return _Rows(segment, origin, leading, series_m(size_m), matrix @ from_origin.transpose(1, 2, 0),
-                 *(matrix @ values for values in by_part))
+    far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
+    size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
+    origin = np.stack([one.origin[:, :rows] for one in pushed], axis=-1)
+    return _Rows(np.stack([one.segment[:rows] for one in pushed], axis=1), (origin[0], origin[1]), leading,
+                 series_m(size_m), np.stack([one.coordinates[:, :rows] for one in pushed]),
+                 *(np.stack([getattr(one, name)[:, :rows].reshape(NODES, -1) for one in pushed])
+                   for name in ('places', 'motions')))
 
 
 def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tuple[Ints, Floats, Floats]:
@@ -354,12 +394,6 @@ def _left(rows: _Rows, x: Floats, inverse: Floats, link_m: float) -> Floats:
 def _half_widths_m(rows: _Rows) -> Floats:
     """Return about half the length of each part in each row in metres, (S, 1, R)."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
-    return out
-
-
-def _by_part(inverse: Floats, parts: int) -> Floats:
-    """Return series (K, S L) as (S, K, L)."""
-    out: Floats = inverse.reshape(NODES, parts, -1).transpose(1, 0, 2)
     return out
 
 

@@ -13,7 +13,7 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.errors import ChainLockError, TrackEndError
-from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, transform
+from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
@@ -121,14 +121,14 @@ def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints
 def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, Floats]:
     """Return the nodes of the cells of rows (C, nodes), rear first: places, coordinates (C, nodes, 2) and motions."""
     count = table.nodes
-    at = chebyshev.chebvander(transform(NODES)[0], count - 1)         # (nodes, K)
-    x = (at @ table.coordinates[:, :, rows]).transpose(2, 0, 1)
+    at: Floats = np.asarray(chebyshev.chebvander(transform(NODES)[0], count - 1), dtype=np.float64)     # (nodes, K)
+    x = in_parts(at, table.coordinates[:, :, rows]).transpose(2, 0, 1)
     middle = table.middle[rows]
     segment = np.repeat(table.segment[rows][..., None], NODES, axis=-1).reshape(-1, NODES)
     high, low = plus(middle[..., :1], middle[..., 1:2], x / middle[..., 2:])
     places = segment, high.reshape(-1, NODES), low.reshape(-1, NODES)
     series = table.motions[:, :, 2 * rows[0]:2 * rows[-1] + 2]
-    motion = (at @ series).reshape(table.parts, NODES, -1, 2).transpose(2, 0, 1, 3).reshape(-1, NODES, 2)
+    motion = in_parts(at, series).reshape(table.parts, NODES, -1, 2).transpose(2, 0, 1, 3).reshape(-1, NODES, 2)
     return places, track.points(*places), motion
 
 
@@ -137,14 +137,14 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     """Return the series of leaders at the nodes of some cells; a cell whose leaders' series do not end has no chart."""
     segment = leaders[0].reshape(-1, NODES)
     u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
-    p, heading = track.points(segment, u, lo), track.headings(segment, u, lo)
+    p, heading = track.poses(segment, u, lo)
     axis = p - followers[0]
     pace = np.sum(axis * followers[1], axis=-1) / np.sum(axis * heading, axis=-1)
-    matrix, centre = transform(NODES)[1], NODES // 2
+    centre = NODES // 2
     origin = u[:, centre], lo[:, centre]
     from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
-    places, motions = (matrix @ values for values in (p, pace[..., None] * heading))
-    (x,), (middle,), (scale,) = scaled((matrix @ from_origin.T)[None])
+    places, motions = map(series_of, (p, pace[..., None] * heading))
+    (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
     error_m = table.error_m[rows[cells // table.parts]]
     half = np.hypot(places[:, 1, 0], places[:, 1, 1]) / error_m
     one = np.all(segment == segment[:, :1], axis=1)

@@ -16,12 +16,13 @@ from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, lru_cache
 from math import acos, floor, inf
 from typing import NamedTuple
 
 import numpy as np
 
+from dragon_ros.core.numerics.chebyshev import columns_of
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Stretch, Table, build
@@ -30,7 +31,7 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
-_BATCH = 256                # states of one batch of products: what they fill stays in the cache
+_BOUNDARIES = 1024          # between stretches, whose places are kept
 _MOST_CELLS = 256           # that a tile keeps for single states, at most 144 kB each
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
@@ -267,8 +268,9 @@ class Tile:
         for low, end, k, start, terms in zip(begins.tolist(), [*begins[1:].tolist(), cell.size], part.tolist(),
                                              (2 * row).tolist(), table.terms[part, row].tolist(), strict=False):
             of_cell = series[k, :terms, start:start + width]
-            for at in range(low, end, _BATCH) if end - low > _BATCH else (low,):
-                stop = min(at + _BATCH, end)
+            batch = columns_of(of_cell.size)
+            for at in range(low, end, batch):
+                stop = min(at + batch, end)
                 np.matmul(basis[at:stop, :terms], of_cell, flat[at:stop])
 
     def paces(self, spots: Spots) -> Floats:
@@ -309,6 +311,7 @@ class ShiftMap:
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
+        self._boundary = lru_cache(_BOUNDARIES)(self._boundary_of)
 
     @property
     def tiles(self) -> list[Tile]:
@@ -407,7 +410,7 @@ class ShiftMap:
         begin = self._boundary(number)
         return None if begin is None else towards_leader(self.track, begin, link_m, self.direction)
 
-    def _boundary(self, number: int) -> Place | None:
+    def _boundary_of(self, number: int) -> Place | None:
         """Return the place at which a stretch begins; None beyond the track."""
         metres = self._stretch_of(number, 1)[0]
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None

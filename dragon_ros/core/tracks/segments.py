@@ -12,7 +12,7 @@ from typing import Any, NamedTuple, Protocol
 import numpy as np
 
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.chord import (
     TIGHT,
     arc_span,
@@ -78,6 +78,10 @@ class Segment(Protocol):
 
     def at(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the point."""
+        ...
+
+    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+        """Return points and unit tangents of many places."""
         ...
 
     def heading(self, u: Any, lo: Any = 0.0) -> Any:
@@ -163,6 +167,10 @@ class LineSegment:
         """Return the unit tangent in the head's way."""
         return self.direction + 0 * u
 
+    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+        """Return points and unit tangents of many places."""
+        return self.at(u, lo), self.heading(u)
+
     def rate(self, u: Any) -> Any:
         """Return metres for each unit of u."""
         return 1.0
@@ -243,6 +251,12 @@ class ArcSegment:
         """Return the unit tangent in the head's way."""
         turned = 1j * self.side
         return turned * self.spoke / self.radius_m * (_turn(self.side * u) * (1 + turned * lo))
+
+    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+        """Return points and unit tangents of many places, each angle's sine and cosine computed once."""
+        turned = 1j * self.side
+        turn = np.exp(1j * (self.side * u)) * (1 + turned * lo)
+        return self.centre + self.spoke * turn, turned * self.spoke / self.radius_m * turn
 
     def rate(self, u: Any) -> Any:
         """Return metres for each unit of u."""
@@ -360,6 +374,12 @@ class SpiralSegment:
             return self._ahead * (cmath.rect(1.0, self.side * u)
                                   * complex((1.0 - u * lo) * short, self.side * u * short))
         return self._ahead * (np.exp(1j * self.side * u) * ((1 - u * lo + 1j * self.side * u) / np.sqrt(1 + u * u)))
+
+    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+        """Return points and unit tangents of many places, each angle's sine and cosine computed once."""
+        turn, turned = np.exp(1j * self.side * u), 1j * self.side
+        return (self.centre + self._scaled * u * (turn * (1 + turned * lo)),
+                self._ahead * (turn * ((1 - u * lo + turned * u) / np.sqrt(1 + u * u))))
 
     def rate(self, u: Any) -> Any:
         """Return metres for each radian."""

@@ -5,6 +5,7 @@ from itertools import pairwise
 import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError
@@ -52,6 +53,7 @@ def test_the_distance_is_right_to_32_digits(rows, first, ramp, t_s):
     assert abs(exact - Fraction(hi) - Fraction(lo)) <= Fraction(2) ** -100 * max(abs(exact), Fraction(1, 10**9))
 
 
+@examples(25)
 @given(knots, speeds, ramps, st.floats(-100, 100), st.sampled_from([-1, 1]))
 def test_a_first_passage_is_a_passage_and_the_first(rows, first, ramp, far, sense):
     law = law_of(rows, first, ramp)
@@ -65,6 +67,7 @@ def test_a_first_passage_is_a_passage_and_the_first(rows, first, ramp, far, sens
     assert all(sense * (law.travelled_m(t)[0] - far) <= 1e-12 for t in looks if t < t_s)
 
 
+@examples(50)
 @given(knots, speeds, ramps, st.floats(0, 200))
 def test_the_extent_holds_every_distance_on_the_way(rows, first, ramp, t_s):
     law = law_of(rows, first, ramp)

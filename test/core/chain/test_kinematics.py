@@ -4,8 +4,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from high_precision import rates
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -83,7 +84,7 @@ LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v
                  st.lists(st.floats(-1, 3), min_size=1, max_size=4))
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 12))
 @example(Mixed((Group(3.41), Group(0.55), Group(2.2))), Spiral(0.55, 1.0), Profile(((0.0, 0.0), (4.0, 1.0))), 2.0)
 def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):

@@ -4,8 +4,9 @@ from math import inf
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.chain.head_law import Head
@@ -74,6 +75,7 @@ def test_benches_that_cannot_be_built_are_refused_by_field(groups, says):
         Mixed(groups)
 
 
+@examples(50)
 @given(mixed, st.floats(0.3, 2), st.floats(4, 30), st.floats(0, 0.999))
 def test_links_of_any_mixed_list_hold_and_many_states_agree_with_one(dragon, pitch, turns, part):
     try:
@@ -90,6 +92,7 @@ def test_links_of_any_mixed_list_hold_and_many_states_agree_with_one(dragon, pit
     np.testing.assert_allclose(2 * size.half_length - np.hypot(*np.diff(chain.p, axis=0).T), 0.55, rtol=0, atol=1e-12)
 
 
+@examples(25)
 @given(mixed, st.floats(0, 60), st.sampled_from(['head', 'tail']))
 @example(Mixed((Group(1.0, 5), Group(4.0, 8), Group(0.5500000000000002)), 0.25), 0.0, 'tail')      # a link of one ulp
 def test_links_of_any_mixed_list_hold_on_a_turn_behind_head_and_tail(dragon, t_s, lead):
@@ -104,7 +107,7 @@ def holds(theta, chords):
     return theta < inf
 
 
-@settings(max_examples=60)
+@examples(60)
 @given(st.lists(st.one_of(st.just(0.0), st.floats(0.01, 20), st.floats(5, 60)), min_size=1, max_size=10))
 def test_a_chain_holds_above_its_lock_and_not_a_hair_below(chords):
     angle, link = head_lock_angle(chords)

@@ -3,8 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
@@ -61,7 +62,7 @@ def falls_back(p, benches):
 @example(0.1, 60, 0.3, 3.41, 2.2, 0.0, None)        # a bench lies over many layers
 @example(0.55, 1.2, 0.3, 0.7, 0.65, 1.0, None)      # the innermost turn
 @example(1.0, 2.0, 0.05, 5.0, 5.0, 0.0, None)       # links of nearly half a turn
-@settings(max_examples=300)
+@examples(100)
 def test_candidates_miss_no_pair_of_any_dragon(pitch, turns, width, head, body, when, reach):
     scene = Scene(dragon=Dragon(60, head, body, width), track=Spiral(pitch, turns), run=Run(0, 1e4))
     p, benches = placed(scene, when)
@@ -75,7 +76,7 @@ coordinate = st.floats(-6, 6)
        st.floats(0, 1), st.floats(0, 1), st.sampled_from([0.0, 0.3]))
 @example([(3, 0), (3, 2), (1, 0.5), (3, 0.2), (5, -1)], 0.1, 0.1, 0.0)
 @example([(-1, 0), (1, 0), (1, 1), (-1, 0.5), (-1, -1), (2, 0)], 0.0, 0.0, 0.0)     # through the origin
-@settings(max_examples=300)
+@examples(100)
 def test_candidates_miss_no_pair_of_handles_anywhere(handles, width, overhang, reach):
     p = np.array(handles, dtype=float)
     assume(np.all(np.hypot(*np.diff(p, axis=0).T) > 1e-6))

@@ -8,8 +8,9 @@ import pytest
 import shapely
 from apart import smallest
 from certificates import proved, refusal
-from hypothesis import HealthCheck, assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
@@ -83,7 +84,7 @@ tracks = st.builds(lambda radius, turned, line, other, back: Composite(
         STurn, st.floats(0.6, 2), st.floats(7, 10), st.floats(0.6, 2))
 
 
-@settings(max_examples=30, suppress_health_check=[HealthCheck.too_slow])
+@examples(10)
 @given(st.integers(3, 14), links, links, st.floats(0.05, 0.5), tracks, st.sampled_from([
     Head(1.0), Head(1.0, 'tail'), BACK_AND_FORTH]), st.floats(0, 1))
 def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width, track, law, share):
@@ -238,7 +239,7 @@ def test_benches_that_keep_a_micrometre_apart_on_a_circle_are_cleared_in_few_sta
 links_of = st.floats(0.3, 2.5)
 
 
-@settings(max_examples=60, suppress_health_check=[HealthCheck.too_slow])
+@examples(30)
 @given(st.integers(3, 14), links_of, links_of, st.floats(0.05, 0.5), tracks, st.sampled_from(['head', 'tail']),
        st.floats(0.05, 20), st.sampled_from([0.01, 0.1, 0.4]))
 def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, gone_m, way_m):

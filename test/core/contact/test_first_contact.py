@@ -3,8 +3,9 @@ import numpy as np
 import pytest
 from apart import smallest
 from certificates import proved
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon
@@ -24,7 +25,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
 
 
-@settings(max_examples=40)
+@examples(15)
 @given(st.integers(3, 12), st.just(0.0) | st.floats(0.1, 3), st.floats(0.1, 3), st.floats(0.02, 0.5),
        st.floats(0.05, 0.4), st.floats(0.3, 1.5), st.floats(0.6, 8), st.sampled_from([-1.0, 1.0, 3.0]))
 def test_nothing_touches_before_the_contact_and_benches_do_then(benches, head, body, width, inset, pitch,

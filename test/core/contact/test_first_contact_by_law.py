@@ -6,8 +6,9 @@ import numpy as np
 import pytest
 from apart import smallest
 from certificates import proved, refusal
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon
@@ -64,7 +65,7 @@ def test_behind_a_tail_the_contact_is_where_the_head_meets_it_moving_out():
     assert tail.approach_m_s == pytest.approx(slope, rel=1e-4)
 
 
-@settings(max_examples=40)
+@examples(15)
 @given(st.integers(3, 10), st.floats(0.1, 3), st.floats(0.1, 3), st.floats(0.02, 0.5), st.floats(0.3, 1.5),
        st.floats(0.6, 8), st.lists(st.tuples(st.floats(0.1, 5), st.floats(-2, 2)), min_size=1, max_size=4),
        st.sampled_from(['linear', 'smooth']), st.sampled_from(['head', 'tail']), st.floats(0, 3))
@@ -101,6 +102,7 @@ def test_the_checker_follows_the_law_itself(written, key, value):
     assert refusal(values)
 
 
+@examples(40)
 @given(st.lists(st.tuples(st.floats(0, 5), st.floats(-2, 2)), min_size=1, max_size=5), st.sampled_from(
     ['linear', 'smooth']), st.floats(0, 10), st.floats(0, 10), st.floats(0, 1))
 @example([(1.0, -1.0), (0.0, 1.0)], 'linear', 0.0, 5.0, 1.0)

@@ -5,8 +5,9 @@ import numpy as np
 import pytest
 from apart import smallest
 from certificates import proved
-from hypothesis import assume, given, settings
+from hypothesis import assume, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Group, Mixed
@@ -37,7 +38,7 @@ def test_a_list_that_spells_out_the_classic_dragon_has_its_first_contact_and_cer
     assert first_contact(SPELT) == first_contact(CLASSIC)
 
 
-@settings(max_examples=30)
+@examples(20)
 @given(mixed, st.floats(2.5, 9), st.floats(0, 2))
 def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, way):
     pitch = 1.6
@@ -66,7 +67,7 @@ def test_links_of_nearly_no_length_are_cleared_class_by_class():
     assert first_contact(Scene(dragon=dragon, track=Spiral(1.6, 12.0), run=Run(0, 1))).states
 
 
-@settings(max_examples=15)
+@examples(6)
 @given(mixed, st.floats(2.5, 9), st.floats(1e-3, 2))
 def test_benches_sampled_together_are_as_if_each_were_alone_and_their_bounds_hold_in_between(dragon, theta, way):
     assume(dragon.benches > 3 and np.min(dragon.link_lengths_m) > 1e-3)
@@ -90,7 +91,7 @@ def test_benches_sampled_together_are_as_if_each_were_alone_and_their_bounds_hol
         assume(False)
 
 
-@settings(max_examples=12, deadline=None)
+@examples(8)
 @given(mixed, st.floats(0.4, 1.6), st.floats(3, 6), st.sampled_from([1.0, 1.0, -1.0]), st.floats(5, 60))
 def test_nothing_touches_before_the_first_contact_of_a_mixed_dragon(dragon, pitch, turns, speed, stop_s):
     try:
@@ -133,7 +134,7 @@ def test_where_a_link_behind_the_second_turns_back_the_run_is_refused_with_the_t
 
 
 def test_near_misses_of_a_mixed_dragon_are_the_smallest_gaps_of_its_head():
-    scene = load_scene('mixed')
+    scene = load_scene('mixed', ['run.start_s=385'])
     misses = [miss for miss in near_misses(scene, first_contact(scene), 0.05).nearest if miss.benches[0] == 0]
     assert [miss.bench for miss in misses][:2] == [13, 11]
     assert misses[0].gap_m == pytest.approx(0.03515, abs=1e-5)

@@ -1,8 +1,9 @@
 """What is kept of near pairs decides how long a look takes and nothing else: each look equals a search of all pairs."""
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
@@ -90,7 +91,7 @@ def layouts(draw):
 
 
 @given(layouts())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 @pytest.mark.parametrize('first_part', [4, near_pairs._FIRST_PART])
 def test_looks_at_any_layouts_equal_a_search_of_all_pairs(first_part, looks):
     with pytest.MonkeyPatch.context() as patch:
@@ -113,7 +114,7 @@ def converging(draw):
 
 
 @given(converging(), st.sampled_from([-0.2, 0.0, 0.5]))
-@settings(max_examples=80, deadline=None)
+@examples(80)
 def test_a_part_names_every_pair_within_a_limit_whatever_comes_near(looks, limit_m):
     far = np.hypot(looks[0][1].half_length, looks[0][1].half_width)
     i, j = np.triu_indices(far.size, 2)
@@ -131,7 +132,7 @@ def test_a_part_names_every_pair_within_a_limit_whatever_comes_near(looks, limit
 
 
 @given(converging())
-@settings(max_examples=40, deadline=None)
+@examples(40)
 def test_looks_at_benches_that_converge_equal_a_search_of_all_pairs(looks):
     agree(looks)
 

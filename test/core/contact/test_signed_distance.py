@@ -2,8 +2,9 @@
 import numpy as np
 import pytest
 import shapely
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.contact.signed_distance import CORNERS, gap_of, gaps, shortest_vector, witness, witnesses
@@ -46,7 +47,7 @@ bench = st.tuples(st.floats(-5, 5), st.floats(-5, 5), st.floats(-4, 4), size, si
 @given(bench, bench)
 @example((0, 0, 0, 4, 0.1), (0, 0, np.pi / 2, 4, 0.1))
 @example((0, 0, 0, 2, 1), (2, 1, 0, 2, 1))                  # corner on corner
-@settings(max_examples=1000)
+@examples(400)
 def test_the_gap_of_one_pair_has_the_bits_of_many(one, two):
     benches = rectangles(one, two)
     for i, j in ((0, 1), (1, 0)):
@@ -78,7 +79,7 @@ def test_the_shortest_vector_is_as_long_as_the_gap_and_brings_or_parts_the_bench
 @example((0, 0, 0, 0, 0), (3, 4, 1.0, 0, 0), 1.0, 1e8)                  # points
 @example((0, 0, 0, 2, 2), (0.5, 0, 1.0, 0, 0), 1.0, 0.0)                # a point inside
 @example((0, 0, 0, 2, 2), (0, 0, 0, 2, 2), 1.0, 0.0)                    # the same
-@settings(max_examples=400)
+@examples(400)
 def test_gap_and_depth_agree_with_shapely(one, two, scale, far):
     rows = [(x * scale + far, y * scale - far, yaw, length * scale, width * scale)
             for x, y, yaw, length, width in (one, two)]

@@ -3,8 +3,9 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -81,7 +82,7 @@ TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIEC
                    st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
 
 
-@settings(max_examples=60)
+@examples(20)
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 12), st.floats(0, 12))
 @example(Dragon(3), Spiral(0.55, 16.0), Profile(((0.0, 1.0),)), 425.0, 7.9)
 @example(Dragon(2, 0.02, 3.02, 0.01, 0.01), Spiral(2.5, 1.0), Profile(((0.0, 2.0),)), 0.0, 4.0)
@@ -104,7 +105,7 @@ MIXED = st.builds(lambda lengths, width: Mixed(tuple(Group(0.55 + length) for le
     st.one_of(st.sampled_from([0.0, 1.65]), st.floats(0.1, 4.0)), min_size=2, max_size=9), st.sampled_from([0.01, 0.3]))
 
 
-@settings(max_examples=40)
+@examples(12)
 @given(MIXED, st.floats(0.3, 2.5), st.floats(1.0, 4.0), st.floats(0.2, 1.0))
 @example(Mixed((Group(1.1), Group(1.1), Group(1.1), Group(3.9), Group(1.6), Group(1.6))), 0.55, 5.0, 0.9999)
 def test_no_corner_of_mixed_benches_is_outside_wherever_handles_turn_back_near_the_centre(dragon, pitch, turns, part):

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import numpy as np
 import pytest
-from hypothesis import assume, example, given, settings
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -216,7 +217,7 @@ TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIEC
                    st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
 
 
-@settings(max_examples=60)
+@examples(25)
 @given(DRAGONS, TRACKS, LAWS, st.floats(0, 6), st.floats(0.1, 8))
 @example(Mixed((Group(0.55, 3),)), STurn(), Profile(((0.0, 1.0),)), 0.0, 3.0)
 def test_no_handle_is_faster_than_the_bound_anywhere(dragon, track, law, start_s, lasts_s):

@@ -40,8 +40,8 @@ def tops(leader, low_m, high_m):
 @pytest.mark.parametrize('apart_m', [0.3, 0.01])
 def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, way, apart_m):
     leader = Leader(track, LINKS, start_m, way)
-    for low in np.random.default_rng(3).uniform(0, 45, 25):
-        inside = states(leader, np.linspace(low, low + apart_m, 15))
+    for low in np.random.default_rng(3).uniform(0, 45, 15):
+        inside = states(leader, np.linspace(low, low + apart_m, 9))
         assert np.all(inside.log <= tops(leader, low, low + apart_m) + 1e-14)
 
 
@@ -63,7 +63,7 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
             continue
         above = tops(leader, low, low + apart_m)
         found += bool(np.all(np.isfinite(above)))
-        seen = states(leader, np.linspace(low, low + apart_m, 15)).log
+        seen = states(leader, np.linspace(low, low + apart_m, 9)).log
         # Near the lock C-fold what the last bit of the head's place moves, relative to a link, squared for a speed.
         off = 1e-14 * np.exp(2 * np.max(seen))
         assert np.all(seen <= above + off)

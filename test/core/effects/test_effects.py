@@ -31,7 +31,7 @@ FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLE
           Effect.CONTACT: 'contacts', Effect.ACCELERATIONS: 'acceleration_m_s2', Effect.FORCES: 'tension_n_kg',
           Effect.NOISE: 'measured', Effect.TRAILS: 'trail_m', Effect.DIAGNOSTICS: 'health',
           Effect.LEADER: 'leader'}
-TOUCHING = Scene(dragon=Dragon(benches=24), effects=ALL)
+TOUCHING = Scene(dragon=Dragon(benches=24), effects=ALL, trails=Trails(points=5))
 TICK = 413 * 50
 
 

@@ -7,8 +7,9 @@ from hashlib import sha256
 
 import numpy as np
 import pytest
-from hypothesis import example, given, settings
+from hypothesis import example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -57,7 +58,7 @@ def test_nor_on_the_law_that_brought_the_leader_there():
         assert state(steady, gone_m / 2).p.tobytes() == state(slow, gone_m * 2).p.tobytes() == p
 
 
-@settings(max_examples=15)
+@examples(3)
 @given(st.lists(st.floats(0, 180), min_size=1, max_size=4), st.randoms(use_true_random=False))
 @example([141.0, 146.0], None)
 def test_nor_on_what_was_asked_before(times, order):

@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
+from properties import examples
 
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -117,6 +118,7 @@ def test_a_state_has_the_same_bits_whatever_was_asked_before(scene):
         assert state(back, t_s).p.tobytes() == ahead[t_s]
 
 
+@examples(30)
 @given(tracks, st.sampled_from(['head', 'tail']), st.floats(0, 1))
 @example([Arc(2.0, 90.0), Arc(2.0, -90.0), Arc(2.0, 90.0)], 'head', 0.5)
 @example([Line(1.05), Line(1.05), Line(1.05), Line(1.05)], 'head', 0.3)
@@ -125,6 +127,7 @@ def test_on_any_track_the_table_is_where_the_march_is(pieces, lead, part):
     agree(scene, part * compile_scene(scene).end.t_s)
 
 
+@examples(25)
 @given(tracks, st.integers(0, 8), st.integers(0, 12),
        st.sampled_from([0.0, 1e-15, -1e-15, 1e-12, -1e-12, 1e-9, -1e-9, 1e-4]))
 def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, joint, handle, past_m):
@@ -142,6 +145,7 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
     agree(scene, t_s)
 
 
+@examples(20)
 @given(st.lists(st.tuples(st.sampled_from([0.0, 0.9, 1.65, 2.0]), st.integers(1, 30)), min_size=1, max_size=5),
        st.sampled_from([BEHIND, AHEAD]), st.floats(0, 1))
 def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
@@ -159,6 +163,7 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
     assert one.solver == many.solver == ('table' if place.maps else 'march')
 
 
+@examples(50)
 @given(st.floats(0, 380))
 def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
     track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)

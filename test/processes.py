@@ -1,0 +1,71 @@
+"""Processes of the package that start at once: forked from one that has imported what they need.
+
+An executable needs a second to import its libraries, and the tests start hundreds. Those whose claim is about starting
+and ending (signals while modules are imported, exit codes, security, the shell) run ``python -m dragon_ros`` instead.
+"""
+import multiprocessing
+import os
+import signal
+import subprocess
+import sys
+from contextlib import suppress
+
+_FORKS = multiprocessing.get_context('forkserver')
+_FORKS.set_forkserver_preload([
+    'processes', 'geometry_msgs.msg', 'nav_msgs.msg', 'visualization_msgs.msg', 'rosgraph_msgs.msg', 'std_srvs.srv',
+    *(f'dragon_ros.nodes.{name}' for name in ('sim', 'monitor', 'record', 'replay'))])
+
+
+class Started(subprocess.Popen):
+    """Any program that runs; errors come with its output."""
+
+    def __init__(self, command, env, cwd):
+        super().__init__(command, env=env, cwd=cwd, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE,
+                         stderr=subprocess.STDOUT, text=True)
+
+
+class Forked:
+    """An executable that runs, with what is used here of ``subprocess.Popen``; errors come with its output."""
+
+    def __init__(self, arguments, env, cwd):
+        output, inside = _FORKS.Pipe(duplex=False)
+        self._process = _FORKS.Process(target=_run, args=(arguments, dict(env), str(cwd), inside))
+        self._process.start()
+        inside.close()
+        self.stdout = os.fdopen(os.dup(output.fileno()))
+        output.close()
+
+    @property
+    def pid(self):
+        return self._process.pid
+
+    def poll(self):
+        return self._process.exitcode
+
+    def wait(self, timeout=None):
+        self._process.join(timeout)
+        if self.poll() is None:
+            raise subprocess.TimeoutExpired(self._process.name, timeout)
+        return self.poll()
+
+    def send_signal(self, number):
+        if self.poll() is None:
+            with suppress(ProcessLookupError):      # it has ended, and its exit code is on the way
+                os.kill(self.pid, number)
+
+    def kill(self):
+        self.send_signal(signal.SIGKILL)
+
+
+def _run(arguments, environment, cwd, output):
+    """Run in the new process what ``python -m dragon_ros`` runs; nothing of the first process's surroundings stays."""
+    from dragon_ros.__main__ import run
+    os.environ.clear()
+    os.environ.update(environment)
+    os.chdir(cwd)
+    for stream in (sys.stdout, sys.stderr):
+        os.dup2(output.fileno(), stream.fileno())
+        stream.reconfigure(line_buffering=True)
+    output.close()
+    sys.argv = ['dragon_ros', *arguments]
+    run(arguments)
