@@ -7,14 +7,14 @@ import threading
 import time
 from argparse import Namespace
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from fcntl import LOCK_EX, LOCK_NB, flock
 from pathlib import Path
 from typing import IO, NoReturn
 
 from tqdm import tqdm
 
-from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.check.compare import Comparison, compare_with_model
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.cli.dds_domain import free_domain, local_environment
@@ -65,34 +65,47 @@ def _alone(folder: Path) -> Iterator[None]:
 def _demonstrate(folder: Path, pace: float) -> int:
     live, again = folder / 'first_contact.mcap', folder / 'replayed.mcap'
     say(f'1. sim, monitor and recorder, three processes over DDS, {pace:g} times real time')
-    with _processes(folder / 'live.log') as start:
-        _bystanders(start, live)
-        sim = start('sim', '--json', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
-                    '-p', f'wait_subscribers:=[{_READERS}]')
-        threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
-        _follow(sim)
-        start.wait_for_contact()
-    say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
-    with _processes(folder / 'replay.log') as start:
-        _bystanders(start, again)
-        topics = '/dragon/handles,/dragon/benches,/dragon/velocities'
-        _finished(start('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
-                        ','.join(f'/dragon/{reader}' for reader in _READERS.split(',')),
-                        '--ros-args', '-p', f'discovery_s:={_DISCOVERY_S}'))
-        start.wait_for_contact()
-    return _check(folder, live, again)
+    with ExitStack() as stack:
+        with _processes(folder / 'live.log') as start:
+            _bystanders(start, live)
+            sim = start('sim', '--json', '--scene', SCENE, '--ros-args', '-p', f'time_scale:={pace}',
+                        '-p', f'wait_subscribers:=[{_READERS}]')
+            threading.Thread(target=_interrupt_if_any_fails, args=(start.recorders, sim), daemon=True).start()
+            lines = _progress_of(sim)
+            next(lines, None)
+            # While the run is shown, the next monitor and recorder start and find each other, in another domain.
+            then = stack.enter_context(_processes(folder / 'replay.log'))
+            _bystanders(then, again)
+            for _ in lines:
+                pass
+            start.wait_for_contact()
+        say('2. the bag is replayed into another monitor and recorder, as fast as they follow')
+        topics, found_s = '/dragon/handles,/dragon/benches,/dragon/velocities', time.monotonic() - then.began_s
+        replay = then('replay', str(live), '--rate', '0', '--topics', topics, '--wait-subscribers',
+                      ','.join(f'/dragon/{reader}' for reader in _READERS.split(',')),
+                      '--ros-args', '-p', f'discovery_s:={max(0.0, _DISCOVERY_S - found_s)}')
+        compared, pictures = _compared(folder, live)
+        _finished(replay)
+        then.wait_for_contact()
+    return _told(compared, live, again, pictures)
 
 
-def _check(folder: Path, live: Path, again: Path) -> int:
-    """Compare live, replayed and model; draw the picture; print the result."""
+def _compared(folder: Path, live: Path) -> tuple[Comparison, list[Path]]:
+    """Compare the bag with the model, and draw the contact in it."""
     scene = load_scene(SCENE)
+    with BagReader(live) as bag:
+        comparison, event = compare_with_model(bag, scene), _event(bag)
+    value = event.values
+    pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
+    return comparison, _drawn(scene, float(value['t_contact_s']), pair, point, folder)
+
+
+def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
+    """Compare live and replayed, and print all results."""
     with BagReader(live) as bag, BagReader(again) as replayed:
-        comparison = compare_with_model(bag, scene)
         event, second = _event(bag), _event(replayed)
         same = _by_topic(bag) == _by_topic(replayed)
     value = event.values
-    pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
-    pictures = _drawn(scene, float(value['t_contact_s']), pair, point, folder)
     say(f'3. {event.message}; seen between {value["t_before_s"]} and {value["t_after_s"]} s')
     say(f'   {comparison.equal} messages are bit for bit those of the model, {len(comparison.faults)} are not')
     say(f'   replayed: {"the same bytes" if same else "OTHER BYTES"}, '
@@ -145,6 +158,7 @@ class _Start:
     def __init__(self, log: IO[str]) -> None:
         self.log, self.environment = log, local_environment(free_domain())
         self.environment['PYTHONUNBUFFERED'] = '1'
+        self.began_s = time.monotonic()
         self.all: list[subprocess.Popen[str]] = []
         self.monitors: list[subprocess.Popen[str]] = []
         self.recorders: list[subprocess.Popen[str]] = []
@@ -179,8 +193,8 @@ def _interrupt_if_any_fails(others: 'list[subprocess.Popen[str]]', sim: 'subproc
             sim.send_signal(signal.SIGINT)
 
 
-def _follow(sim: 'subprocess.Popen[str]') -> None:
-    """Show the progress of the simulator, from its log."""
+def _progress_of(sim: 'subprocess.Popen[str]') -> Iterator[float]:
+    """Show the progress of the simulator, from its log, and yield the time of each line."""
     run = load_scene(SCENE).run
     stop_s = run.stop_s or run.start_s
     assert sim.stdout is not None
@@ -191,6 +205,7 @@ def _follow(sim: 'subprocess.Popen[str]') -> None:
                 bar.update(float(found[1]) - run.start_s - bar.n)
                 if bar.disable:
                     say(f'   at {float(found[1]):.2f} s of {stop_s:g} s')
+                yield float(found[1])
     _finished(sim)
 
 

@@ -159,6 +159,38 @@ def test_help_imports_the_standard_library_alone(arguments):
     assert done.stdout.split() == []
 
 
+BAG = 'numpy yaml mcap zstandard lz4'
+# What the smallest use of a command imports of HEAVY, and which rooms: so it starts quickly.
+NEEDS = {
+    'table --times 60 --handles 0': ('numpy yaml', ''),
+    'contact --set run.stop_s=1': ('numpy yaml', 'core.contact'),
+    'design turn': ('numpy yaml', ''),
+    'simulate --force --set run.stop_s=0.1 --output OUT.mcap': ('numpy yaml mcap zstandard subprocess', 'messages'),
+    'table BAG': (BAG, 'messages'),
+    'export BAG --output OUT.csv': (BAG, 'messages'),
+    'inspect BAG': (BAG, 'messages core.contact'),
+    'plot dragon --output OUT.png': ('numpy numpy.ma yaml matplotlib subprocess', ''),
+}
+HEAVY = {'numpy', 'numpy.ma', 'yaml', 'mcap', 'zstandard', 'lz4', 'shapely', 'matplotlib', 'scipy', 'pyarrow', 'dask',
+         'tqdm', 'openpyxl', 'argcomplete', 'rclpy', 'flint', 'subprocess', 'asyncio', 'email', 'importlib.metadata'}
+
+
+@pytest.mark.parametrize('line', NEEDS, ids=lambda line: ' '.join(line.split()[:2]))
+def test_a_command_imports_what_it_needs_and_no_more(tmp_path, line):
+    bag = tmp_path / 'run.mcap'
+    if 'BAG' in line:
+        assert main(['simulate', '--set', 'run.stop_s=0.1', '--output', str(bag)]) == 0
+    words = line.replace('BAG', str(bag)).replace('OUT', str(tmp_path / 'out')).split()
+    code = ('import contextlib, sys\nbefore = set(sys.modules)\nfrom dragon_ros.__main__ import main\n'
+            f'with contextlib.redirect_stdout(None): assert main({words}) == 0\nprint(*set(sys.modules) - before)')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    new = set(done.stdout.split())
+    parts = {name.removeprefix('dragon_ros.').rpartition('.')[0] for name in new if name.startswith('dragon_ros.')}
+    libraries, rooms = NEEDS[line]
+    assert new & HEAVY == set(libraries.split())
+    assert parts & {'messages', 'core.contact', 'core.design', 'core.effects', 'nodes', 'studies'} == set(rooms.split())
+
+
 def parsers(name):
     """The parser of an executable and those of its subcommands."""
     found = []
