@@ -185,7 +185,7 @@ def test_what_was_flushed_can_be_read_by_the_librarys_stream_reader_before_the_e
 
 
 # With the index, three ticks of raw messages take 240 kB.
-@pytest.mark.parametrize('size', [*range(90_000, 300_000, 7_001)])
+@pytest.mark.parametrize('size', [*range(90_000, 300_000, 14_003)])
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
 def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compression):
     with small_disk(size):

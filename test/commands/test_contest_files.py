@@ -15,6 +15,18 @@ def folder(tmp_path_factory):
     return path
 
 
+@pytest.fixture(scope='module')
+def books(folder):
+    """The cells of each sheet of each book, as rows of (value, number format)."""
+    openpyxl, found = pytest.importorskip('openpyxl'), {}
+    for path in sorted(folder.glob('*.xlsx')):
+        book = openpyxl.load_workbook(path, read_only=True)
+        found[path.stem] = {page.title: [[(cell.value, cell.number_format) for cell in row] for row in page.iter_rows()]
+                            for page in book}
+        book.close()
+    return found
+
+
 def rows_of(path):
     with path.open(encoding='utf-8', newline='') as file:
         return list(csv.reader(file))
@@ -47,18 +59,15 @@ def test_values_are_the_known_ones(folder):
     assert (by_name['龙头x (m)']['0 s'], by_name['龙头y (m)']['0 s']) == ('-2.711856', '-3.591078')
 
 
-def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(folder):
-    openpyxl = pytest.importorskip('openpyxl')
+def test_books_have_the_same_numbers_under_the_same_names_as_the_text_files(folder, books):
     for name, sheets in {'result1': {'位置': '_positions', '速度': '_speeds'}, 'result2': {'Sheet1': ''}}.items():
-        book = openpyxl.load_workbook(folder / f'{name}.xlsx', read_only=True)
-        assert book.sheetnames == list(sheets)
+        assert list(books[name]) == list(sheets)
         for title, file in sheets.items():
             written = rows_of(folder / f'{name}{file}.csv')
-            for cells, row in zip(book[title].iter_rows(), written, strict=True):
-                assert [cells[0].value or '', *(c.value if isinstance(c.value, str) else f'{c.value:.6f}'
-                                               for c in cells[1:])] == row
-                assert all(cell.number_format == '0.000000' for cell in cells[1:] if not isinstance(cell.value, str))
-        book.close()
+            for cells, row in zip(books[name][title], written, strict=True):
+                assert [cells[0][0] or '', *(value if isinstance(value, str) else f'{value:.6f}'
+                                             for value, _ in cells[1:])] == row
+                assert all(form == '0.000000' for value, form in cells[1:] if not isinstance(value, str))
 
 
 def the_organisers_rows(name, sheet):
@@ -78,13 +87,11 @@ def the_organisers_rows(name, sheet):
 @pytest.mark.parametrize(('name', 'heads'), [
     ('result1', [f'{t} s' for t in range(301)]), ('result2', ['横坐标x (m)', '纵坐标y (m)', '速度 (m/s)']),
     ('result4', [f'{t} s' for t in range(-100, 101)])])
-def test_books_have_every_name_of_the_organisers_files_to_the_character(folder, name, heads):
-    openpyxl = pytest.importorskip('openpyxl')
-    book = openpyxl.load_workbook(folder / f'{name}.xlsx')
-    assert book.sheetnames == (['Sheet1'] if name == 'result2' else ['位置', '速度'])
-    for page in book:
-        assert [cell.value for cell in page[1]] == [None, *heads]
-        assert [cell.value for cell in page['A']] == [None, *the_organisers_rows(name, page.title)]
+def test_books_have_every_name_of_the_organisers_files_to_the_character(books, name, heads):
+    assert list(books[name]) == (['Sheet1'] if name == 'result2' else ['位置', '速度'])
+    for title, rows in books[name].items():
+        assert [value for value, _ in rows[0]] == [None, *heads]
+        assert [row[0][0] for row in rows] == [None, *the_organisers_rows(name, title)]
 
 
 @pytest.mark.parametrize(('benches', 'names'), [

@@ -76,4 +76,4 @@ def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
 
 def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
     with pytest.raises(DragonError, match='body may touch itself'):
-        min_pitch(Dragon(head_length_m=1.0))
+        min_pitch(Dragon(40, head_length_m=1.0))
