@@ -12,8 +12,11 @@ from contextlib import suppress
 
 _FORKS = multiprocessing.get_context('forkserver')
 _FORKS.set_forkserver_preload([
-    'processes', 'geometry_msgs.msg', 'nav_msgs.msg', 'visualization_msgs.msg', 'rosgraph_msgs.msg', 'std_srvs.srv',
-    *(f'dragon_ros.nodes.{name}' for name in ('sim', 'monitor', 'record', 'replay'))])
+    'processes', *(f'dragon_ros.nodes.{name}' for name in ('command_lines', 'sim', 'monitor', 'record', 'replay')),
+    # what rclpy and the messages import when the first node is made
+    'rosidl_generator_py', *(f'{name}_msgs.msg' for name in ('geometry', 'nav', 'rosgraph', 'sensor', 'service',
+                                                             'visualization')),
+    'std_srvs.srv', 'type_description_interfaces.msg'])
 
 
 class Started(subprocess.Popen):

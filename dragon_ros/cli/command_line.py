@@ -99,7 +99,7 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 def check_is_bag(path: Path) -> None:
     """Refuse the name or the file of a scene where a recording is taken. Raises InputError."""
     from dragon_ros.configuration import scene_names
-    if path.suffix in ('.yaml', '.yml') or (not path.exists() and str(path) in scene_names()):
+    if path.suffix in ('.yaml', '.yml') or (str(path) in scene_names() and not path.exists()):
         raise InputError(f'BAG {path}: is a scene, not a recording; write --scene {path}')
 
 
