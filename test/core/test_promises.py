@@ -34,6 +34,13 @@ def test_chains_whose_last_links_once_followed_unchecked_keep_their_promise(accu
     assert np.max(np.hypot(*off.T)) <= compile_scene(scene).promise_m
 
 
+@pytest.mark.parametrize('number', [205, 8507])
+def test_a_head_with_a_short_link_leaves_all_speeds_as_exact_as_the_others_do(number):
+    scene, times_s = promises.random_scene(number)
+    assert scene.dragon.link_lengths_m[0] < 0.2 * scene.dragon.link_lengths_m[1]
+    assert np.max(shares(scene, times_s)) < 0.3     # 0.75 where the leader's motion was cut for a link of its length
+
+
 lengths = st.floats(0.05, 6)
 even = st.builds(lambda benches, head, body: Dragon(benches, head, body, 0.05, 0.0), st.integers(2, 60), lengths,
                  lengths)

@@ -82,11 +82,13 @@ def towards_leader(track: Track, place: Place, link_m: float, direction: int) ->
     return tame.next(place, link_m, -direction, TIGHT)[0]
 
 
-def lead_in(track: Track, table: Table, link_m: float, direction: int, stretch_m: tuple[float, float]) -> LeadIn | None:
-    """Return the leaders one link of ``link_m`` before the cells of a table that are on a stretch of the track.
+def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction: int,
+            stretch_m: tuple[float, float]) -> LeadIn | None:
+    """Return the leaders one link before the cells of a table that are on a stretch of the track.
 
-    None where none of them has a leader.
+    ``links_m`` are the leader's link and those of the table. None where none of the cells has a leader.
     """
+    link_m = links_m[0]
     tame, rows = track.without_locks(link_m), _rows_on(track, table, stretch_m)
     if tame is None or not rows.size:
         return None
@@ -100,7 +102,7 @@ def lead_in(track: Track, table: Table, link_m: float, direction: int, stretch_m
         leaders, _, _ = next_places(tame, flat, link_m, -direction, Effort())
     except (TrackEndError, ChainLockError):
         return None
-    return _fitted(track, table, rows, np.flatnonzero(found), leaders, (p[found], motion[found]), link_m)
+    return _fitted(track, table, rows, np.flatnonzero(found), leaders, (p[found], motion[found]), max(links_m))
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
@@ -133,7 +135,7 @@ def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, 
 
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
-            link_m: float) -> LeadIn | None:
+            longest_m: float) -> LeadIn | None:
     """Return the series of leaders at the nodes of some cells; a cell whose leaders' series do not end has no chart."""
     segment = leaders[0].reshape(-1, NODES)
     u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
@@ -150,7 +152,8 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     one = np.all(segment == segment[:, :1], axis=1)
     inverse = np.zeros_like(x)
     inverse[:, one] = inverse_series(x[:, one])
-    size = np.maximum(np.abs(places), link_m * np.abs(motions)).max(axis=2) / error_m[:, None]
+    # The leader's motion is what all speeds are relative to: a short link may not make it less exact than theirs.
+    size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2) / error_m[:, None]
     charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
     served = one & (np.maximum(size, charts)[:, -2:].max(axis=1) <= NOISE)
     if not np.any(served):

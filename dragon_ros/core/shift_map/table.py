@@ -349,7 +349,7 @@ class ShiftMap:
         """Return where the leaders one link before blocks on a stretch are; None where none is."""
         tile = self._tile(number // self._stretches)
         if tile and (link_m, number) not in tile.entrances:
-            found = lead_in(self.track, tile.table, link_m, self.direction, self._stretch_of(number, 1))
+            found = lead_in(self.track, tile.table, (link_m, self.link_m), self.direction, self._stretch_of(number, 1))
             tile.entrances[link_m, number] = None if found is None else Entrance(
                 tile, found.chart, self._leader_at(number + 1, link_m) or self._end(1),
                 self._leader_at(number, link_m) or self._end(-1), found)
