@@ -12,6 +12,7 @@ from typing import NoReturn
 
 from dragon_ros.executables import EXECUTABLES, NODES
 
+_SPIN = '16'            # 2^16 cycles is how long a thread of OpenBLAS spins for more work, not 2^26 from its start on
 _GARBAGE = 20_000       # containers before Python looks for cycles: 700 is for programs that import nothing
 
 
@@ -51,6 +52,7 @@ def run(argv: list[str]) -> NoReturn:
     Imports leave hundreds of thousands of objects and no garbage. To look for cycles among them again and again, and at
     the end to take them apart that way, takes a tenth of a command.
     """
+    os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])
     try:
         sys.exit(main(argv))

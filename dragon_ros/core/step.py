@@ -25,7 +25,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 
-_BATCH_HANDLES = 2**16      # of a batch: with velocities 2 MB
+_BATCH_HANDLES = 2**18      # of a batch: with velocities 8 MB; where there are fewer, calls take longer than numbers
 
 
 def tick(scene: Scene, k: int) -> Frame:

@@ -11,10 +11,11 @@ from dragon_ros.cli import command_line, figures
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DragonError, MissingError
 
-PAGES = {'accuracy': 'dragon_ros.cost.workprec', 'promises': 'dragon_ros.cost.promises',
-         'contact': 'dragon_ros.cost.contacts', 'effects': 'dragon_ros.cost.effects', 'tick': 'dragon_ros.cost.ticks',
-         'scale': 'dragon_ros.cost.scale', 'bag': 'dragon_ros.cost.bags', 'memory': 'dragon_ros.cost.memory',
-         'startup': 'dragon_ros.cost.startup', 'study': 'dragon_ros.cost.study'}
+PAGES = {'limits': 'dragon_ros.cost.limits', 'accuracy': 'dragon_ros.cost.workprec',
+         'promises': 'dragon_ros.cost.promises', 'contact': 'dragon_ros.cost.contacts',
+         'effects': 'dragon_ros.cost.effects', 'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
+         'bag': 'dragon_ros.cost.bags', 'memory': 'dragon_ros.cost.memory', 'startup': 'dragon_ros.cost.startup',
+         'study': 'dragon_ros.cost.study'}
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[2]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
@@ -25,8 +26,9 @@ def main(argv: list[str]) -> int:
     """Measure one page or all; return the exit code."""
     options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
                                   'python -m dragon_ros cost accuracy --output docs/cost')
-    options.add_argument('page', choices=(*PAGES, ALL), help='accuracy: error against time, for every tier and other '
-                         'solvers; promises: error over promise on random chains; '
+    options.add_argument('page', choices=(*PAGES, ALL), help='limits: how far each stage is from what the machine '
+                         'can do; accuracy: error against time, for every tier and other solvers; '
+                         'promises: error over promise on random chains; '
                          'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
                          'scale: growth of each stage, and rates held over DDS; '

@@ -265,7 +265,7 @@ class McapWriter:
         """Create the file. Raises MissingError where it cannot be written or would overwrite another."""
         self.path = path
         self._compression = '' if compression == 'none' else compression
-        self._compress = _compressor(compression)
+        self._compress = compressor(compression)
         self._file = _create(path, overwrite)
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
@@ -430,7 +430,7 @@ class McapWriter:
             raise DiskError(f'{self.path}: no longer exists; it was moved or removed during recording')
 
 
-def _compressor(name: str) -> Callable[[memoryview], _Bytes]:
+def compressor(name: str) -> Callable[[memoryview], _Bytes]:
     """Return the function that compresses a chunk. For dragons zstd's level 1 compresses as well as level 3."""
     if name == 'none':
         return lambda raw: raw

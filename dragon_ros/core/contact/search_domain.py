@@ -26,6 +26,7 @@ _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lo
 _SLOPE_M = 1e-6         # to either side, for a slope: gaps err by 1e-11 m, so a slope does by 1e-5
 _KEPT = 6               # chains: ends of domains and phases are asked for again and again
 _FEW = 12               # chains that are placed sooner one by one than together
+_MANY = 30              # chains for which tables are built, that serve the later ones too
 
 
 class Bracket(NamedTuple):
@@ -75,8 +76,11 @@ class SearchDomain:
         """Return all handles at many places (M,)."""
         if gone_m.size <= _FEW:
             return stack([self.chain(one) for one in gone_m.tolist()])
-        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places((gone_m, np.zeros_like(gone_m))),
-                         self.leader.direction, self.effort)
+        gone = gone_m, np.zeros_like(gone_m)
+        if gone_m.size > _MANY and self.simulation.tier is EXACT:       # ``error_m`` is that tier's promise
+            return self.simulation.model.place_many(gone)
+        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction,
+                            self.effort)
 
     def benches(self, gone_m: float) -> Benches:
         """Return all benches when the leader has gone so far."""

@@ -1,0 +1,203 @@
+"""``cost limits``: how far each stage is from what this machine can do at all, so that what is left is seen.
+
+A stage is held against the machine's own rates, measured in the same run on one thread: multiplications and additions
+of a product, bytes copied within the cache or through memory, bytes that zstd alone compresses, bytes written to a
+file. Its limit is the longest of the times that its own numbers and bytes take at these rates, whatever the code.
+"""
+import tempfile
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import cycle
+from pathlib import Path
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.bags.write.mcap import compressor
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import LINES
+from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.contact.near_pairs import NearPairs
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.chebyshev import columns_of
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.shift_map.blocks import TabulatedLinks
+from dragon_ros.core.step import batches, state, tick, velocity_of
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
+from dragon_ros.cost.stages import ticks_from
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
+
+_SCENE = Scene(run=Run(300, 303, 100))
+_STATES = 20_000
+_CACHED, _LARGE = 2**15, 2**27      # bytes that lie in the cache next to a core, and that lie in no cache
+_NUMBER = 8                         # bytes
+_NAMES = {'none': 'not compressed', 'zstd': 'zstd'}
+_RATES = {'product': 'multiplications and additions in a product', 'cache': 'bytes copied within the cache',
+          'memory': 'bytes copied through memory', 'zstd': "bytes of a tick's messages that zstd alone compresses",
+          'file': 'bytes written to a file, which the system brings to the disk later'}
+
+
+@dataclass(frozen=True)
+class Stage:
+    """A stage: its time each, and what it cannot do without, as amounts by the rate that bounds them."""
+
+    name: str
+    timing: Timing
+    needs: dict[str, float]
+
+    def limit(self, rates: dict[str, float]) -> tuple[float, str]:
+        """Return the shortest time in seconds, and the rate that says so."""
+        return max((amount / rates[rate], rate) for rate, amount in self.needs.items())
+
+
+@dataclass(frozen=True)
+class Measured:
+    """The machine's rates, each a second, and all stages."""
+
+    rates: dict[str, float]
+    stages: list[Stage]
+
+
+def measure(budget_s: float = 0.3) -> Measured:
+    """Measure the machine, and every stage of the scene ``winding``."""
+    encode = encoders(_SCENE)
+    frames = [tick(_SCENE, k) for k in range(compile_scene(_SCENE).last_tick + 1)]
+    messages = [(name, encode[name](frame), frame.t_ns, k) for k, frame in enumerate(frames) for name in encode]
+    with tempfile.TemporaryDirectory() as folder:
+        jobs: list[Callable[[], object]] = [partial(_rates, messages, Path(folder), budget_s)]
+        jobs += [partial(stage, budget_s) for stage in (_place, _velocities, _many, _benches, _look, _messages)]
+        jobs += [partial(_bag, kind, messages, Path(folder), budget_s) for kind in ('none', 'zstd')]
+        rates, *stages = (job() for job in tqdm(jobs, desc='cost limits', unit='part', disable=None))
+    return Measured(rates, stages)      # type: ignore[arg-type]
+
+
+def _rates(messages: list[tuple[str, bytes, int, int]], folder: Path, budget_s: float) -> dict[str, float]:
+    a, b = np.ones((64, 64)), np.ones((64, columns_of(64 * 64)))
+    out = {'product': 2 * a.size * b.shape[1] / timed(lambda: a @ b, budget_s).median_s}
+    for name, size in (('cache', _CACHED), ('memory', _LARGE)):
+        source, target = np.ones(size // _NUMBER), np.ones(size // _NUMBER)
+        out[name] = size / timed(partial(np.copyto, target, source), budget_s).median_s
+    chunk = b''.join(data for _, data, _, _ in messages)[:2**20]
+    out['zstd'] = len(chunk) / timed(partial(compressor('zstd'), memoryview(chunk)), budget_s).median_s
+    block = bytes(2**24)
+    out['file'] = len(block) / timed(partial((folder / 'block').write_bytes, block), budget_s).median_s
+    return out
+
+
+def _products(t_s: float) -> int:
+    """Return how many multiplications place all handles at a time."""
+    chain = state(_SCENE, t_s)
+    return sum(product.terms * (product.stop - product.start)
+               for part in chain.parts if isinstance(part, TabulatedLinks) for product in part.products)
+
+
+def _place(budget_s: float) -> Stage:
+    simulation = compile_scene(_SCENE)
+    times = cycle((_SCENE.run.start_s + np.arange(100) / 100).tolist())
+    needs = {'product': 2.0 * _products(300.0), 'cache': _NUMBER * float(_products(300.0))}
+    return Stage('place all handles', timed(lambda: simulation.chain(next(times)), budget_s, most=2000), needs)
+
+
+def _velocities(budget_s: float) -> Stage:
+    chain = state(_SCENE, 300.0)
+    needs = {'product': 2.0 * _products(300.0), 'cache': _NUMBER * float(_products(300.0))}
+    return Stage('their velocities', timed(lambda: velocity_of(_SCENE, chain, 300.0), budget_s, most=2000), needs)
+
+
+def _many(budget_s: float) -> Stage:
+    times_s = np.linspace(0.0, 400.0, _STATES).tolist()
+    scene = replace(_SCENE, run=Run(0, 400))
+
+    def all_of_them() -> None:
+        for _ in batches(scene, times_s):
+            pass
+    numbers = 4.0 * (scene.dragon.benches + 1)
+    return Stage(f'both, of one of {_STATES:,} at once', timed(all_of_them, budget_s, 3).shared_by(_STATES),
+                 {'product': 4.0 * _products(300.0), 'cache': _NUMBER * numbers})
+
+
+def _benches(budget_s: float) -> Stage:
+    chain, dragon = state(_SCENE, 300.0), _SCENE.dragon
+    numbers = 2.0 * (dragon.benches + 1) + 4.0 * dragon.benches
+    return Stage('bench rectangles', timed(lambda: benches_of(chain, dragon, axes_of(chain)), budget_s, most=2000),
+                 {'cache': _NUMBER * numbers})
+
+
+def _look(budget_s: float) -> Stage:
+    near, ticks = NearPairs(), ticks_from(_SCENE, 300.0)
+    numbers = 4.0 * _SCENE.dragon.benches
+    return Stage("the monitor's look", timed(lambda: near.look(*next(ticks)), budget_s, most=2000),
+                 {'cache': _NUMBER * numbers})
+
+
+def _messages(budget_s: float) -> Stage:
+    encode, frame = [*encoders(_SCENE).values()], tick(_SCENE, 0)
+    size = sum(len(one(frame)) for one in encode)
+    return Stage('messages of a tick', timed(lambda: [one(frame) for one in encode], budget_s, most=2000),
+                 {'cache': float(size)})
+
+
+def _bag(compression: str, messages: list[tuple[str, bytes, int, int]], folder: Path, budget_s: float) -> Stage:
+    path, ticks = folder / 'bag.mcap', messages[-1][-1] + 1
+
+    def write() -> None:
+        with BagWriter(path, overwrite=True, options=BagOptions(compression)) as bag:
+            for name in {name for name, *_ in messages}:
+                bag.add_channel(name, channels()[name])
+            for row in messages:
+                bag.write(*row)
+    timing = timed(write, budget_s, 3).shared_by(ticks)
+    size = sum(len(data) for _, data, _, _ in messages) / ticks
+    needs = {'memory': size, 'file': path.stat().st_size / ticks}
+    return Stage(f'a tick into a bag, {_NAMES[compression]}', timing,
+                 needs | ({'zstd': size} if compression == 'zstd' else {}))
+
+
+def table(rows: Measured) -> str:
+    """Return rates and stages as Markdown with the circumstances above them."""
+    lines = [f'{circumstances()}. Rates of one thread; medians.', '', '| rate | a second |', '|---|---:|']
+    lines += [f'| {text} | {_amount(rows.rates[name])} |' for name, text in _RATES.items()]
+    lines += ['', '| stage | it takes (µs) | the machine needs (µs) | times that | bound by |',
+              '|---|---:|---:|---:|---|']
+    for stage in rows.stages:
+        limit_s, rate = stage.limit(rows.rates)
+        lines.append(f'| {stage.name} | {1e6 * stage.timing.median_s:.3g} | {1e6 * limit_s:.3g} '
+                     f'| {stage.timing.median_s / limit_s:.1f} | {rate} |')
+    return '\n'.join(lines)
+
+
+def _amount(value: float) -> str:
+    return f'{value / 1e9:.3g} billion'
+
+
+def csv_text(rows: Measured) -> str:
+    """Return the stages as CSV, times in seconds."""
+    return csv_of(['stage', 'limit_s', 'bound_by', *TIMES],
+                  [(stage.name, *stage.limit(rows.rates), *stage.timing.cells) for stage in rows.stages])
+
+
+def picture(rows: Measured) -> Figure:
+    """Return a bar for each stage: how many times as long it takes as the machine needs."""
+    figure = Figure(figsize=(9, 0.5 * len(rows.stages) + 1.8), layout='constrained')
+    axes = figure.subplots()
+    kinds = [*_RATES]
+    for y, stage in enumerate(reversed(rows.stages)):
+        limit_s, rate = stage.limit(rows.rates)
+        times = stage.timing.median_s / limit_s
+        axes.barh(y, times, color=LINES[kinds.index(rate)], label=rate, height=0.6)
+        axes.annotate(f' {times:.1f} times {1e6 * limit_s:.3g} µs', (max(times, 1.0), y), va='center', fontsize=9)
+    axes.set_yticks(range(len(rows.stages)), [stage.name for stage in reversed(rows.stages)])
+    axes.axvline(1.0, color='black', linewidth=1.0)
+    axes.set(xscale='log', xlabel='times as long as the machine needs (1: nothing is left)',
+             title='How far each stage is from the machine')
+    longest = max(stage.timing.median_s / stage.limit(rows.rates)[0] for stage in rows.stages)
+    axes.set_xlim(0.5, 6 * max(longest, 1.0))
+    axes.grid(visible=False, axis='y')
+    seen = dict(zip(*reversed(axes.get_legend_handles_labels()), strict=True))
+    axes.legend(seen.values(), seen.keys(), title='bound by', loc='lower right')
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
