@@ -357,7 +357,7 @@ def test_a_demo_that_is_terminated_leaves_no_process_behind(start, tmp_path):
 
 def test_the_demo_can_be_run_twice_in_one_place(start, tmp_path):
     for _ in range(2):
-        demo = start('demo', '--output', tmp_path / 'demo', '--pace', '5')
+        demo = start('demo', '--output', tmp_path / 'demo', '--pace', '10')
         assert demo.end() == 0, demo.text
         assert '1953 messages are bit for bit those of the model, 0 are not' in demo.text
         assert 'the same bytes, the same event' in demo.text
