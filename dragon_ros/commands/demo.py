@@ -38,6 +38,20 @@ def _end(*_: object) -> NoReturn:
     raise KeyboardInterrupt
 
 
+@contextmanager
+def _later() -> Iterator[None]:
+    """Let a signal wait for the end of this block: between its start and its note a process would be left behind."""
+    came: list[int] = []
+    before = {number: signal.signal(number, lambda number, _: came.append(number)) for number in ending()}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+        if came:
+            _end()
+
+
 def run(arguments: Namespace) -> int:
     """Run the demonstration; return the exit code. A signal ends it, and all its processes."""
     for number in ending():
@@ -164,12 +178,12 @@ class _Start:
         self.recorders: list[subprocess.Popen[str]] = []
 
     def __call__(self, name: str, *arguments: str) -> subprocess.Popen[str]:
-        process = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], env=self.environment,
-                                   stdin=subprocess.DEVNULL, stdout=subprocess.PIPE if name == 'sim' else self.log,
-                                   stderr=subprocess.STDOUT, text=True)
-        self.all.append(process)
+        with _later():
+            process = subprocess.Popen([sys.executable, '-m', 'dragon_ros', name, *arguments], env=self.environment,
+                                       stdin=subprocess.DEVNULL, stdout=subprocess.PIPE if name == 'sim' else self.log,
+                                       stderr=subprocess.STDOUT, text=True)
+            self.all.append(process)
         return process
-
 
     def wait_for_contact(self) -> None:
         """Wait until the monitor has reported: it may lag behind."""

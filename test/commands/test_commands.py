@@ -3,6 +3,7 @@ import argparse
 import csv
 import io
 import json
+import os
 import shlex
 import signal
 import subprocess
@@ -12,6 +13,8 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.cli import command_line
+from dragon_ros.cli.signals import ending
+from dragon_ros.commands import demo
 from dragon_ros.commands.plot import command
 from dragon_ros.executables import EXECUTABLES
 
@@ -254,3 +257,18 @@ def test_help_comes_before_anything_slow_is_imported(name):
             'print([slow for slow in ("rclpy", "numpy", "shapely", "matplotlib") if slow in sys.modules])')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.splitlines()[-2:] == ['0', '[]']
+
+
+def test_a_signal_that_ends_the_demo_waits_until_a_started_process_is_noted():
+    noted = []
+    before = {number: signal.getsignal(number) for number in ending()}
+
+    def start():
+        with demo._later():
+            os.kill(os.getpid(), signal.SIGTERM)
+            noted.append('a process')
+
+    with pytest.raises(KeyboardInterrupt):
+        start()
+    assert noted
+    assert {number: signal.getsignal(number) for number in ending()} == before
