@@ -15,6 +15,7 @@ from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, r
 from dragon_ros.verify.track import Place, Track
 
 _HALVINGS = 40
+_NARROW = 1e-9          # of where a handle is: how far bounds of where it turns back may be off
 Range = tuple[arb, arb]
 
 
@@ -61,7 +62,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
         ratio, stands = _ratio(segment, left, right, from_left, from_right, link)
         if stands and (ratio > 0 or ratio < 0):
             pair = (from_left, from_right) if ratio > 0 else (from_right, from_left)
-        elif stands and right - left < 1e-9 * right:
+        elif stands and right - left < _NARROW * from_right:    # it turns back in here: its span tells how far at most
             pair = left + (from_right - right), right + (from_left - left)
         elif halvings:
             middle = (HALF * (left + right)).mid()

@@ -32,6 +32,8 @@ SCENES = {
     'a lock of a mixed dragon': (Scene(dragon=Mixed((Group(1.2), Group(3.2), Group(1.2)), 0.01), run=Run(420)),
                                  'locks at link 1'),
     'the centre': (Scene(dragon=Dragon(3, width_m=0.01), track=Spiral(5.0, 1.0)), 'the head reaches the centre'),
+    'the centre, where a handle turns back': (Scene(Dragon(10, 0.25, 0.53125, 0.125, 0.125), Spiral(0.37109375, 4.0)),
+                                              'the head reaches the centre'),
     'at the start': (Scene(run=Run(413.0)), 'starts with its contact at 413.0 s: benches 0 and 8 overlap'),
     'two benches': (Scene(dragon=Dragon(2)), 'the chain locks at link 0'),
     'out and in': (Scene(dragon=Dragon(60), track=Spiral(0.55, 5.0), head=OUT_AND_IN, run=Run(2, 200)), 'contact at'),
