@@ -2,7 +2,7 @@
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from itertools import count
+from itertools import cycle
 from statistics import median, quantiles
 
 from dragon_ros.core.chain.rectangles import axes_of
@@ -19,7 +19,7 @@ from dragon_ros.scenes.load import load_scene
 ALONE = 'alone'
 ALL = ~Effect.NONE
 _LEAST, _MOST = 15, 400         # calls
-_TICKS, _PLACES = 97, 7         # distance of ticks, and places along the run: successive calls are for different ones
+_PLACES, _RUN = 7, 20           # along the run, from each of which so many ticks follow each other, as in a simulator
 Call = Callable[[], object]
 
 
@@ -62,10 +62,10 @@ def price(effect: Effect, name: str, scene: Scene, budget_s: float) -> Price:
 def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) -> Timing:
     """Time an effect's own work on frames of a scene that is without it, each of them new."""
     simulation = compile_scene(scene)
-    times = [scene.run.time_ns(k * simulation.last_tick // _PLACES) for k in range(_PLACES)]
+    times = [scene.run.time_ns(k) for k in _followed(simulation.last_tick)]
     spent: list[float] = []
     while len(spent) <= _LEAST or (sum(spent) < budget_s and len(spent) < _MOST):
-        t_ns = times[len(spent) % _PLACES]
+        t_ns = times[len(spent) % len(times)]
         frame = frame_of(scene, None, t_ns, state(scene, t_ns / NS))
         start = time.perf_counter()
         for name, compute in plan(effect):
@@ -74,6 +74,11 @@ def _own(effect: Effect, scene: Scene, encode: list[Encode], budget_s: float) ->
             one(frame)
         spent.append(time.perf_counter() - start)
     return _timing(spent[1:])
+
+
+def _followed(last: int) -> list[int]:
+    """Return ticks that follow each other, from several places along a run on."""
+    return [min(k * last // _PLACES + n, last) for k in range(_PLACES) for n in range(_RUN)]
 
 
 def wholes(budget_s: float) -> list[Whole]:
@@ -92,23 +97,22 @@ def wholes(budget_s: float) -> list[Whole]:
 
 
 def worker(scene: Scene) -> Call:
-    """Return a call that computes and encodes one tick of a scene, another each time."""
-    encode, numbers = encoders(scene), count(0, _TICKS)
-    ticks = compile_scene(scene).last_tick + 1
+    """Return a call that computes and encodes one tick of a scene, the next each time."""
+    encode, numbers = encoders(scene), cycle(_followed(compile_scene(scene).last_tick))
 
     def work() -> object:
-        frame = tick(scene, next(numbers) % ticks)
+        frame = tick(scene, next(numbers))
         return [one(frame) for one in encode.values()]
     return work
 
 
 def bare(scene: Scene) -> Call:
     """Return a call that does the same for handles alone, written as if effects did not exist."""
-    template, numbers = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon'), count(0, _TICKS)
-    ticks = compile_scene(scene).last_tick + 1
+    template = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon')
+    numbers = cycle(_followed(compile_scene(scene).last_tick))
 
     def work() -> object:
-        t_ns = scene.run.time_ns(next(numbers) % ticks)
+        t_ns = scene.run.time_ns(next(numbers))
         chain = state(scene, t_ns / NS)
         return [template.encode(t_ns, chain.p, axes_of(chain))]
     return work

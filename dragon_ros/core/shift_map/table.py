@@ -313,6 +313,7 @@ class ShiftMap:
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._boundary = lru_cache(_BOUNDARIES)(self._boundary_of)
+        self._leader_at = lru_cache(_BOUNDARIES)(self._leader_of)
 
     @property
     def tiles(self) -> list[Tile]:
@@ -406,7 +407,7 @@ class ShiftMap:
             return place.segment < begin.segment
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
-    def _leader_at(self, number: int, link_m: float) -> Place | None:
+    def _leader_of(self, number: int, link_m: float) -> Place | None:
         """Return the place of a leader whose follower is where a stretch begins; None where none is."""
         begin = self._boundary(number)
         return None if begin is None else towards_leader(self.track, begin, link_m, self.direction)
