@@ -15,16 +15,6 @@ design: random
 samples: 12
 ask: [lock]
 """
-# Rows of some hundredths of a second: half of them are refused, since the chain is locked from the start.
-SLOWER = """
-set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 411}}
-vary:
-  dragon.width_m: {uniform: [0.1, 0.4]}
-  track.start_turns: [1, 16]
-design: random
-samples: 48
-ask: [contact, lock]
-"""
 
 
 @pytest.fixture(scope='session')

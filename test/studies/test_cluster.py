@@ -19,7 +19,7 @@ pytest.importorskip('distributed')
 psutil = pytest.importorskip('psutil')
 
 import distributed  # noqa: E402
-from conftest import SLOWER  # noqa: E402
+from slow_study import SLOWER  # noqa: E402
 
 from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError  # noqa: E402
 from dragon_ros.studies import cluster  # noqa: E402

@@ -1,0 +1,13 @@
+"""A study whose rows take some hundredths of a second: time enough for something to happen half way.
+
+Half of them are refused, since the chain is locked from the start.
+"""
+SLOWER = """
+set: {dragon: {benches: 24}, run: {start_s: 405, stop_s: 411}}
+vary:
+  dragon.width_m: {uniform: [0.1, 0.4]}
+  track.start_turns: [1, 16]
+design: random
+samples: 48
+ask: [contact, lock]
+"""
