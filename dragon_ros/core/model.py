@@ -7,7 +7,7 @@ place has the same bits in any run and any process, and scenes that differ in la
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from math import floor, inf, ulp
 from threading import Lock
 
@@ -43,6 +43,12 @@ class Limit:
     gone_m: float
     reason: str
     link: int | None = None
+
+
+def _series_of_tile_m(track: Track, near_m: float, tier: Tier, fore: Place) -> Callable[[Floats], Floats]:
+    """Return where the series of a tile are cut, by size; ``Model.effort`` tells why some are as exact as floats."""
+    near = near_m and track.segments[fore.segment].near_centre(fore.u.hi, near_m)
+    return (EXACT if near else tier).series_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,11 +105,10 @@ class Model:
                 for link_m, links in lengths.items()}
         return Placement(self.track, self.links_m, self.direction, self.effort, maps)
 
-    def _series_m(self, fore: Place) -> Callable[[Floats], Floats]:
-        """Return where the series of a tile are cut, by size; ``effort`` tells why some are as exact as floats."""
-        near_m, segment = self.effort.near_m, self.track.segments[fore.segment]
-        near = near_m and segment.near_centre(fore.u.hi, near_m)
-        return (EXACT if near else self.tier).series_m
+    @cached_property
+    def _series_m(self) -> Callable[[Place], Callable[[Floats], Floats]]:
+        """Where series are cut. It does not hold the model, which so goes with its tables as soon as it is let go."""
+        return partial(_series_of_tile_m, self.track, self.effort.near_m, self.tier)
 
     @property
     def memory_bytes(self) -> int:

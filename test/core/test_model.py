@@ -1,5 +1,6 @@
 """Models: what is compiled from a scene, shared by equal ones, and kept within bounds."""
 import gc
+import weakref
 from dataclasses import replace
 
 import numpy as np
@@ -10,7 +11,7 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.flags import Effect
-from dragon_ros.core.model import compile_scene
+from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
@@ -128,3 +129,17 @@ def test_what_is_certain_without_a_search_ends_before_the_chain_locks(dragon, pi
     simulation.check_times(np.array([0.0, 1e6]))
     with pytest.raises(FieldError, match='t_s'):
         simulation.check_times(np.array([5.0, -1.0]))
+
+
+def test_a_model_goes_with_its_tables_when_nobody_holds_it():
+    known = compile_scene(Scene()).model
+    model = Model(known.dragon, known.spec, known.lead, known.solver, known.tier)
+    model.place((5.0, 0.0))
+    shift, = model.placement.maps.values()
+    held = weakref.ref(model), weakref.ref(shift)
+    gc.disable()
+    try:
+        del model, shift
+        assert [one() for one in held] == [None, None]
+    finally:
+        gc.enable()

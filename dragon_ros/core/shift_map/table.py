@@ -16,7 +16,7 @@ from bisect import bisect_right
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, lru_cache
+from functools import cached_property
 from math import acos, floor, inf
 from typing import NamedTuple
 
@@ -312,8 +312,7 @@ class ShiftMap:
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
-        self._boundary = lru_cache(_BOUNDARIES)(self._boundary_of)
-        self._leader_at = lru_cache(_BOUNDARIES)(self._leader_of)
+        self._edges: dict[tuple[int, float], Place | None] = {}
 
     @property
     def tiles(self) -> list[Tile]:
@@ -407,13 +406,21 @@ class ShiftMap:
             return place.segment < begin.segment
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
-    def _leader_of(self, number: int, link_m: float) -> Place | None:
-        """Return the place of a leader whose follower is where a stretch begins; None where none is."""
-        begin = self._boundary(number)
-        return None if begin is None else towards_leader(self.track, begin, link_m, self.direction)
+    def _leader_at(self, number: int, link_m: float) -> Place | None:
+        """Return the place of a leader whose follower is where a stretch begins; None where none is. It is kept."""
+        key = number, link_m
+        if key not in self._edges:
+            if len(self._edges) >= _BOUNDARIES:
+                self._edges.clear()
+            begin = self._boundary(number) if link_m else self._begin(number)
+            self._edges[key] = towards_leader(self.track, begin, link_m, self.direction) if begin and link_m else begin
+        return self._edges[key]
 
-    def _boundary_of(self, number: int) -> Place | None:
+    def _boundary(self, number: int) -> Place | None:
         """Return the place at which a stretch begins; None beyond the track."""
+        return self._leader_at(number, 0.0)
+
+    def _begin(self, number: int) -> Place | None:
         metres = self._stretch_of(number, 1)[0]
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None
 
