@@ -106,8 +106,11 @@ class ArbBall:
     def squared(self):
         return ArbBall(self.values * self.values)
 
-    def trig(self):
-        return tuple(map(ArbBall, _trig(self.values)))
+    def sin_cos(self):
+        return tuple(map(ArbBall, _trig(self.values)[:2]))
+
+    def versine(self):
+        return ArbBall(_trig(self.values)[2])
 
     def running_product(self):
         return ArbBall(np.multiply.accumulate(self.values, axis=-1, dtype=object))

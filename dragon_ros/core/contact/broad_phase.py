@@ -14,7 +14,7 @@ import numpy as np
 
 from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.errors import CrowdError
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 _TOGETHER = 4   # steps of a chain whose boxes are looked up together
 _AT_ONCE = 256
@@ -194,9 +194,17 @@ def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:
     """Return the pairs whose boxes (M, N, 2) meet on each of M steps."""
     i, j = np.divmod(_meeting(np.min(low, axis=0), np.max(high, axis=0)), low.shape[1])
     beside = j - i <= 3
-    kept = (beside | np.all((one[i] <= other[j]) & (one[j] <= other[i]), axis=1)
-            for one, other in zip(low, high, strict=True))
+    kept = (beside | _meet(one, other, i, j) for one, other in zip(low, high, strict=True))
     return [(i[keep], j[keep]) for keep in kept]
+
+
+def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
+    """Return whether boxes (N, 2) i and j meet, one coordinate after the other: numpy is slow along short axes."""
+    meet: Array = np.ones(i.size, dtype=bool)
+    for one, other in zip(low.T.copy(), high.T.copy(), strict=True):
+        meet &= one[i] <= other[j]
+        meet &= one[j] <= other[i]
+    return meet
 
 
 def _meeting(low: Floats, high: Floats) -> Ints:

@@ -29,7 +29,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 _TOLERANCE = 4          # times the position error: two benches may be off, at two states
 _SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
 _LEAST_SPACING = 0.05   # of that, where intervals are cut all the same: shorter roots have fewer pairs in reach
-_PARTS_OF_ROOT = 1.5    # so long are the roots of a block that they are cut into so many, were it like the last one,
+_PARTS_OF_ROOT = 1.05   # so long are the roots of a block that they are cut into so many, were it like the last one,
 _FINER = 0.25           # but no less than this, nor more than its inverse, of what they were
 _MOST = 2_000_000       # of them: some hours
 _FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing

@@ -36,7 +36,8 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 _ROUNDED_RAD = 2.0**-46 # of an angle between unit vectors
 _PASSES = 8     # at most; each makes what is left beyond the ends smaller by about the way over twice the link's length
-_WORTH = 0.9    # of a radius: where a pass leaves more of all of them, it is the last one
+_WORTH = 0.9    # of a radius: where a pass leaves more of nearly all of them, it is the last one
+_FEW = 0.02     # of the radii may still shrink by more
 
 
 @dataclass(frozen=True)
@@ -155,7 +156,7 @@ def _link(k: tuple[Ball, Ball], ends: tuple[Ball, Ball], way: tuple[Floats, Floa
         before = near, far
         near, far = (Ball(ball.mid, np.where(rigid, end.rad, np.fmin(ball.rad, np.maximum(end.rad, most))))
                      for ball, end, most in zip((near, far), ends, reach, strict=True))
-        (sin_n, cos_n, _), (sin_f, cos_f, _) = near.trig(), far.trig()
+        (sin_n, cos_n), (sin_f, cos_f) = near.sin_cos(), far.sin_cos()
         if _settled(before, (near, far)):
             break
     r = cos_n * cos_f.inverse()
@@ -170,8 +171,8 @@ def _link(k: tuple[Ball, Ball], ends: tuple[Ball, Ball], way: tuple[Floats, Floa
 
 
 def _settled(before: tuple[Ball, Ball], now: tuple[Ball, Ball]) -> bool:
-    """Return whether a pass has left most of all radii."""
-    return not any(np.any(b.rad < _WORTH * a.rad) for a, b in zip(before, now, strict=True))
+    """Return whether a pass has left most of nearly all radii."""
+    return not any(np.mean(b.rad < _WORTH * a.rad) > _FEW for a, b in zip(before, now, strict=True))
 
 
 def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
@@ -259,7 +260,7 @@ def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Fl
     reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
     ends = between(start, stop, off)
     # With less than half a turn on the way the angle went the short way from one end to the other.
-    sin, cos, _ = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).trig()
+    sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
 

@@ -130,7 +130,7 @@ class Motion:
 
 def spans(theta: Ball, delta: Ball) -> Spans:
     """Return links between handles (M, K+1) that span delta (M, K)."""
-    sin, cos, less = delta.trig()
+    (sin, cos), less = delta.sin_cos(), delta.versine()
     theta, outer = theta[:, :-1], theta[:, 1:]
     return Spans(theta, delta, outer, sin, cos, less, (delta + theta * less + theta * outer * sin).inverse())
 

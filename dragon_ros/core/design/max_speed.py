@@ -351,7 +351,7 @@ def _slopes(a: States, b: States) -> tuple[Ball, Floats]:
     share = np.where(a.links_m > 0, 1 / np.where(a.links_m > 0, a.links_m, 1.0), 0.0)
     half = 0.5 * (b.gone_m - a.gone_m)[:, None]
     for last in range(_PASSES, -1, -1):
-        (sin_a, cos_a, _), (sin_b, cos_b, _) = alpha.trig(), beta.trig()
+        (sin_a, cos_a), (sin_b, cos_b) = alpha.sin_cos(), beta.sin_cos()
         ratio = cos_a * cos_b.inverse()
         v = side_by_side([none + 1.0, ratio.running_product()])
         turned = a.way * bend * v

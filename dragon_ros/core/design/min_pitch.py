@@ -36,7 +36,7 @@ from dragon_ros.core.tracks.chord import steps
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spiral import points
 
-_WAY_M, _STEP = 2.0, 0.05   # the largest cell: metres of the head's way, and part of the pitch
+_WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's way about the centre, and part of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
 _OUTWARDS = 1 + 2.0**-50    # a pitch: it is the quotient of a rounded number and a scale
 _SAME = 1e-15               # of a pitch: it is the inverse of a scale, rounded twice
@@ -172,15 +172,18 @@ class _Search:
         return 2 * pi / self._best, _OUTWARDS * 2 * pi / (float(cells[2, 0]) if cells.shape[1] else self._best)
 
     def _grid(self) -> Floats:
-        """Return the first cells: strips of pitch, each as long as the way at its larger pitch."""
+        """Return the first cells: strips of pitch, each as long as the way at its larger pitch.
+
+        What corners sag goes with the square of the angle, and little with the radius; gaps do not shrink further out.
+        """
         task, low = self.task, 2 * pi / self.task.largest_m
         scales = np.geomspace(low, self._best, max(1, ceil(log(self._best / low) / _STEP)) + 1)
-        inner = 0.5 * task.innermost_m(2 * pi / self._best, self.first) ** 2
-        way_m, strips = min(_WAY_M, 0.5 * task.radius_m), []
+        inner_m, strips = task.innermost_m(2 * pi / self._best, self.first), []
         for small, large in zip(scales[:-1].tolist(), scales[1:].tolist(), strict=True):
-            outer = 0.5 * task.widest_m(2 * pi / small, self.first) ** 2
-            r = np.sqrt(2 * np.linspace(inner, max(inner, outer), 2 + int((outer - inner) * small / way_m)))
-            strips.append(np.stack((r[:-1], r[1:], np.full(r.size - 1, small), np.full(r.size - 1, large))))
+            outer_m = max(inner_m, task.widest_m(2 * pi / small, self.first))
+            radii_m = np.linspace(inner_m, outer_m, 2 + int((outer_m - inner_m) * small / _WAY_RAD))
+            strips.append(np.stack((radii_m[:-1], radii_m[1:], *(np.full(radii_m.size - 1, each)
+                                                                 for each in (small, large)))))
         return np.concatenate(strips, axis=1)
 
     def _halves(self, cells: Floats) -> Floats:

@@ -73,13 +73,19 @@ class Ball:
         """Return the square."""
         return Ball(self.mid * self.mid, OUTWARDS * self.rad * (2 * np.abs(self.mid) + self.rad))
 
-    def trig(self) -> tuple['Ball', 'Ball', 'Ball']:
-        """Return sine, cosine, and 1 - cosine without cancellation; numpy's err by a few units in the last place."""
-        sin, cos, half = np.sin(self.mid), np.cos(self.mid), np.sin(0.5 * self.mid)
-        less, steep, flat, bow = 2 * half * half, np.abs(sin), np.abs(cos), 0.5 * self.rad * self.rad
-        aside = steep * self.rad + bow
+    def sin_cos(self) -> tuple['Ball', 'Ball']:
+        """Return sine and cosine; numpy's err by a few units in the last place."""
+        sin, cos = np.sin(self.mid), np.cos(self.mid)
+        steep, flat, bow = np.abs(sin), np.abs(cos), 0.5 * self.rad * self.rad
         return (Ball(sin, OUTWARDS * (flat * self.rad + bow + LEAST * steep)),
-                Ball(cos, OUTWARDS * (aside + LEAST * flat)), Ball(less, OUTWARDS * (aside + LEAST * less)))
+                Ball(cos, OUTWARDS * (steep * self.rad + bow + LEAST * flat)))
+
+    def versine(self) -> 'Ball':
+        """Return 1 - cosine, without cancellation."""
+        half = np.sin(0.5 * self.mid)
+        less = 2 * half * half
+        steep = 2 * np.abs(half * np.cos(0.5 * self.mid))
+        return Ball(less, OUTWARDS * (steep * self.rad + 0.5 * self.rad * self.rad + LEAST * less))
 
     def running_product(self) -> 'Ball':
         """Return the products of the first 1, 2, ... numbers of the last axis."""

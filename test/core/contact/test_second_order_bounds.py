@@ -149,5 +149,5 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
     for mine, value in ((ball * other, x * y), (ball - other, x - y), (ball.squared(), x * x)):
         assert abs(value - mine.mid[0]) <= mine.rad[0] + 1e-12
     angle = Ball(np.abs(ball.mid) + 3.2, ball.rad)
-    for mine, function in zip(angle.trig(), (np.sin, np.cos), strict=False):
+    for mine, function in zip(angle.sin_cos(), (np.sin, np.cos), strict=True):
         assert abs(function(angle.mid + (2 * one - 1) * angle.rad) - mine.mid)[0] <= mine.rad[0] + 1e-12
