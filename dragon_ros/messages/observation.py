@@ -33,8 +33,45 @@ class BenchMarkers:
             return _cubes(self.markers, self.order)
         return _triangles(self.markers, int(self.order[0]), handles_m)
 
+    @property
+    def size_bytes(self) -> int:
+        """What is kept of the message."""
+        return self.markers.size_bytes
 
-def observation_of(poses: Poses, shown: BenchMarkers) -> Observation:
+    def to_wait(self) -> 'BenchMarkers | WaitingBenches':
+        """Return what to keep until handles arrive: of cubes the rectangles, a fifth of the message's bytes.
+
+        A message that is of no use is kept as it is, and refused together with its handles.
+        """
+        if self.markers.type[self.order[0]] != CUBE:
+            return self
+        try:
+            benches = _cubes(self.markers, self.order)
+        except MessageError:
+            return self
+        return WaitingBenches(self.t_ns, self.frame_id, Benches(*(each.copy() for each in (
+            benches.centre, benches.axis, benches.half_length, benches.half_width))))
+
+
+@dataclass(frozen=True)
+class WaitingBenches:
+    """The benches of a message of cubes, without the message."""
+
+    t_ns: int
+    frame_id: str
+    benches: Benches
+
+    def rectangles(self, _: Floats) -> Benches:
+        """Return the benches."""
+        return self.benches
+
+    @property
+    def size_bytes(self) -> int:
+        """What the arrays take."""
+        return sum(value.nbytes for value in vars(self.benches).values())
+
+
+def observation_of(poses: Poses, shown: BenchMarkers | WaitingBenches) -> Observation:
     """Return the observation from two messages of one tick. Raises MessageError, naming message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)

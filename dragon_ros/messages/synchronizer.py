@@ -9,13 +9,14 @@ from typing import Any, NamedTuple
 
 from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
-from dragon_ros.messages.observation import BenchMarkers
+from dragon_ros.messages.observation import BenchMarkers, WaitingBenches
 
 _EACH_BYTES = 4096      # of one message beside its own bytes, at most
 _LONGEST_JUMP = 1000    # messages of a publisher that may be lost one after the other
 _MOST_OTHERS = 7        # publishers besides the known one that are told apart
 _EXACT = 0.25           # steps by which a stamp may be off and still tell its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
+Pair = tuple[Poses, BenchMarkers | WaitingBenches]
 
 
 class _Waiting(NamedTuple):
@@ -46,13 +47,13 @@ class Synchronizer:
         self._unmatched: list[Unmatched] = []
         self.held_bytes = 0
 
-    def add_handles(self, poses: Poses, now_s: float) -> tuple[Poses, BenchMarkers] | None:
+    def add_handles(self, poses: Poses, now_s: float) -> Pair | None:
         """Add handles that arrived at ``now_s``; return (handles, benches) once both are present."""
-        return self._add(_HANDLES, _Waiting(poses.t_ns, poses, now_s, poses.size_bytes + _EACH_BYTES))
+        return self._add(_HANDLES, poses, now_s)
 
-    def add_benches(self, shown: BenchMarkers, now_s: float) -> tuple[Poses, BenchMarkers] | None:
+    def add_benches(self, shown: BenchMarkers, now_s: float) -> Pair | None:
         """Add benches that arrived at ``now_s``; return (handles, benches) once both are present."""
-        return self._add(_BENCHES, _Waiting(shown.t_ns, shown, now_s, shown.markers.size_bytes + _EACH_BYTES))
+        return self._add(_BENCHES, shown if self._stamps[_HANDLES][shown.t_ns] else shown.to_wait(), now_s)
 
     def expire(self, before_s: float) -> None:
         """Drop messages that have waited since before ``before_s``."""
@@ -65,8 +66,9 @@ class Synchronizer:
         out, self._unmatched = self._unmatched, []
         return out
 
-    def _add(self, topic: str, new: _Waiting) -> tuple[Poses, BenchMarkers] | None:
+    def _add(self, topic: str, message: Any, now_s: float) -> Pair | None:
         """Add a message; return its pair, or drop the messages that have waited longest where too many bytes wait."""
+        new = _Waiting(message.t_ns, message, now_s, message.size_bytes + _EACH_BYTES)
         self._waiting[topic].append(new)
         self._stamps[topic][new.t_ns] += 1
         self.held_bytes += new.size_bytes
@@ -76,7 +78,7 @@ class Synchronizer:
                               key=lambda name: self._waiting[name][0].since_s))
         return pair
 
-    def _match(self, t_ns: int) -> tuple[Poses, BenchMarkers] | None:
+    def _match(self, t_ns: int) -> Pair | None:
         """Return the oldest pair of a stamp, if any; messages that arrived before its halves are dropped."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None

@@ -20,6 +20,11 @@ class Frames:
         self._ticks = min(ticks, ticks_before(scene, contact)) if contact else ticks
         self.count = self._ticks + (contact is not None)
         self.k = 0
+        self._ahead: tuple[int, Frame] | None = None
+
+    def prepare(self) -> None:
+        """Compute the next frame ahead of its time: the first one builds the tables, which may take several ticks."""
+        self._ahead = self.k, self._frame(self.k)
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end."""
@@ -31,7 +36,10 @@ class Frames:
 
     def take(self) -> Frame:
         """Return the next frame and advance."""
-        k, self.k = self.k, self.k + 1
+        (k, self.k), (ahead, self._ahead) = (self.k, self.k + 1), (self._ahead, None)
+        return ahead[1] if ahead and ahead[0] == k else self._frame(k)
+
+    def _frame(self, k: int) -> Frame:
         return self._last if self._last and k == self._ticks else tick(self._scene, k)
 
     def rewind(self) -> None:

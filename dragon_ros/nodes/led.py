@@ -80,6 +80,10 @@ class LedFrames:
         self._law: Walked | None = None
         self._stopped, self._brakes = '', False
 
+    def prepare(self) -> None:
+        """Compute the first frame ahead of its time: it builds the tables, which may take several ticks."""
+        led_tick(self._simulation, walked_from(self._settings, self._scene.run.time_ns(0) / NS), 0)
+
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end, and after a contact that stops it."""
         return None if self._stopped or self.k >= self.count else self._scene.run.time_ns(self.k)

@@ -166,7 +166,7 @@ def run(stop: threading.Event) -> int:
     node = Monitor()
     try:
         code = shell.spin(node, stop, rest_s=_REST_S)
-        publisher_queue.drain(node.topic_publishers.values())
+        publisher_queue.drain(node.topic_publishers.values(), stop)
         return code
     finally:
         node.get_logger().info(f'saw {node.seen} ticks')

@@ -1,5 +1,6 @@
 """Publishing bytes: counting subscribers, and queueing where readers are slower than the publisher."""
 import re
+import threading
 import time
 from collections import deque
 from collections.abc import Iterable, Mapping
@@ -18,7 +19,9 @@ from dragon_ros.nodes.params import DISCOVERY_S
 _COUNT = re.compile('[0-9]{1,9}')
 _GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
 _SETTLED_S = 0.5     # a reader's topics are found one after the other
-_ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS
+_ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS;
+_ALL_ACKED_S = 20.0     # at the end of a run a reader may have to catch up with all that a lossless publisher keeps
+_LOOK_S = 0.2
 
 
 def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) -> list[tuple[Publisher, int]]:
@@ -107,9 +110,10 @@ class EncodedTopic:
             self.published += 1
 
 
-def drain(publishers: Iterable[Publisher]) -> None:
-    """Wait a few seconds at most until readers have everything: unsent messages are lost with their publisher."""
-    end = time.monotonic() + _ACKED_S
+def drain(publishers: Iterable[Publisher], stop: threading.Event) -> None:
+    """Wait until readers have everything: unsent messages are lost with their publisher. A signal makes it short."""
+    begin = time.monotonic()
     for publisher in publishers:
-        if publisher.get_subscription_count():
-            publisher.wait_for_all_acked(Duration(seconds=max(0.0, end - time.monotonic())))
+        while publisher.get_subscription_count() and not publisher.wait_for_all_acked(Duration(seconds=_LOOK_S)):
+            if time.monotonic() > begin + (_ACKED_S if stop.is_set() else _ALL_ACKED_S):
+                return

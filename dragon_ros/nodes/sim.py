@@ -83,6 +83,7 @@ class Sim(DragonNode):
         self.topic_publishers['scene'] = self._publisher('scene')
         self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, {
             name: value[name] for name in ('frame_id', 'on_contact')})))
+        self._frames.frames.prepare()
         gate = publisher_queue.StartGate(self.topic_publishers, value['wait_subscribers'], value['discovery_s'])
         self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
 
@@ -153,7 +154,7 @@ def run(given: dict[str, Any], stop: threading.Event) -> int:
                                                          for name, topic in node.topics.items()))
         if node.commands:
             node.get_logger().info(node.commands.summary())
-        publisher_queue.drain(node.topic_publishers.values())
+        publisher_queue.drain(node.topic_publishers.values(), stop)
         return code
     finally:
         node.destroy_node()

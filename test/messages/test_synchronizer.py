@@ -5,9 +5,9 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.limits import MONITOR_BYTES
-from dragon_ros.messages.decode import Poses
+from dragon_ros.messages.decode import MessageError, Poses
 from dragon_ros.messages.markers import CubesTemplate
-from dragon_ros.messages.observation import read_benches
+from dragon_ros.messages.observation import observation_of, read_benches
 from dragon_ros.messages.synchronizer import Streams, Synchronizer
 
 
@@ -26,8 +26,10 @@ def test_pairs_are_made_by_stamp_and_what_was_overtaken_is_given_up():
     assert pairs.add_handles(second := poses(2), 0.1) is None
     assert pairs.add_benches(benches := shown(2), 0.2) == (second, benches)
     assert pairs.take_unmatched() == [('handles', 1)]
-    assert pairs.add_benches(other := shown(3), 0.3) is None
-    assert pairs.add_handles(third := poses(3), 0.4) == (third, other)
+    assert pairs.add_benches(shown(3), 0.3) is None
+    found, other = pairs.add_handles(third := poses(3), 0.4)
+    assert found is third
+    assert other.t_ns == 3
     assert pairs.take_unmatched() == []
 
 
@@ -62,6 +64,30 @@ def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
     assert len(dropped) > room
     assert dropped[:2] == [('handles', 0), ('benches', 10**6)]      # those that have waited longest
     assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest are still there
+
+
+def test_waiting_benches_of_a_long_dragon_take_what_their_rectangles_take():
+    count = 20_000
+    template = CubesTemplate(np.full(count, 2.2), 0.3, 'dragon')
+    axis = np.column_stack((np.full(count, 0.6), np.full(count, 0.8)))
+    data = template.encode(1, np.arange(2.0 * count).reshape(-1, 2), axis)
+    whole, pairs = read_benches(data), Synchronizer()
+    pairs.add_benches(whole, 0.0)
+    assert pairs.held_bytes < 50 * count < len(data) / 3
+    handles = poses(1)
+    _, kept = pairs.add_handles(handles, 0.1)
+    for field, values in vars(whole.rectangles(np.zeros((count + 1, 2)))).items():
+        assert np.array_equal(getattr(kept.rectangles(np.zeros((count + 1, 2))), field), values)
+    assert pairs.held_bytes == 0
+
+
+def test_benches_that_are_of_no_use_are_refused_with_their_handles():
+    template = CubesTemplate(np.array([3.41]), 0.3, 'dragon')
+    bad, pairs = read_benches(template.encode(1, np.array([[np.nan, 0.0]]), np.array([[1.0, 0.0]]))), Synchronizer()
+    assert pairs.add_benches(bad, 0.0) is None
+    pair = pairs.add_handles(Poses(1, 'dragon', np.zeros((2, 7))), 0.1)
+    with pytest.raises(MessageError, match='pose'):
+        observation_of(*pair)
 
 
 def test_one_topic_may_run_ahead_by_thousands_of_messages_of_an_ordinary_dragon():
