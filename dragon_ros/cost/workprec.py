@@ -29,7 +29,7 @@ _EULER_S = (1.0, 0.1, 0.01)
 _MARCHED = ', marched'
 _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left', 7, -11),
            'Euler 0.01 s': ('right', -7, -3),
-           'exact': ('left', 9, 0), 'fine': ('left', 9, 9), 'standard': ('left', 9, -9),
+           'scipy brentq': ('center', 0, 9), 'plain Newton 1e-4 rad': ('left', 7, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 _WRONG_M = 0.01         # error from which a solver without a promise is marked
 
@@ -215,15 +215,15 @@ def picture(rows: list[Row]) -> Figure:
     figure = Figure(figsize=(13, 8), layout='constrained')
     classic, hard = figure.subplots(1, 2)
     mine = [row for row in rows if row.problem == 'classic' and row.timing and np.isfinite(row.error_m)]
+    labels = _labels(mine)
     for row in mine:
         assert row.timing is not None
         own = row.solver.partition(',')[0] in TIERS
         side, x, y = _LABELS.get(row.solver, ('left', 7, 4))
         colour = '#0072B2' if own else '#D55E00' if row.verdict == 'WRONG' else '#E69F00'
         classic.loglog(row.timing.median_s * 1e6, row.error_m, 'o' if own else 's', markersize=8, color=colour)
-        label = f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver
-        classic.annotate(label, (row.timing.median_s * 1e6, row.error_m), xytext=(x, y), textcoords='offset points',
-                         ha=side, fontsize=8)
+        classic.annotate(labels[row.solver], (row.timing.median_s * 1e6, row.error_m), xytext=(x, y),
+                         textcoords='offset points', ha=side, fontsize=8)
     classic.set(xlabel='time per tick (µs): positions of 224 handles', ylabel='largest error (m)',
                 title='Classic scene: dragon_ros tiers (circles) and others (squares)')
     _hard_panel(hard, rows)
@@ -232,6 +232,16 @@ def picture(rows: list[Row]) -> Figure:
     classic.margins(x=0.18, y=0.08)
     figure.supxlabel(circumstances(), fontsize=7)
     return figure
+
+
+def _labels(rows: list[Row]) -> dict[str, str]:
+    """Return the labels of solvers; tiers whose errors are the same, from one table, have one in common."""
+    labels = {row.solver: f'{row.solver} (wrong)' if row.verdict == 'WRONG' else row.solver for row in rows}
+    for error_m in {row.error_m for row in rows}:
+        alike = [row.solver for row in rows if row.solver in TIERS and row.error_m == error_m]
+        if len(alike) > 1:
+            labels |= {**dict.fromkeys(alike, ''), alike[0]: f'{alike[0]} to {alike[-1]}'}
+    return labels
 
 
 def _hard_panel(axes: Axes, rows: list[Row]) -> None:
