@@ -17,7 +17,7 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.checks import number
 from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.first_contact import first_contact, head_passes
 from dragon_ros.core.contact.near_misses import near_misses
 from dragon_ros.core.contact.near_pairs import closeness
 from dragon_ros.core.design.bounding_box import bounding_box, fits
@@ -165,27 +165,45 @@ class MinPitch:
                 'min_pitch_proved': proved}
 
     def _of_mixed(self, dragon: AnyDragon, start_turns: float, tell: Tell) -> Values:
-        """Halve the bracket. Raises FieldError where its ends are no contact and none."""
+        """Halve the bracket. Raises FieldError where its ends are not a contact and none."""
         if self.smallest_m is None:
             raise FieldError('ask.min_pitch.smallest_m', None, 'the pitch of mixed benches is halved between two '
                              'bounds', 'give a pitch at which benches touch')
-        low_m, high_m = self.smallest_m, self.largest_m
-        if self._touching(dragon, high_m, start_turns, tell):
-            raise FieldError('ask.min_pitch.largest_m', high_m, 'benches touch at it', 'give a larger one')
-        touch = self._touching(dragon, low_m, start_turns, tell)
-        if touch is None:
-            raise FieldError('ask.min_pitch.smallest_m', low_m, 'no benches touch at it', 'give a smaller one')
-        while high_m - low_m > self.within_m:
-            middle_m = 0.5 * (low_m + high_m)
-            found = self._touching(dragon, middle_m, start_turns, tell)
-            low_m, high_m, touch = (low_m, middle_m, touch) if found is None else (middle_m, high_m, found)
-        radius_m = hypot(*compile_scene(_coming_in(dragon, low_m, start_turns, self.diameter_m)).chain(touch.t_s).p[0])
+        def scene(pitch_m: float) -> Scene:
+            return _coming_in(dragon, pitch_m, start_turns, self.diameter_m)
+
+        def whole(pitch_m: float) -> Contact | None:
+            found = first_contact(scene(pitch_m), tell)
+            return found if isinstance(found, Contact) else None
+
+        def head(pitch_m: float) -> bool:
+            return not head_passes(scene(pitch_m), tell)
+
+        smallest_m, largest_m = self.smallest_m, self.largest_m
+        if head(largest_m):
+            raise self._touches_at_largest()
+        if not head(smallest_m) and not whole(smallest_m):
+            raise FieldError('ask.min_pitch.smallest_m', smallest_m, 'no benches touch at it', 'give a smaller one')
+        # Halving looks at the head, which is the first to touch as a rule; the ends are those of all benches.
+        low_m, high_m = self._halved(head, smallest_m, largest_m)
+        if whole(high_m):
+            if whole(largest_m):
+                raise self._touches_at_largest()
+            low_m, high_m = self._halved(whole, high_m, largest_m)
+        touch = whole(low_m)
+        assert touch
+        radius_m = hypot(*compile_scene(scene(low_m)).chain(touch.t_s).p[0])
         return self._values(low_m, high_m, touch.benches, radius_m, proved=False)
 
-    def _touching(self, dragon: AnyDragon, pitch_m: float, start_turns: float, tell: Tell) -> Contact | None:
-        """Return the first contact on the way in to the circle at a pitch, None without one; both are proved."""
-        found = first_contact(_coming_in(dragon, pitch_m, start_turns, self.diameter_m), tell)
-        return found if isinstance(found, Contact) else None
+    def _touches_at_largest(self) -> FieldError:
+        return FieldError('ask.min_pitch.largest_m', self.largest_m, 'benches touch at it', 'give a larger one')
+
+    def _halved(self, touching: Callable[[float], object], low_m: float, high_m: float) -> tuple[float, float]:
+        """Halve a bracket of pitches, with a contact at the lower end and none at the upper one."""
+        while high_m - low_m > self.within_m:
+            middle_m = 0.5 * (low_m + high_m)
+            low_m, high_m = (middle_m, high_m) if touching(middle_m) else (low_m, middle_m)
+        return low_m, high_m
 
 
 class _Key:

@@ -12,7 +12,7 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.first_contact import first_contact, head_passes
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
@@ -123,3 +123,11 @@ def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():
     assert found.approach_m_s == pytest.approx(0.026934, abs=1e-6)
     assert smallest(scene, found.t_s - 1e-8) > 0 == smallest(scene, found.t_s + 1e-8)
     assert found.certificate.complete
+
+
+def test_the_head_passes_where_others_touch_and_not_where_it_touches():
+    stop_s = first_contact(Scene()).t_s
+    assert [head_passes(Scene(run=Run(300, end_s))) for end_s in (stop_s - 1e-3, stop_s + 1e-3)] == [True, False]
+    short = Dragon(head_length_m=1.2)
+    assert first_contact(Scene(dragon=short)).t_s == pytest.approx(423.969536, abs=1e-6)      # docs/cumcm-2024-a.md:
+    assert [head_passes(Scene(dragon=short, run=Run(300, end_s))) for end_s in (430.753, 430.754)] == [True, False]
