@@ -9,8 +9,7 @@ from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import lru_cache
 from importlib import import_module
-from types import SimpleNamespace
-from typing import Any, NamedTuple, cast
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -115,10 +114,12 @@ def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
 
 def _filled(simulation: Simulation, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame of a chain with what its scene calls for."""
-    frame = cast('Frame', SimpleNamespace(k=k, t_ns=t_ns, chain=chain, axis=axes_of(chain)))     # as far as it is known
+    frame = object.__new__(Frame)       # frozen, and filled field by field: what is left out is None, as the class says
+    known = vars(frame)
+    known.update(k=k, t_ns=t_ns, chain=chain, axis=axes_of(chain))
     for name, compute in plan(simulation.scene.effects):
-        setattr(frame, name, compute(simulation, frame))
-    return Frame(**vars(frame))
+        known[name] = compute(simulation, frame)
+    return frame
 
 
 def _velocity(simulation: Simulation, frame: Frame) -> Floats:
