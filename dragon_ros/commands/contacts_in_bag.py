@@ -9,6 +9,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
 from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.contact.near_pairs import NearPairs
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.limits import SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
@@ -88,11 +89,11 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
         rows = [(m.t_ns / NS, float(Reader(m.data).array('d', 1)[0])) for m in bag.messages([f'{namespace}/clearance'])]
         return _of(rows, 'clearance', len(rows), ticks)
     seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
-    rows, examined = [], 0
+    rows, examined, near = [], 0, NearPairs()
     for frame in seen:
         examined += 1
-        if frame.clearance_m is not None:
-            rows.append((frame.t_ns / NS, frame.clearance_m))
+        if frame.benches is not None:
+            rows.append((frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m))
     return _of(rows, 'benches', examined, ticks)
 
 

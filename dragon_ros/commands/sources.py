@@ -42,12 +42,6 @@ class Moment:
     benches: Benches
     speed_m_s: Floats | None
 
-    @property
-    def clearance_m(self) -> float:
-        """The smallest signed gap of benches that are not neighbours in the chain; inf without any."""
-        from dragon_ros.core.contact.near_pairs import closeness
-        return closeness(self.p, self.benches).clearance_m
-
 
 @dataclass(frozen=True)
 class Touch:
@@ -163,7 +157,10 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
     """Return times (T,) and the smallest signed gap in m at each (T,), nan where no two benches are near."""
-    rows = np.array([(one.t_s, one.clearance_m) for one in progress(source.moments(times_s))]).reshape(-1, 2)
+    from dragon_ros.core.contact.near_pairs import NearPairs  # few pictures ask
+    near = NearPairs()
+    rows = np.array([(one.t_s, near.look(one.p, one.benches).clearance_m)
+                     for one in progress(source.moments(times_s))]).reshape(-1, 2)
     return rows[:, 0], np.where(np.isfinite(rows[:, 1]), rows[:, 1], np.nan)
 
 

@@ -34,7 +34,7 @@ def main(argv: list[str]) -> int:
                          'scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; memory: that of a recorder during a long '
                          'run; startup: of every executable; study: rows a second of studies on Dask; all: one after '
-                         'the other, for some hours')
+                         'the other, for half an hour or more')
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')

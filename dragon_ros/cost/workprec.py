@@ -30,7 +30,7 @@ _MARCHED = ', marched'
 _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left', 7, -11),
            'Euler 0.01 s': ('right', -7, -3),
            'plain Newton 1e-6 rad': ('right', -7, -3), 'plain Newton 1e-4 rad': ('left', 7, -3),
-           'preview': ('left', 0, -13),
+           'preview': ('left', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
 _WRONG_M = 0.01         # error from which a solver without a promise is marked
 
