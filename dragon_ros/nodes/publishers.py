@@ -1,4 +1,5 @@
 """Who publishes a topic: one dragon a topic, so where there are several one is kept and all are named."""
+import time
 from collections import Counter
 from collections.abc import Iterable
 
@@ -7,7 +8,8 @@ from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 from dragon_ros.messages.synchronizer import Streams
 from dragon_ros.nodes.base import DragonNode
 
-_UNNAMED = '_NODE_NAME_UNKNOWN_'     # of a publisher that discovery found just before its node
+_UNNAMED = '_NODE_NAME_UNKNOWN_'     # of a publisher that discovery found just before its node, or that has none
+_NAMED_S = 3.0      # so long its name is waited for
 
 
 class Publishers:
@@ -21,21 +23,24 @@ class Publishers:
         self.topic, self.streams = topic, Streams()
         self._node = node
         self._there: dict[bytes, str] = {}
+        self._since_s: dict[bytes, float] = {}
         self._known: bytes | None = None        # None while nobody can tell which of several it is
 
     def look(self) -> list[str]:
-        """Look who is there; return the names where there are several, else nothing."""
+        """Look who is there; return the names where there are several, once all have one, else nothing."""
         before = self._there
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
-                       for one in self._node.get_publishers_info_by_topic(self.topic)
-                       if one.node_name != _UNNAMED}
+                       for one in self._node.get_publishers_info_by_topic(self.topic)}
         gone = before.keys() - self._there.keys()
         if len(self._there) > 1 and (self._known in gone or (self._known is None and gone)):
             self._known = None
             self.streams.forget()
         if len(self._there) == 1:
             self._known, = self._there
-        return _distinct(self._there) if len(self._there) > 1 else []
+        now = time.monotonic()
+        self._since_s = {gid: self._since_s.get(gid, now) for gid in self._there}
+        named = all(_UNNAMED not in name or now - self._since_s[gid] > _NAMED_S for gid, name in self._there.items())
+        return _distinct(self._there) if len(self._there) > 1 and named else []
 
     def keeps(self, sequence: int, t_ns: int) -> bool:
         """Return whether a message with this number and stamp is of the publisher that the node stays with, if any."""
