@@ -31,7 +31,7 @@ class BenchMarkers:
         """Return the benches; ``handles_m`` (N+1, 2) give those of triangles their direction."""
         if self.markers.type[self.order[0]] == CUBE:
             return _cubes(self.markers, self.order)
-        return _triangles(self.markers, int(self.order[0]), handles_m)
+        return _facing(*_triangles(self.markers, int(self.order[0]), len(handles_m)), handles_m)
 
     @property
     def size_bytes(self) -> int:
@@ -39,36 +39,43 @@ class BenchMarkers:
         return self.markers.size_bytes
 
     def to_wait(self) -> 'BenchMarkers | WaitingBenches':
-        """Return what to keep until handles arrive: of cubes the rectangles, a fifth of the message's bytes.
+        """Return what to keep until handles arrive: the rectangles, a fifth to a quarter of the message's bytes.
 
         A message that is of no use is kept as it is, and refused together with its handles.
         """
-        if self.markers.type[self.order[0]] != CUBE:
-            return self
+        kept: tuple[Floats, ...]
         try:
-            benches = _cubes(self.markers, self.order)
+            if is_cubes := self.markers.type[self.order[0]] == CUBE:
+                benches = _cubes(self.markers, self.order)
+                kept = benches.centre, benches.axis, benches.half_length, benches.half_width
+            else:
+                kept = _triangles(self.markers, int(self.order[0]))
         except MessageError:
             return self
-        return WaitingBenches(self.t_ns, self.frame_id, Benches(*(each.copy() for each in (
-            benches.centre, benches.axis, benches.half_length, benches.half_width))))
+        return WaitingBenches(self.t_ns, self.frame_id, bool(is_cubes), tuple(each.copy() for each in kept))
 
 
 @dataclass(frozen=True)
 class WaitingBenches:
-    """The benches of a message of cubes, without the message."""
+    """The benches of one message without the message: the arrays of ``Benches``, or of ``_facing`` for triangles."""
 
     t_ns: int
     frame_id: str
-    benches: Benches
+    is_cubes: bool
+    arrays: tuple[Floats, ...]
 
-    def rectangles(self, _: Floats) -> Benches:
-        """Return the benches."""
-        return self.benches
+    def rectangles(self, handles_m: Floats) -> Benches:
+        """Return the benches, as ``BenchMarkers`` does."""
+        if self.is_cubes:
+            return Benches(*self.arrays)
+        _counted(len(self.arrays[0]), len(handles_m))
+        centre, sides, half = self.arrays
+        return _facing(centre, sides, half, handles_m)
 
     @property
     def size_bytes(self) -> int:
         """What the arrays take."""
-        return sum(value.nbytes for value in vars(self.benches).values())
+        return sum(each.nbytes for each in self.arrays)
 
 
 def observation_of(poses: Poses, shown: BenchMarkers | WaitingBenches) -> Observation:
@@ -171,12 +178,13 @@ def _axes(quaternion: Floats) -> Floats:
     return out
 
 
-def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
-    """Return the rectangles of pairs of triangles, for either diagonal and either winding."""
+def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tuple[Floats, Floats, Floats]:
+    """Return centres, sides and half sizes of pairs of triangles, for either diagonal and either winding."""
     points = _placed(_finite('benches: point', markers.points_of(marker)), markers, marker)
     if len(points) % 6:
         raise MessageError(f'benches: {len(points)} points; expected six for each bench, those of two triangles')
-    _counted(len(points) // 6, len(handles_m))
+    if handles is not None:
+        _counted(len(points) // 6, handles)
     first, second = np.moveaxis(points.reshape(-1, 2, 3, 2), 1, 0)
     if np.array_equal(first[:, 0], second[:, 0]) and np.array_equal(first[:, 2], second[:, 1]):
         # The diagonal and winding of our own messages.
@@ -191,7 +199,7 @@ def _triangles(markers: Markers, marker: int, handles_m: Floats) -> Benches:
     bad = bent | (skew > _SKEW * size * size) | (length[:, 0] <= 0) | (length[:, 1] <= 0)
     if bad.any():
         raise MessageError(f'benches: points: the two triangles of bench {int(np.argmax(bad))} are not a rectangle')
-    return _facing(0.5 * (start + end), sides / length[..., None], 0.5 * length, handles_m)
+    return 0.5 * (start + end), sides / length[..., None], 0.5 * length
 
 
 def _norm(vectors: Floats) -> Floats:

@@ -4,8 +4,12 @@ from random import Random
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.limits import MONITOR_BYTES
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import MessageError, Poses
+from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.markers import CubesTemplate
 from dragon_ros.messages.observation import observation_of, read_benches
 from dragon_ros.messages.synchronizer import Streams, Synchronizer
@@ -66,18 +70,18 @@ def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
     assert pairs.add_benches(shown(2 * room - 1), 1e3) is not None   # the newest are still there
 
 
-def test_waiting_benches_of_a_long_dragon_take_what_their_rectangles_take():
+@pytest.mark.parametrize(('markers', 'bytes_each'), [('cubes', 50), ('triangles', 66)])
+def test_waiting_benches_of_a_long_dragon_take_what_their_rectangles_take(markers, bytes_each):
     count = 20_000
-    template = CubesTemplate(np.full(count, 2.2), 0.3, 'dragon')
-    axis = np.column_stack((np.full(count, 0.6), np.full(count, 0.8)))
-    data = template.encode(1, np.arange(2.0 * count).reshape(-1, 2), axis)
+    scene = Scene(dragon=Dragon(count), markers=markers, run=Run(0, 1))
+    frame = tick(scene, 0)
+    data = encoders(scene)['benches'](frame)
     whole, pairs = read_benches(data), Synchronizer()
     pairs.add_benches(whole, 0.0)
-    assert pairs.held_bytes < 50 * count < len(data) / 3
-    handles = poses(1)
-    _, kept = pairs.add_handles(handles, 0.1)
-    for field, values in vars(whole.rectangles(np.zeros((count + 1, 2)))).items():
-        assert np.array_equal(getattr(kept.rectangles(np.zeros((count + 1, 2))), field), values)
+    assert pairs.held_bytes < bytes_each * count < len(data) / 3
+    _, kept = pairs.add_handles(poses(frame.t_ns), 0.1)
+    for field, values in vars(whole.rectangles(frame.chain.p)).items():
+        assert np.array_equal(getattr(kept.rectangles(frame.chain.p), field), values)
     assert pairs.held_bytes == 0
 
 
