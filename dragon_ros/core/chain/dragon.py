@@ -78,7 +78,7 @@ class Mixed(Settings):
         count = whole(f'dragon.groups.{n}.count', group.count, low=1, high=_MOST)
         return Group(_length(f'dragon.groups.{n}.length_m', group.length_m, self.hole_inset_m), count)
 
-    @property
+    @cached_property
     def benches(self) -> int:
         """Number of benches."""
         return sum(group.count for group in self.groups)

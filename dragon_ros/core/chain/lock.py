@@ -11,6 +11,8 @@ from math import cos, inf, pi, sin, sqrt
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.chord import TIGHT, chord_of, first_guess, first_peak, step
 
+_NO_TURN = 4.0  # no link turns back with its front handle this far beyond its chord: it spans below 60 degrees there
+
 
 @lru_cache(maxsize=256)
 def lock_angle(chord: float) -> float:
@@ -113,6 +115,8 @@ def turning_places(head_chord: float, body_chord: float, low: float, high: float
 
     Those behind follow the third (docs/contact.md).
     """
+    if low >= max(head_chord, body_chord) + _NO_TURN:
+        return []
     places = _within(turns(head_chord), low, high)
     ends = [low, *places, high]
     return sorted([*places, *_turns_between([head_chord], body_chord, ends, [follower(x, head_chord) for x in ends])])
@@ -123,7 +127,7 @@ def turns(chord: float) -> list[float]:
     """Return where a link's rear handle turns back: once at most while it spans less than 3/4 turn, and once beyond."""
     far = 1.5 * pi
     apart = 0.5 * (sqrt(2 * chord * chord - far * far) - far) if chord > far else 0.0
-    ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + 4})
+    ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + _NO_TURN})
     out = []
     for low, high in pairwise(ends):
         inside = _comes_in(low, chord)

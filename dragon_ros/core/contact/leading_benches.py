@@ -330,14 +330,16 @@ def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
 
     There is one class of the body where all its benches are equal.
     """
-    lengths, found = domain.dragon.bench_lengths_m, list[list[int]]()
-    for bench in range(1, lengths.size - 2):
-        same = next((each for each in found if goes_on_alike(lengths, each[0], bench)), None)
+    lengths, found = domain.dragon.bench_lengths_m, dict[float, list[list[int]]]()
+    for bench, length in enumerate(lengths[1:-2].tolist(), 1):
+        as_long = found.setdefault(length, [])
+        same = next((each for each in as_long if goes_on_alike(lengths, each[0], bench)), None)
         if same:
             same.append(bench)
         else:
-            found.append([bench])
-    return [LeadingBenches(domain, benches) for benches in ([0], *found)]
+            as_long.append([bench])
+    classes = sorted(each for as_long in found.values() for each in as_long)
+    return [LeadingBenches(domain, benches) for benches in ([0], *classes)]
 
 
 def searchable_m(domain: SearchDomain) -> float:

@@ -8,7 +8,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.chain.lock import follower, head_lock_angle, lock_angle
+from dragon_ros.core.chain.lock import follower, head_lock_angle, lock_angle, turning_places, turns
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -40,6 +40,14 @@ def test_a_lock_is_where_the_first_peak_meets_the_link(chord):
 def test_a_short_link_never_locks(chord):
     assert lock_angle(chord) == 0.0
     assert follower(0.0, chord) == pytest.approx(chord)
+
+
+@given(st.floats(0.01, 1e4), st.floats(0, 1e4))
+def test_no_handle_turns_back_further_out_than_its_chord(chord, further):
+    theta = chord + 4 + further
+    assert follower(theta * (1 + 1e-6), chord) > follower(theta, chord)
+    assert not turning_places(chord, 0.5 * chord, theta, theta + 1)
+    assert all(place < chord + 4 for place in turns(chord))
 
 
 def test_body_links_longer_than_the_heads_may_lock_first():
