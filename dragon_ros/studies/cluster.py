@@ -135,7 +135,7 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
     try:
         loop, over = ready.get(timeout=_START_S)
     except Empty:
-        raise DragonError(f'study: no thread of this process ran for {_START_S:g} s; is the machine overloaded? '
+        raise DragonError(f'no thread of this process ran for {_START_S:g} s; is the machine overloaded? '
                           'Start the study again') from None
 
     def end() -> None:
@@ -270,16 +270,16 @@ class _Run:
     def _count_workers(self) -> None:
         """Look how many workers there are. Raises DragonError where the scheduler is gone or no worker comes."""
         if self._client.status not in ('running', 'connecting'):
-            raise DragonError(f'study: the scheduler is gone; {self.progress.done} rows are kept, start the study '
+            raise DragonError(f'the scheduler is gone; {self.progress.done} rows are kept, start the study '
                               'again to go on')
         try:
             self.progress.workers = sum(self._client.nthreads().values())
         except (OSError, TimeoutError) as error:
-            raise DragonError(f'study: the scheduler does not answer ({error}); {self.progress.done} rows are kept, '
+            raise DragonError(f'the scheduler does not answer ({error}); {self.progress.done} rows are kept, '
                               'start the study again to go on') from None
         self._seen = monotonic() if self.progress.workers else self._seen
         if monotonic() - self._seen > _NO_WORKERS_S:
-            raise DragonError(f'study: no worker has been there for {_NO_WORKERS_S:g} s; {self.progress.done} rows are '
+            raise DragonError(f'no worker has been there for {_NO_WORKERS_S:g} s; {self.progress.done} rows are '
                               'kept: start workers, and the study again')
 
     def take(self) -> None:
@@ -299,7 +299,7 @@ class _Run:
             self._after_deaths(start, stop)
         elif error is not None:
             raise error if isinstance(error, DragonError) else DragonError(
-                f'study: rows {start} to {stop - 1} cannot be computed: {type(error).__name__}: {error}')
+                f'rows {start} to {stop - 1} cannot be computed: {type(error).__name__}: {error}')
         else:
             self._written(start, stop, future.result())
         future.release()

@@ -264,7 +264,7 @@ def load_study(name_or_file: str) -> Study:
     elif name_or_file in study_names():
         path = configuration_folder() / 'studies' / f'{name_or_file}.yaml'
     else:
-        raise MissingError(f'study: {name_or_file!r} is not known; the studies are {", ".join(study_names())}; or give '
+        raise MissingError(f'no study is called {name_or_file!r}; the studies are {", ".join(study_names())}; or give '
                            'the path of a .yaml file, or of a data set to go on with it')
     return study_of(read_document(path), path.parent)
 

@@ -93,7 +93,7 @@ def test_the_rows_of_a_study_are_arrays_in_python(computed):
 
 
 @pytest.mark.parametrize(('arguments', 'said'), [
-    (['nothing', '--output', 'x'], "study: study: 'nothing' is not known; the studies are pitch_map, tolerances"),
+    (['nothing', '--output', 'x'], "study: no study is called 'nothing'; the studies are pitch_map, tolerances"),
     (['pitch_map'], 'study: --output: say in which folder'),
     (['.'], 'study.yaml: cannot be read'),
     (['.', '--output', 'x'], '--output: the folder of a study is its output'),
