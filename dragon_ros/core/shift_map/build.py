@@ -13,7 +13,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Past, Segment, SpiralSegment
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Segment, SpiralSegment
 
 NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
 _MOST_STEPS = 40_000        # from joints to their places in the span
@@ -229,9 +229,8 @@ def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch:
 def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list[_Pushed]:
     """Push the nodes of parts back through ``count`` rows, as far as there is track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
-    rows, several = segment.shape[0], segment[..., None]
-    each = np.broadcast_to(several, u.shape)
-    p, heading = track.poses(each, u, lo)
+    rows = segment.shape[0]
+    p, heading = track.poses(segment, u, lo)
     axis = p[:-1] - p[1:]
     ratio = np.sum(axis * heading[:-1], axis=-1) / np.sum(axis * heading[1:], axis=-1)
     speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)
@@ -240,7 +239,7 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list
     coordinates, places, motions = (series_of(values.transpose(1, 2, 0, 3).reshape(len(parts), NODES, -1))
                                     for values in (from_origin[..., None], p, speed[..., None] * heading))
     # Nodes run from the rear of a part to its front.
-    along, far_m = track.distances(each[..., [0, -1]], u[..., [0, -1]]), np.max(np.abs(p), axis=(2, 3))
+    along, far_m = track.distances(segment, u[..., [0, -1]]), np.max(np.abs(p), axis=(2, 3))
     return [_Pushed(segment[:, n], origin[:, :, n], along[:, n], far_m[:, n], coordinates[n],
                     places[n].reshape(NODES, rows, 2), motions[n].reshape(NODES, rows, 2)) for n in range(len(parts))]
 
@@ -317,8 +316,8 @@ def _along(spiral: Segment, link_m: float, first: Places, count: int) -> Places 
 
     Each row is made of the one before, which leaves little work for arrays. But rows are alike: with the foremost node
     marched through all, the squared angles of the others lie between its own, in nearly the same shares. From there
-    Newton's method goes on all rows at once. With residuals e and slopes a of the map from row to row, the errors obey
-    d' = a d + e, which is a product and a sum. None where it does not settle on the spiral.
+    Newton's method goes on all rows at once. With its steps e for each link and slopes a of the map from row to row,
+    errors obey d' = a d + e, which is a product and a sum. None where it does not settle on the spiral.
     """
     assert isinstance(spiral, SpiralSegment)
     number, (begin, begin_lo) = first[0], first[1:]
@@ -335,19 +334,18 @@ def _along(spiral: Segment, link_m: float, first: Places, count: int) -> Places 
     u, lo = plus(path, path_lo, between / (path + np.sqrt(np.maximum(path * path + between, 0.0))))
     u[0], lo[0] = begin, begin_lo
     for _ in range(_NEWTON_STEPS):
-        here, step = u[:-1].reshape(-1), _steps_of(u, lo)
-        ahead = np.abs(step * (u[:-1] + u[1:])).reshape(-1)
-        try:
-            shift, _ = spiral.shifts(here, link_m, BEHIND, TIGHT, Past(ahead, ahead, ahead))
-        except ChainLockError:
+        step = _steps_of(u, lo)
+        if np.min(step * step[0, 0]) <= 0:
             return None
-        error = shift.reshape(count, -1) - step
-        grown = np.cumprod(spiral.slopes(here, shift).reshape(count, -1), axis=0)
+        error, slope = spiral.corrections(u[:-1], step, link_m)
+        grown = np.cumprod(slope, axis=0)
         change = grown * np.cumsum(error / grown, axis=0)
         u[1:], lo[1:] = plus(u[1:], lo[1:], change)
         if not np.all((low <= u) & (u <= high)):
             return None
         if np.max(np.abs(change)) <= _SETTLED * link_m / spiral.curve.b_m:
+            if not spiral.reaches_once(u[:-1], step):
+                return None
             return np.broadcast_to(number, (count, number.size)), u[1:], lo[1:]
     return None
 

@@ -273,7 +273,7 @@ class Track:
                 np.array([[np.max(part) for part in row] for row in rows]))
 
     def distances(self, segment: Ints, u: Floats) -> Floats:
-        """Return the distances of many places along the track."""
+        """Return the distances of many places along the track; ``segment`` as for ``poses``."""
         return self._each(segment, u, lambda k, u: self.origins_m[k] + self.segments[k].metres(u))
 
     def curvatures(self, segment: Ints, u: Floats) -> Floats:
@@ -298,24 +298,30 @@ class Track:
         return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``points`` and ``headings``, for little more than the price of one."""
-        points, headings = np.empty((*u.shape, 2)), np.empty((*u.shape, 2))
+        """Return ``points`` and ``headings``, for little more than the price of one.
+
+        ``segment`` may lack the last axes of ``u`` (..., K): those of all K places then.
+        """
+        points, headings = (np.empty(u.shape, dtype=np.complex128) for _ in range(2))
         for k, here in self._parts(segment):
-            for out, z in zip((points, headings), self.segments[k].poses(u[here], lo[here]), strict=True):
-                out[here, 0], out[here, 1] = z.real, z.imag
-        return read_only(points), read_only(headings)
+            points[here], headings[here] = self.segments[k].poses(u[here], lo[here])
+        return _vectors_of(points), _vectors_of(headings)
 
     def _vectors(self, segment: Ints, u: Floats, value: Callable[[int, Any], Array]) -> Floats:
-        out = np.empty((*u.shape, 2))
+        out = np.empty(u.shape, dtype=np.complex128)
         for k, here in self._parts(segment):
-            z = value(k, here)
-            out[here, 0], out[here, 1] = z.real, z.imag
-        return read_only(out)
+            out[here] = value(k, here)
+        return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
         """Yield the segments on which some of many places are, and which these are."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
+
+
+def _vectors_of(points: Array) -> Floats:
+    """Return complex numbers (...) as vectors (..., 2)."""
+    return read_only(points.view(np.float64).reshape(*points.shape, 2))
 
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,

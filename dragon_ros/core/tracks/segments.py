@@ -6,7 +6,7 @@ is metres on a line, radians turned on an arc and the polar angle on a spiral, k
 import cmath
 from dataclasses import dataclass
 from functools import cached_property
-from math import cos, inf, sin, sqrt
+from math import cos, inf, pi, sin, sqrt
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
@@ -467,15 +467,27 @@ class SpiralSegment:
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
         return steps(u, chord, guess, tolerance)
 
-    def slopes(self, u: Floats, shift: Floats) -> Floats:
-        """Return the derivatives of the next coordinates, ``shift`` from u, by u.
+    def reaches_once(self, u: Floats, shift: Floats) -> bool:
+        """Return whether chords grow all the way over changes of coordinates of one sign, so that no nearer places are.
 
-        From half the squared chord, delta^2 / 2 + 2 u (u + delta) sin^2(delta / 2), which stays.
+        Outwards they do up to half a turn (``tracks.chord``), inwards up to an arc of pi / bend (``chord.reach_m``).
         """
-        s = np.sin(0.5 * shift)
-        outer = u + shift
-        out: Floats = 1 - 2 * (u + outer) * s * s / (shift + 2 * u * s * (s + outer * np.cos(0.5 * shift)))
-        return out
+        if shift.flat[0] > 0:
+            return float(np.max(shift)) <= pi
+        return self.bend * self.curve.b_m * float(np.max(-shift * np.sqrt(1 + u * u))) <= pi
+
+    def corrections(self, u: Floats, shift: Floats, chord_m: float) -> tuple[Floats, Floats]:
+        """Return a Newton step of changes of coordinates towards the next places, and the derivatives of these by u.
+
+        Both from half the squared chord, shift^2 / 2 + 2 u (u + shift) sin^2(shift / 2), and its two derivatives.
+        """
+        half, outer = 0.5 * shift, u + shift
+        s = np.sin(half)
+        across = 2 * u * s
+        phi = shift + across * (s + outer * np.cos(half))
+        chord = chord_m / self.curve.b_m
+        return ((0.5 * (chord * chord - shift * shift) - across * outer * s) / phi,
+                1 - 2 * (u + outer) * s * s / phi)
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
         """Return the differences of squared angles of changes of coordinates."""
