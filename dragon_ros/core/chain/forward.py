@@ -1,7 +1,7 @@
 """Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many."""
 from collections.abc import Callable
 from itertools import pairwise
-from math import inf
+from math import inf, pi
 from typing import NamedTuple
 
 import numpy as np
@@ -11,7 +11,14 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort, Past
+from dragon_ros.core.tracks.segments import BEHIND, Effort, Past, SpiralSegment
+
+_FEWEST_ROWS = 8        # of handles that are placed all at once
+_AT_ONCE = 2**14        # handles, so that what is between fits the cache
+_MOST_LEADERS = 512     # for more of them row after row is as fast
+_FAR_RAD = 2.0          # where guesses of all rows begin
+_NEWTON_STEPS = 8       # of all rows at once
+_STEEP = 0.05           # least slope from row to row: below, a follower almost turns back
 
 
 class Block(NamedTuple):
@@ -93,6 +100,11 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     They agree with ``forward`` to the last digits and not bit for bit. With ``settle``, which may put each row in
     order, rows end where the track does. Raises as ``forward`` does.
     """
+    spiral = track.from_afar if len(track.segments) == 1 and direction == BEHIND else None
+    if spiral and blocks and not settle and effort.newton <= TIGHT:
+        links_m = np.concatenate([np.full(block.stop - block.start, block.link_m) for block in blocks])
+        if found := _at_once(spiral, leaders, np.broadcast_to(links_m, (leaders[0].size, links_m.size))):
+            return found
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
@@ -119,6 +131,8 @@ def forward_each(track: Track, links_m: Floats, leaders: Places, effort: Effort)
     """
     spiral, rows, spent, past = track.from_afar, [leaders], 0, list[Floats]()
     assert spiral
+    if found := _at_once(spiral, leaders, links_m):
+        return found
     for i in range(links_m.shape[1]):
         (number, u, lo), link_m = rows[-1], links_m[:, i]
         past = past if i and np.array_equal(link_m, links_m[:, i - 1]) else []
@@ -132,6 +146,70 @@ def forward_each(track: Track, links_m: Floats, leaders: Places, effort: Effort)
         past = [spiral.squares(u, shift), *past[:2]]
         spent += more
     return _stacked(rows), spent
+
+
+def _at_once(spiral: SpiralSegment, leaders: Places, links_m: Floats) -> tuple[Places, int] | None:
+    """Return the handles behind leaders (M,) with their own links (M, L) outwards, (L + 1, M), and evaluations.
+
+    Some leaders at a time, so that what is between fits the cache. None where they have to be placed row by row.
+    """
+    number, begin, begin_lo = leaders
+    if not 0 < begin.size <= _MOST_LEADERS or links_m.shape[1] < _FEWEST_ROWS:
+        return None
+    if np.min(begin) < _FAR_RAD or not np.all(links_m):
+        return None
+    columns, parts = max(1, _AT_ONCE // links_m.shape[1]), list[tuple[Floats, Floats, int]]()
+    for first in range(0, begin.size, columns):
+        some = slice(first, first + columns)
+        chords = links_m[some].T / spiral.curve.b_m
+        part = refined(spiral, *_guessed(begin[some], begin_lo[some], chords), chords)
+        if part is None:
+            return None
+        parts.append(part)
+    u, lo = (np.concatenate(values, axis=1) for values in zip(*((u, lo) for u, lo, _ in parts), strict=True))
+    return (np.broadcast_to(number, u.shape), u, lo), sum(spent for _, _, spent in parts)
+
+
+def _guessed(begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats]:
+    """Return about where handles (L+1, M) are behind the first ones (M,), outwards, at chords (L, M) in units of b.
+
+    The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles, less the logarithm
+    of how many times as far out a handle is, grow by twice the arcs.
+    """
+    squares, grown = begin * begin, 2 * np.cumsum(chords, axis=0)
+    grown += np.cumsum(chords**3 / (12 * (squares + grown)), axis=0) - 0.5 * np.log1p(grown / squares)
+    u, lo = plus(begin, begin_lo, grown / (begin + np.sqrt(squares + grown)))
+    return np.concatenate((begin[None], u)), np.concatenate((begin_lo[None], lo))
+
+
+def refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats | float) -> tuple[Floats, Floats, int] | None:
+    """Return guessed rows of handles (R+1, M), as (hi, lo), at chords (R, M) in units of b; and evaluations.
+
+    Row after row leaves little work for arrays: Newton's method goes on all rows at once. With its steps e for each
+    link and slopes a of the map from row to row, errors obey d' = a d + e, which is a product and a sum. None where it
+    does not settle, or not on the spiral, or not in the nearest places.
+    """
+    low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
+    for rounds in range(1, _NEWTON_STEPS):
+        step = differences(u, lo)
+        if np.min(step * step.flat[0]) <= 0 or np.max(np.abs(step)) >= pi:
+            return None
+        error, slope = spiral.corrections(u[:-1], step, chords)
+        if np.min(slope) < _STEEP:
+            return None
+        grown = np.cumprod(slope, axis=0)
+        change = grown * np.cumsum(error / grown, axis=0)
+        u[1:], lo[1:] = plus(u[1:], lo[1:], change)
+        if not np.all((low <= u) & (u <= high)):
+            return None
+        if np.max(np.abs(change) * u[1:] / chords) <= 0.5 * TIGHT:
+            return (u, lo, rounds * step.size) if spiral.reaches_once(u[:-1], step) else None
+    return None
+
+
+def differences(u: Floats, lo: Floats) -> Floats:
+    """Return the differences of successive rows of (hi, lo)."""
+    return (u[1:] - u[:-1]) + (lo[1:] - lo[:-1])
 
 
 def _stacked(rows: list[Places]) -> Places:

@@ -3,10 +3,10 @@
 Moving in, the first peak of the chord equation (``chord.first_peak``) sinks; where it meets the link's length the
 smallest root vanishes and the follower's speed goes to infinity.
 """
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import lru_cache
 from itertools import pairwise
-from math import cos, inf, pi, sin, sqrt
+from math import cos, inf, pi, sin, sqrt, ulp
 
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.tracks.chord import TIGHT, chord_of, first_guess, first_peak, step
@@ -20,7 +20,8 @@ def lock_angle(chord: float) -> float:
     low, high = max(0.0, 0.5 * (chord - 1.5 * pi)), 0.5 * (chord - pi)
     if high <= 0.0 or chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
         return 0.0
-    return _bisect(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) >= chord, max(low, _first_with_peak()), high)
+    return _first_at_least_0(lambda theta: chord_of(theta, first_peak(theta, pi)[0]) - chord,
+                             max(low, _first_with_peak()), high)
 
 
 def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
@@ -92,15 +93,32 @@ def follower_range(low: float, high: float, chord: float) -> tuple[float, float]
 
 def follower_turns(low: float, high: float, chord: float) -> float:
     """Return the head angle where the follower stops coming in (link across the tangent's foot); ``low`` if nowhere."""
-    def comes_in(theta: float) -> bool:
-        return _comes_in(theta, chord)
-    return low if comes_in(low) else _bisect(comes_in, low, high)
+    return low if _inwards(low, chord) > 0 else _first_at_least_0(lambda theta: _inwards(theta, chord), low, high)
 
 
 @lru_cache(maxsize=1)
 def _first_with_peak() -> float:
     """Return the polar angle (about 0.9, a pure number) from which on the chord has a first peak at all."""
     return _bisect(lambda theta: first_peak(theta, pi)[0] < inf, 0.5, 2.0)
+
+
+def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
+    """Return the smallest float in (low, high] at which a growing function is not negative; it must not be at ``high``.
+
+    Next to where regula falsi puts it a bracket is taken, some ulps wide at first, and bisected.
+    """
+    at_low, at_high = value(low), value(high)
+    if -inf < at_low < 0 < at_high:
+        near = illinois(value, low, high, at_low, at_high)
+        wide, sign = ulp(near), -1.0 if value(near) >= 0 else 1.0
+        while low < (end := near + sign * wide) < high:
+            if (value(end) >= 0) == (sign > 0):
+                low, high = min(near, end), max(near, end)
+                break
+            near, wide = end, 4 * wide
+        else:
+            low, high = (low, near) if sign < 0 else (near, high)
+    return _bisect(lambda x: value(x) >= 0, low, high)
 
 
 def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped-def]
@@ -130,16 +148,17 @@ def turns(chord: float) -> list[float]:
     ends = sorted({lock_angle(chord), max(apart, lock_angle(chord)), chord + _NO_TURN})
     out = []
     for low, high in pairwise(ends):
-        inside = _comes_in(low, chord)
-        if inside != _comes_in(high, chord):
-            out.append(_bisect(lambda theta, inside=inside: _comes_in(theta, chord) != inside, low, high))
+        sign = -1.0 if _inwards(low, chord) > 0 else 1.0
+        if (_inwards(high, chord) > 0) == (sign > 0):
+            out.append(_first_at_least_0(
+                lambda theta, sign=sign: sign * _inwards(theta, chord), low, high))     # type: ignore[misc]
     return out
 
 
-def _comes_in(theta: float, chord: float) -> bool:
-    """Return whether a link's rear handle follows its front handle inwards."""
+def _inwards(theta: float, chord: float) -> float:
+    """Return a number that is above 0 where a link's rear handle follows its front handle inwards."""
     delta = step(theta, chord, first_guess(theta, chord), TIGHT)[0]
     if delta == inf:
-        return False
+        return -inf
     s = sin(0.5 * delta)
-    return chord == 0 or delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) > 0
+    return delta * cos(delta) + 2 * theta * s * ((theta + delta) * cos(0.5 * delta) - s) if chord else 1.0

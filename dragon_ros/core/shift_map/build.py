@@ -6,7 +6,7 @@ from math import ceil, floor, inf
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Block, forward, forward_many
+from dragon_ros.core.chain.forward import Block, differences, forward, forward_many, refined
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
@@ -19,8 +19,6 @@ NODES = 20                 # terms of a series before it is cut; parts whose ser
 _MOST_STEPS = 40_000        # from joints to their places in the span
 _MOST_BYTES = 256_000_000   # of the series of one table
 _FEWEST_ROWS = 8           # on one spiral that are found all at once
-_NEWTON_STEPS = 8          # of all rows at once
-_SETTLED = 1e-10            # of a link: the next error is about the square of a change
 _ROUNDS = 5                 # of cutting parts in two
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
@@ -314,45 +312,27 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
 def _along(spiral: Segment, link_m: float, first: Places, count: int) -> Places | None:
     """Return the rows (count, S K) of nodes that follow a row (S K,) where all of them stay on one spiral.
 
-    Each row is made of the one before, which leaves little work for arrays. But rows are alike: with the foremost node
-    marched through all, the squared angles of the others lie between its own, in nearly the same shares. From there
-    Newton's method goes on all rows at once. With its steps e for each link and slopes a of the map from row to row,
-    errors obey d' = a d + e, which is a product and a sum. None where it does not settle on the spiral.
+    With the foremost node marched through all rows, the squared angles of the others lie between its own, in nearly the
+    same shares. From there on they are ``refined``. None where that does not settle.
     """
     assert isinstance(spiral, SpiralSegment)
     number, (begin, begin_lo) = first[0], first[1:]
-    low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     fore = DoubleDouble(begin[NODES - 1].item(), begin_lo[NODES - 1].item())
     highs, lows, _ = spiral.march(fore, (count, link_m), BEHIND, Effort(), spiral.first)
     if len(highs) < count:
         return None
     path, path_lo = np.array([fore.hi, *highs])[:, None], np.array([fore.lo, *lows])[:, None]
-    square = _steps_of(path, path_lo) * (path[:-1] + path[1:])      # differences of squared angles
+    square = differences(path, path_lo) * (path[:-1] + path[1:])      # differences of squared angles
     square = np.append(square, square[-1:], axis=0)
     offset = (begin - fore.hi) + (begin_lo - fore.lo)
     between = offset * (2 * fore.hi + offset) / square[0] * square
     u, lo = plus(path, path_lo, between / (path + np.sqrt(np.maximum(path * path + between, 0.0))))
     u[0], lo[0] = begin, begin_lo
-    for _ in range(_NEWTON_STEPS):
-        step = _steps_of(u, lo)
-        if np.min(step * step[0, 0]) <= 0:
-            return None
-        error, slope = spiral.corrections(u[:-1], step, link_m)
-        grown = np.cumprod(slope, axis=0)
-        change = grown * np.cumsum(error / grown, axis=0)
-        u[1:], lo[1:] = plus(u[1:], lo[1:], change)
-        if not np.all((low <= u) & (u <= high)):
-            return None
-        if np.max(np.abs(change)) <= _SETTLED * link_m / spiral.curve.b_m:
-            if not spiral.reaches_once(u[:-1], step):
-                return None
-            return np.broadcast_to(number, (count, number.size)), u[1:], lo[1:]
-    return None
-
-
-def _steps_of(u: Floats, lo: Floats) -> Floats:
-    """Return the differences of successive rows of (hi, lo)."""
-    return (u[1:] - u[:-1]) + (lo[1:] - lo[:-1])
+    found = refined(spiral, u, lo, link_m / spiral.curve.b_m)
+    if found is None:
+        return None
+    u, lo, _ = found
+    return np.broadcast_to(number, (count, number.size)), u[1:], lo[1:]
 
 
 def _together(track: Track, places: Places) -> Places:
