@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many
+from dragon_ros.core.chain.forward import Handles, at_once, blocks_of, forward, forward_many
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -253,7 +253,12 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort
 
     Raises as ``forward``.
     """
-    handles = forward(track, blocks_of(links_m, direction), leader, direction, effort)
+    blocks = blocks_of(links_m, direction)
+    one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
+    if direction == BEHIND and (found := at_once(track, blocks, one, effort)):
+        (segment, u, lo), spent = found
+        return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
+    handles = forward(track, blocks, leader, direction, effort)
     return chain_of(track, links_m, direction, arrays_of(handles), handles.evaluations)
 
 

@@ -100,11 +100,8 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     They agree with ``forward`` to the last digits and not bit for bit. With ``settle``, which may put each row in
     order, rows end where the track does. Raises as ``forward`` does.
     """
-    spiral = track.from_afar if len(track.segments) == 1 and direction == BEHIND else None
-    if spiral and blocks and not settle and effort.newton <= TIGHT:
-        links_m = np.concatenate([np.full(block.stop - block.start, block.link_m) for block in blocks])
-        if found := _at_once(spiral, leaders, np.broadcast_to(links_m, (leaders[0].size, links_m.size))):
-            return found
+    if direction == BEHIND and not settle and (found := at_once(track, blocks, leaders, effort)):
+        return found
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
@@ -146,6 +143,18 @@ def forward_each(track: Track, links_m: Floats, leaders: Places, effort: Effort)
         past = [spiral.squares(u, shift), *past[:2]]
         spent += more
     return _stacked(rows), spent
+
+
+def at_once(track: Track, blocks: tuple[Block, ...], leaders: Places, effort: Effort) -> tuple[Places, int] | None:
+    """Return ``forward_many`` behind leaders by a solver for all handles together; None where it does not serve.
+
+    That is where a track is not one spiral from afar, coarser tiers ask for less, or handles almost turn back.
+    """
+    spiral = track.from_afar
+    if not spiral or len(track.segments) > 1 or not blocks or effort.newton > TIGHT:
+        return None
+    links_m = np.concatenate([np.full(block.stop - block.start, block.link_m) for block in blocks])
+    return _at_once(spiral, leaders, np.broadcast_to(links_m, (leaders[0].size, links_m.size)))
 
 
 def _at_once(spiral: SpiralSegment, leaders: Places, links_m: Floats) -> tuple[Places, int] | None:

@@ -29,6 +29,7 @@ from itertools import pairwise
 import numpy as np
 
 from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.signed_distance import CORNERS
 from dragon_ros.core.design.motion_bounds import (
@@ -38,14 +39,15 @@ from dragon_ros.core.design.motion_bounds import (
     turning_back_m,
     turning_back_of_m,
 )
+from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.ball_arithmetic import Ball
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.tracks.composite import Track
-from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
@@ -260,19 +262,28 @@ class SweptBench:
     def states(self, along_m: Floats) -> BenchStates:
         """Return the bench with its front handle at distances along the track."""
         track, link = self.track, self.link_m
-        fronts = [track.place_at(place) for place in along_m.tolist()]
-        rears = [track.next(place, link, BEHIND, TOLERANCE)[0] for place in fronts] if link else fronts
-        segment = np.array([[place.segment for place in places] for places in (fronts, rears)])
-        u = np.array([[place.u for place in places] for places in (fronts, rears)])
-        q, r = _complex(track.points(segment, u[..., 0], u[..., 1]))
-        to, to_rear = _complex(track.headings(segment, u[..., 0], u[..., 1]))
+        fronts = track.places_at(along_m, np.zeros_like(along_m))
+        rears = self._rears(fronts) if link else fronts
+        segment, u, lo = (np.stack(pair) for pair in zip(fronts, rears, strict=True))
+        q, r = _complex(track.points(segment, u, lo))
+        to, to_rear = _complex(track.headings(segment, u, lo))
         axis = (q - r) / link if link else to
         cos = np.stack([(axis.conj() * heading).real for heading in (to, to_rear)])
         one, two = self._shares
         value = (0.5 * (q + r))[:, None] + self._lever * axis[:, None]
-        return BenchStates(track.distances(segment, u[..., 0]), segment, track.curvatures(segment, u[..., 0]), cos,
+        return BenchStates(track.distances(segment, u), segment, track.curvatures(segment, u), cos,
                            _sides(value), _sides(one * to[:, None]),
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
+
+    def _rears(self, fronts: Places) -> Places:
+        """Return the rear handles; at a lock itself one by one, where the chord is longest."""
+        try:
+            return next_places(self.track, fronts, self.link_m, BEHIND, Effort(TOLERANCE))[0]
+        except ChainLockError:
+            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND, TOLERANCE)[0]
+                     for front in zip(*fronts, strict=True)]
+            u: Floats = np.array([place.u for place in rears])
+            return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
         """Return bounds (M, 4, 4) of the corners' coordinates between states a and the next ones b, further along."""
