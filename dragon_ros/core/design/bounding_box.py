@@ -28,7 +28,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.signed_distance import CORNERS
@@ -166,8 +166,8 @@ class _Search:
         while tops.size and self.looks < _MOST:
             order = np.argsort(-np.max(tops - self.best, axis=1), kind='stable')
             now, later = order[:_AT_ONCE], order[_AT_ONCE:]
-            halves, above = self._halves(bench, intervals[:, now], kind)
-            intervals, tops = np.concatenate((intervals[:, later], halves), 1), np.concatenate((tops[later], above))
+            quarters, above = self._quarters(bench, intervals[:, now], kind)
+            intervals, tops = np.concatenate((intervals[:, later], quarters), 1), np.concatenate((tops[later], above))
             intervals, tops = self._put_aside(intervals, tops, np.all(tops <= self.best + self._within_m, axis=1))
         self._put_aside(intervals, tops, np.ones(len(tops), dtype=bool))
 
@@ -176,17 +176,20 @@ class _Search:
         self.high = np.maximum(self.high, np.max(tops[done], axis=0, initial=-np.inf))
         return intervals[:, ~done], tops[~done]
 
-    def _halves(self, bench: 'SweptBench', intervals: Floats, kind: int) -> tuple[Floats, Floats]:
-        """Return the halves of intervals, but for those too short to be cut again, and bounds (M, 4) on them."""
-        middle = 0.5 * (intervals[0] + intervals[1])
-        halves: Floats = np.concatenate((np.stack((intervals[0], middle)), np.stack((middle, intervals[1]))), axis=1)
-        places, index = np.unique(halves, return_inverse=True)
-        states, ends = bench.states(places), index.reshape(2, -1)
+    def _quarters(self, bench: 'SweptBench', intervals: Floats, kind: int) -> tuple[Floats, Floats]:
+        """Return the quarters of intervals, but for those too short to be cut again, and bounds (M, 4) on them."""
+        low, high = intervals
+        middle = 0.5 * (low + high)
+        ends: Floats = np.concatenate((low, 0.5 * (low + middle), middle, 0.5 * (middle + high), high))
+        quarters = np.stack((ends[:-low.size], ends[low.size:]))
+        places, index = np.unique(quarters, return_inverse=True)
+        states, at = bench.states(places), index.reshape(2, -1)
         self.looks += places.size
         self._tell(places.size)
         self._note(states.value, places, kind)
-        tops: Floats = np.max(bench.bounds(states.rows(ends[0]), states.rows(ends[1])), axis=1)
-        return self._put_aside(halves, tops, halves[1] - halves[0] <= _FINEST * (1 + np.max(np.abs(halves), axis=0)))
+        tops: Floats = np.max(bench.bounds(states.rows(at[0]), states.rows(at[1])), axis=1)
+        return self._put_aside(quarters, tops,
+                               quarters[1] - quarters[0] <= _FINEST * (1 + np.max(np.abs(quarters), axis=0)))
 
     def _note(self, value: Floats, places: Floats, kind: int) -> None:
         for side, values in enumerate(np.moveaxis(value, -1, 0)):
@@ -202,7 +205,7 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Search, side: int
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
     t_s, scene = ranges.when_s(bench, along_m), ranges.scene
-    chain = compile_scene(scene).model.place(scene.head.travelled_m(t_s))
+    chain = ranges.chain(scene.head.travelled_m(t_s))
     x, y = benches_of(chain, scene.dragon, axes_of(chain)).corners[bench, corner].tolist()
     low_m = (x, -x, y, -y)[side]
     high_m = max(low_m, float(search.best[side]), float(search.high[side]))
@@ -365,11 +368,19 @@ class HandleRanges:
         return [least, *((gone, 0.0) for gone in turning_back_m(self._model.leader, least[0], most[0])), most]
 
     @cached_property
+    def _at_stops_m(self) -> Floats:
+        """Distances (S, N) of the front handles along the track at the stops."""
+        chains = [self.chain(gone) for gone in self._stops_m]
+        return np.array([self.track.distances(chain.segment, chain.u)[:-1] for chain in chains])
+
+    @cached_property
     def ranges_m(self) -> Floats:
         """Least and greatest distance (2, N) of the front handles along the track."""
-        chains = [self._model.place(gone) for gone in self._stops_m]
-        along = np.array([self.track.distances(chain.segment, chain.u)[:-1] for chain in chains])
-        return np.stack((np.min(along, axis=0), np.max(along, axis=0)))
+        return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
+
+    def chain(self, gone_m: tuple[float, float]) -> Chain:
+        """Return the chain when the leader has gone so far."""
+        return self._model.march(gone_m, self._model.effort)
 
     def when_s(self, handle: int, along_m: float) -> float:
         """Return a time at which a handle is at a distance along the track."""
@@ -384,14 +395,18 @@ class HandleRanges:
     def _leader_m(self, handle: int, along_m: float) -> float:
         """Return how far the leader has gone where a handle is at a distance along the track."""
         stops = self._stops_m
-        over = [self._handle_m(handle, gone) - along_m for gone in stops]
+        over, same = (self._at_stops_m[:, handle] - along_m).tolist(), _SAME * (1 + abs(along_m))
         nearest = min(range(len(stops)), key=lambda n: abs(over[n]))
-        if abs(over[nearest]) <= _SAME * (1 + abs(along_m)):
+        if abs(over[nearest]) <= same:
             return stops[nearest][0]
+
+        def beyond_m(gone: float) -> float:
+            beyond = self._handle_m(handle, (gone, 0.0)) - along_m
+            return beyond if abs(beyond) > same else 0.0
+
         for n in range(len(stops) - 1):
             if over[n] * over[n + 1] < 0:
-                return illinois(lambda gone: self._handle_m(handle, (gone, 0.0)) - along_m, stops[n][0],
-                                stops[n + 1][0], *over[n:n + 2])
+                return illinois(beyond_m, stops[n][0], stops[n + 1][0], *over[n:n + 2])
         return stops[nearest][0]
 
     def _handle_m(self, handle: int, gone_m: tuple[float, float]) -> float:
