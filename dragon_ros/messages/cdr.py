@@ -200,14 +200,9 @@ def float64_of(value: float) -> bytes:
 
 
 def half_turns(axis: Floats) -> Floats:
-    """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2)."""
-    x, y = axis[:, 0], axis[:, 1]
-    far = np.sqrt(0.5 + 0.5 * np.abs(x))        # the larger of |z| and w, free of cancellation
-    near = 0.5 * y / far
-    back = x < 0
-    out = np.empty(axis.shape)
-    out[:, 0] = np.where(back, np.copysign(far, y), near)
-    out[:, 1] = np.where(back, np.abs(near), far)
+    """Return (z, w) of the quaternions that turn x onto ``axis`` (N, 2): its square root as a complex number."""
+    half, out = np.sqrt(plane(axis)), np.empty(axis.shape)
+    out[:, 0], out[:, 1] = half.imag, half.real
     return out
 
 

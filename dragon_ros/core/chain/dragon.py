@@ -11,8 +11,31 @@ from dragon_ros.core.numerics.types import Floats, read_only
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
 
 
+class _Lengths(Settings):
+    """What follows from the lengths of benches, whether they are alike or not."""
+
+    width_m: float
+    hole_inset_m: float
+
+    @cached_property
+    def bench_lengths_m(self) -> Floats:
+        """Full length of each bench, shape (benches,)."""
+        raise NotImplementedError
+
+    @cached_property
+    def link_lengths_m(self) -> Floats:
+        """Handle spacing of each bench, shape (benches,)."""
+        return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
+
+    @cached_property
+    def half_sizes_m(self) -> tuple[Floats, Floats]:
+        """Half the length and half the width of each bench, shape (benches,) each."""
+        return (read_only(0.5 * self.bench_lengths_m),
+                read_only(np.full(self.bench_lengths_m.shape, 0.5 * self.width_m)))
+
+
 @dataclass(frozen=True)
-class Dragon(Settings):
+class Dragon(_Lengths):
     """A head bench and ``benches - 1`` equal body benches, joined at ``benches + 1`` handles.
 
     Every length is in metres. Defaults are those of the contest problem behind the paper (CUMCM 2024 A).
@@ -37,11 +60,6 @@ class Dragon(Settings):
         return self.head_length_m - 2 * self.hole_inset_m
 
     @cached_property
-    def link_lengths_m(self) -> Floats:
-        """Handle spacing of each bench, shape (benches,)."""
-        return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
-
-    @cached_property
     def bench_lengths_m(self) -> Floats:
         """Full length of each bench, shape (benches,)."""
         return read_only(np.array([self.head_length_m] + [self.body_length_m] * (self.benches - 1)))
@@ -56,7 +74,7 @@ class Group:
 
 
 @dataclass(frozen=True)
-class Mixed(Settings):
+class Mixed(_Lengths):
     """Benches of different lengths: ``groups`` from the head backwards, all of one width, joined by their handles."""
 
     groups: tuple[Group, ...]
@@ -82,11 +100,6 @@ class Mixed(Settings):
     def benches(self) -> int:
         """Number of benches."""
         return sum(group.count for group in self.groups)
-
-    @cached_property
-    def link_lengths_m(self) -> Floats:
-        """Handle spacing of each bench, shape (benches,)."""
-        return read_only(self.bench_lengths_m - 2 * self.hole_inset_m)
 
     @cached_property
     def bench_lengths_m(self) -> Floats:

@@ -36,16 +36,19 @@ def axes_of(chain: Chain) -> Floats:
     """Return unit vectors (..., N, 2) from handle i + 1 to handle i. A link of zero length lies along the track."""
     axis = chain.p[..., :-1, :] - chain.p[..., 1:, :]
     length = np.hypot(axis[..., 0], axis[..., 1])
-    joined = length == 0
-    if np.any(joined):
+    if not length.all():
+        joined = length == 0
         axis = np.where(joined[..., None], -chain.tangents[..., :-1, :], axis)
         length = np.where(joined, 1.0, length)
-    axis /= length[..., None]
+    for part in (axis[..., 0], axis[..., 1]):
+        part /= length
     return read_only(axis)
 
 
 def benches_of(chain: Chain, dragon: AnyDragon, axis: Floats) -> Benches:
     """Return the rectangles of a chain whose links have the directions ``axis``."""
     count = chain.p.shape[-2] - 1
-    centre = 0.5 * (chain.p[..., :-1, :] + chain.p[..., 1:, :])
-    return Benches(read_only(centre), axis, 0.5 * dragon.bench_lengths_m[:count], np.full(count, 0.5 * dragon.width_m))
+    centre = chain.p[..., :-1, :] + chain.p[..., 1:, :]
+    centre *= 0.5
+    half_length, half_width = dragon.half_sizes_m
+    return Benches(read_only(centre), axis, half_length[:count], half_width[:count])
