@@ -103,7 +103,7 @@ def _first_with_peak() -> float:
 
 
 def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
-    """Return the smallest float in (low, high] at which a growing function is not negative; it must not be at ``high``.
+    """Return the smallest float in (low, high] at which a growing function is not negative; at ``high`` it must not be.
 
     Next to where regula falsi puts it a bracket is taken, some ulps wide at first, and bisected.
     """

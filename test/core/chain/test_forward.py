@@ -6,10 +6,12 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.forward import at_once, blocks_of, forward, forward_each
 from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states
-from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 from dragon_ros.core.tracks.spec import Spiral
 
@@ -45,18 +47,43 @@ def test_many_states_at_once_agree_with_single_ones():
         np.testing.assert_allclose(row, state(CLASSIC, t_s).p, rtol=0, atol=1e-12)
 
 
-@given(st.floats(0.1, 3), st.floats(2, 40), st.floats(1, 6), st.floats(0.6, 6))
-def test_one_chain_and_many_agree_wherever_there_is_one(pitch, start, head, body):
+@given(st.floats(0.1, 3), st.floats(2, 40), st.floats(1, 6), st.floats(0.6, 6), st.floats(0, 1))
+def test_chains_that_are_placed_at_once_are_those_placed_link_by_link(pitch, start, head, body, further):
     links = Dragon(30, head, body).link_lengths_m
     track = track_of(Spiral(pitch, start))
-    leader = track.place_at(0.0)
-    leaders = track.places_at(np.zeros(1), np.zeros(1))
+    leaders = track.places_at(np.array([0.0, -further]), np.zeros(2))
+    leader = Place.of(*(values[0] for values in leaders))
     try:
-        alone = marched(track, links, leader, BEHIND, EFFORT)
+        one_by_one = forward(track, blocks_of(links, BEHIND), leader, BEHIND, EFFORT)
     except ChainLockError as error:
         with pytest.raises(ChainLockError, match=f'link {error.fields["link"]}'):
             marched_many(track, links, leaders, BEHIND, EFFORT)
         return
-    together = marched_many(track, links, leaders, BEHIND, EFFORT)
-    np.testing.assert_allclose(together.p[0], alone.p, rtol=0, atol=1e-12 * float(np.max(np.abs(alone.p))))
-    assert np.all(np.diff(alone.u) > 0)
+    size = float(np.max(np.abs(one_by_one.u)))
+    alone, together = marched(track, links, leader, BEHIND, EFFORT), marched_many(track, links, leaders, BEHIND, EFFORT)
+    np.testing.assert_allclose(alone.u, one_by_one.u, rtol=0, atol=1e-12 * size)
+    np.testing.assert_allclose(together.u[0], one_by_one.u, rtol=0, atol=1e-12 * size)
+    assert np.all(np.diff(together.u) > 0)
+
+
+@given(st.lists(st.floats(0.2, 3), min_size=12, max_size=40), st.floats(8, 1e4))
+def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_link(links, start):
+    track = track_of(Spiral(0.55, start))
+    leaders = track.places_at(np.array([0.0, -1.5]), np.zeros(2))
+    mixed = np.stack((links, links[::-1]))
+    (_, u, lo), _ = forward_each(track, mixed, leaders, EFFORT)
+    for n in range(2):
+        leader = Place.of(*(values[n] for values in leaders))
+        one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND, EFFORT)
+        off = (u[:, n] - np.array(one_by_one.u)) + (lo[:, n] - np.array(one_by_one.lo))
+        assert np.max(np.abs(off)) < 1e-12
+
+
+def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
+    model = compile_scene(CLASSIC).model
+    blocks = blocks_of(model.links_m, BEHIND)
+
+    def served(t_s):
+        return at_once(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), EFFORT) is not None
+    assert [served(t_s) for t_s in (*CLASSIC_TIMES[:-2], 425.0)] == [True] * 9
+    assert not served(CLASSIC_TIMES[-1])
