@@ -160,47 +160,62 @@ def at_once(track: Track, blocks: tuple[Block, ...], leaders: Places, effort: Ef
 def _at_once(spiral: SpiralSegment, leaders: Places, links_m: Floats) -> tuple[Places, int] | None:
     """Return the handles behind leaders (M,) with their own links (M, L) outwards, (L + 1, M), and evaluations.
 
-    Some leaders at a time, so that what is between fits the cache. None where they have to be placed row by row.
+    None where they have to be placed row by row.
     """
     number, begin, begin_lo = leaders
-    if not 0 < begin.size <= _MOST_LEADERS or links_m.shape[1] < _FEWEST_ROWS:
+    if not 0 < begin.size <= _MOST_LEADERS or links_m.shape[1] < _FEWEST_ROWS or not np.all(links_m):
         return None
-    if np.min(begin) < _FAR_RAD or not np.all(links_m):
-        return None
-    columns, parts = max(1, _AT_ONCE // links_m.shape[1]), list[tuple[Floats, Floats, int]]()
-    for first in range(0, begin.size, columns):
-        some = slice(first, first + columns)
-        chords = links_m[some].T / spiral.curve.b_m
-        part = refined(spiral, *_guessed(begin[some], begin_lo[some], chords), chords)
+    found = placed(spiral, (begin, begin_lo), links_m.T / spiral.curve.b_m)
+    return ((np.broadcast_to(number, found[0].shape), *found[:2]), found[2]) if found else None
+
+
+def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) -> tuple[Floats, Floats, int] | None:
+    """Return the handles (L+1, M) behind the first ones (M,) on a spiral, (hi, lo), all at once, and evaluations.
+
+    Chords (L, M), or (L, 1) for all, are in units of b. Some rows at a time, so that what is between fits the cache.
+    None where handles have to be placed row by row.
+    """
+    sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(_FEWEST_ROWS, _AT_ONCE // begin[0].size)
+    (u, lo), spent, rows = begin, 0, [begin]
+    for first in range(0, len(chords), some):
+        part = _refined(spiral, _guessed(u, lo, chords[first:first + some], sign), chords[first:first + some])
         if part is None:
             return None
-        parts.append(part)
-    u, lo = (np.concatenate(values, axis=1) for values in zip(*((u, lo) for u, lo, _ in parts), strict=True))
-    return (np.broadcast_to(number, u.shape), u, lo), sum(spent for _, _, spent in parts)
+        rows.append((part[0][1:], part[1][1:]))
+        u, lo, spent = part[0][-1], part[1][-1], spent + part[2]
+    return np.vstack([each for each, _ in rows]), np.vstack([each for _, each in rows]), spent
 
 
-def _guessed(begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats]:
-    """Return about where handles (L+1, M) are behind the first ones (M,), outwards, at chords (L, M) in units of b.
+def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tuple[Floats, Floats] | None:
+    """Return about where handles (L+1, M) are at chords from the first ones (M,), outwards (1.0) or inwards (-1.0).
 
-    The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles, less the logarithm
-    of how many times as far out a handle is, grow by twice the arcs.
+    The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles grow by twice the
+    arcs, less the logarithm of how many times as far out a handle is. None where they would be at the centre.
     """
-    squares, grown = begin * begin, 2 * np.cumsum(chords, axis=0)
-    grown += np.cumsum(chords**3 / (12 * (squares + grown)), axis=0) - 0.5 * np.log1p(grown / squares)
+    squares, grown = begin * begin, sign * 2 * np.cumsum(chords, axis=0)
+    if np.min(begin) < _FAR_RAD or np.min(squares + grown) < _FAR_RAD**2:
+        return None
+    grown = grown + sign * np.cumsum(chords**3 / (12 * (squares + grown)), axis=0) - 0.5 * np.log1p(grown / squares)
+    if np.min(squares + grown) < _FAR_RAD**2:
+        return None
     u, lo = plus(begin, begin_lo, grown / (begin + np.sqrt(squares + grown)))
     return np.concatenate((begin[None], u)), np.concatenate((begin_lo[None], lo))
 
 
-def refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats | float) -> tuple[Floats, Floats, int] | None:
+def _refined(spiral: SpiralSegment, guess: tuple[Floats, Floats] | None,
+             chords: Floats) -> tuple[Floats, Floats, int] | None:
     """Return guessed rows of handles (R+1, M), as (hi, lo), at chords (R, M) in units of b; and evaluations.
 
     Row after row leaves little work for arrays: Newton's method goes on all rows at once. With its steps e for each
     link and slopes a of the map from row to row, errors obey d' = a d + e, which is a product and a sum. None where it
     does not settle, or not on the spiral, or not in the nearest places.
     """
+    if guess is None:
+        return None
+    u, lo = guess
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
-        step = differences(u, lo)
+        step = _differences(u, lo)
         if np.min(step * step.flat[0]) <= 0 or np.max(np.abs(step)) >= pi:
             return None
         error, slope = spiral.corrections(u[:-1], step, chords)
@@ -216,7 +231,7 @@ def refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats | float
     return None
 
 
-def differences(u: Floats, lo: Floats) -> Floats:
+def _differences(u: Floats, lo: Floats) -> Floats:
     """Return the differences of successive rows of (hi, lo)."""
     return (u[1:] - u[:-1]) + (lo[1:] - lo[:-1])
 

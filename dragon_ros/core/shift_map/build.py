@@ -6,10 +6,10 @@ from math import ceil, floor, inf
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Block, differences, forward, forward_many, refined
+from dragon_ros.core.chain.forward import Block, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
+from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
@@ -312,27 +312,12 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
 def _along(spiral: Segment, link_m: float, first: Places, count: int) -> Places | None:
     """Return the rows (count, S K) of nodes that follow a row (S K,) where all of them stay on one spiral.
 
-    With the foremost node marched through all rows, the squared angles of the others lie between its own, in nearly the
-    same shares. From there on they are ``refined``. None where that does not settle.
+    None where they are not found all at once.
     """
     assert isinstance(spiral, SpiralSegment)
-    number, (begin, begin_lo) = first[0], first[1:]
-    fore = DoubleDouble(begin[NODES - 1].item(), begin_lo[NODES - 1].item())
-    highs, lows, _ = spiral.march(fore, (count, link_m), BEHIND, Effort(), spiral.first)
-    if len(highs) < count:
-        return None
-    path, path_lo = np.array([fore.hi, *highs])[:, None], np.array([fore.lo, *lows])[:, None]
-    square = differences(path, path_lo) * (path[:-1] + path[1:])      # differences of squared angles
-    square = np.append(square, square[-1:], axis=0)
-    offset = (begin - fore.hi) + (begin_lo - fore.lo)
-    between = offset * (2 * fore.hi + offset) / square[0] * square
-    u, lo = plus(path, path_lo, between / (path + np.sqrt(np.maximum(path * path + between, 0.0))))
-    u[0], lo[0] = begin, begin_lo
-    found = refined(spiral, u, lo, link_m / spiral.curve.b_m)
-    if found is None:
-        return None
-    u, lo, _ = found
-    return np.broadcast_to(number, (count, number.size)), u[1:], lo[1:]
+    number, begin, begin_lo = first
+    found = placed(spiral, (begin, begin_lo), np.full((count, 1), link_m / spiral.curve.b_m))
+    return (np.broadcast_to(number, (count, number.size)), found[0][1:], found[1][1:]) if found else None
 
 
 def _together(track: Track, places: Places) -> Places:
