@@ -255,7 +255,7 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort
     """
     blocks = blocks_of(links_m, direction)
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
-    if direction == BEHIND and (found := at_once(track, blocks, one, effort)):
+    if found := at_once(track, blocks, one, direction, effort):
         (segment, u, lo), spent = found
         return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
     handles = forward(track, blocks, leader, direction, effort)

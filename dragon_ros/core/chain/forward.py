@@ -9,11 +9,11 @@ import numpy as np
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats
-from dragon_ros.core.tracks.chord import TIGHT
+from dragon_ros.core.tracks.chord import TIGHT, corrections
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort, Past, SpiralSegment
 
-_FEWEST_ROWS = 8        # of handles that are placed all at once
+FEWEST_ROWS = 8        # of handles that are placed all at once
 _AT_ONCE = 2**14        # handles, so that what is between fits the cache
 _MOST_LEADERS = 512     # for more of them row after row is as fast
 _FAR_RAD = 2.0          # where guesses of all rows begin
@@ -100,7 +100,7 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     They agree with ``forward`` to the last digits and not bit for bit. With ``settle``, which may put each row in
     order, rows end where the track does. Raises as ``forward`` does.
     """
-    if direction == BEHIND and not settle and (found := at_once(track, blocks, leaders, effort)):
+    if not settle and (found := at_once(track, blocks, leaders, direction, effort)):
         return found
     rows, spent = [leaders], 0
     for block in blocks:
@@ -145,13 +145,14 @@ def forward_each(track: Track, links_m: Floats, leaders: Places, effort: Effort)
     return _stacked(rows), spent
 
 
-def at_once(track: Track, blocks: tuple[Block, ...], leaders: Places, effort: Effort) -> tuple[Places, int] | None:
-    """Return ``forward_many`` behind leaders by a solver for all handles together; None where it does not serve.
+def at_once(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
+            effort: Effort) -> tuple[Places, int] | None:
+    """Return ``forward_many`` by a solver for all handles together; None where it does not serve.
 
-    That is where a track is not one spiral from afar, coarser tiers ask for less, or handles almost turn back.
+    It serves behind leaders on a track of one spiral from afar, for the exact tier, unless handles almost turn back.
     """
     spiral = track.from_afar
-    if not spiral or len(track.segments) > 1 or not blocks or effort.newton > TIGHT:
+    if direction != BEHIND or not spiral or len(track.segments) > 1 or not blocks or effort.newton > TIGHT:
         return None
     links_m = np.concatenate([np.full(block.stop - block.start, block.link_m) for block in blocks])
     return _at_once(spiral, leaders, np.broadcast_to(links_m, (leaders[0].size, links_m.size)))
@@ -163,7 +164,7 @@ def _at_once(spiral: SpiralSegment, leaders: Places, links_m: Floats) -> tuple[P
     None where they have to be placed row by row.
     """
     number, begin, begin_lo = leaders
-    if not 0 < begin.size <= _MOST_LEADERS or links_m.shape[1] < _FEWEST_ROWS or not np.all(links_m):
+    if not 0 < begin.size <= _MOST_LEADERS or links_m.shape[1] < FEWEST_ROWS or not np.all(links_m):
         return None
     found = placed(spiral, (begin, begin_lo), links_m.T / spiral.curve.b_m)
     return ((np.broadcast_to(number, found[0].shape), *found[:2]), found[2]) if found else None
@@ -175,10 +176,12 @@ def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) 
     Chords (L, M), or (L, 1) for all, are in units of b. Some rows at a time, so that what is between fits the cache.
     None where handles have to be placed row by row.
     """
-    sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(_FEWEST_ROWS, _AT_ONCE // begin[0].size)
+    sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin[0].size)
     (u, lo), spent, rows = begin, 0, [begin]
     for first in range(0, len(chords), some):
-        part = _refined(spiral, _guessed(u, lo, chords[first:first + some], sign), chords[first:first + some])
+        these = chords[first:first + some]
+        guess = _guessed(u, lo, these, sign)
+        part = _refined(spiral, *guess, these) if guess else None
         if part is None:
             return None
         rows.append((part[0][1:], part[1][1:]))
@@ -202,23 +205,19 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
     return np.concatenate((begin[None], u)), np.concatenate((begin_lo[None], lo))
 
 
-def _refined(spiral: SpiralSegment, guess: tuple[Floats, Floats] | None,
-             chords: Floats) -> tuple[Floats, Floats, int] | None:
+def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
     """Return guessed rows of handles (R+1, M), as (hi, lo), at chords (R, M) in units of b; and evaluations.
 
     Row after row leaves little work for arrays: Newton's method goes on all rows at once. With its steps e for each
     link and slopes a of the map from row to row, errors obey d' = a d + e, which is a product and a sum. None where it
     does not settle, or not on the spiral, or not in the nearest places.
     """
-    if guess is None:
-        return None
-    u, lo = guess
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
         step = _differences(u, lo)
         if np.min(step * step.flat[0]) <= 0 or np.max(np.abs(step)) >= pi:
             return None
-        error, slope = spiral.corrections(u[:-1], step, chords)
+        error, slope = corrections(u[:-1], step, chords)
         if np.min(slope) < _STEEP:
             return None
         grown = np.cumprod(slope, axis=0)

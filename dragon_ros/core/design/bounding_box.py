@@ -148,9 +148,6 @@ def _intervals(ranges: 'HandleRanges', benches: Ints) -> Floats:
     return out
 
 
-
-
-
 class _Search:
     """The best value on each side so far, where it was met, and the largest bound of what was put aside."""
 

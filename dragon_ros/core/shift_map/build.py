@@ -6,7 +6,7 @@ from math import ceil, floor, inf
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Block, forward, forward_many, placed
+from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import plus
@@ -18,7 +18,6 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Segment, Spir
 NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
 _MOST_STEPS = 40_000        # from joints to their places in the span
 _MOST_BYTES = 256_000_000   # of the series of one table
-_FEWEST_ROWS = 8           # on one spiral that are found all at once
 _ROUNDS = 5                 # of cutting parts in two
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
@@ -303,7 +302,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
     for k, group in groupby(range(count), on.__getitem__):
         numbers = [*group]
         begin, last = numbers[0], numbers[-1]
-        if k is not None and last - begin >= _FEWEST_ROWS:
+        if k is not None and last - begin >= FEWEST_ROWS:
             out += [(None, begin - row), (k, last - begin)]
             row = last
     return [(k, many) for k, many in (*out, (None, count - 1 - row)) if many]

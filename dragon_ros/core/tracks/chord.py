@@ -174,6 +174,16 @@ def _plain_steps(theta: Floats, square: float | Floats, delta: Floats, tolerance
     return None
 
 
+def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Floats, Floats]:
+    """Return Newton steps of many delta, of either sign, to their chords, and derivatives of theta + delta by theta."""
+    half, outer = 0.5 * delta, theta + delta
+    s = np.sin(half)
+    across = 2 * theta * s
+    phi = delta + across * (s + outer * np.cos(half))
+    return ((0.5 * (chord * chord - delta * delta) - across * outer * s) / phi,
+            1 - 2 * (theta + outer) * s * s / phi)
+
+
 def first_guesses_in(theta: Floats, chord: float) -> Floats:
     """Return ``first_guess_in`` of many."""
     out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta - np.minimum(theta, chord / theta))))

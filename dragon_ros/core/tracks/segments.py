@@ -476,19 +476,6 @@ class SpiralSegment:
             return float(np.max(shift)) <= pi
         return self.bend * self.curve.b_m * float(np.max(-shift * np.sqrt(1 + u * u))) <= pi
 
-    def corrections(self, u: Floats, shift: Floats, chord: Floats | float) -> tuple[Floats, Floats]:
-        """Return a Newton step of changes of coordinates towards the next places, and the derivatives of these by u.
-
-        Both from half the squared chord, shift^2 / 2 + 2 u (u + shift) sin^2(shift / 2), in units of b^2, and its two
-        derivatives.
-        """
-        half, outer = 0.5 * shift, u + shift
-        s = np.sin(half)
-        across = 2 * u * s
-        phi = shift + across * (s + outer * np.cos(half))
-        return ((0.5 * (chord * chord - shift * shift) - across * outer * s) / phi,
-                1 - 2 * (u + outer) * s * s / phi)
-
     def squares(self, u: Floats, shift: Floats) -> Floats:
         """Return the differences of squared angles of changes of coordinates."""
         out: Floats = np.abs(shift * (2 * u + shift))

@@ -84,6 +84,7 @@ def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
     blocks = blocks_of(model.links_m, BEHIND)
 
     def served(t_s):
-        return at_once(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), EFFORT) is not None
+        return at_once(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND,
+                       EFFORT) is not None
     assert [served(t_s) for t_s in (*CLASSIC_TIMES[:-2], 425.0)] == [True] * 9
     assert not served(CLASSIC_TIMES[-1])
