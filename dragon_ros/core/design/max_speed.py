@@ -2,6 +2,8 @@
 
 Speeds over the leader's depend on where the leader is and not on when, so the run is searched by branch and bound over
 intervals of time in which the leader goes one way: intervals whose bound exceeds the largest speed met so far are cut.
+Where handles are equally fast in many places, as on a circle, that would never end: the more intervals are left, the
+more their bounds may exceed it.
 
 The bound of an interval. A link's direction phi makes angles alpha and beta with the tangents at its two handles, the
 nearer to the leader first; the speeds v, over the leader's, obey v_next = v cos alpha / cos beta. A prime is a
@@ -25,7 +27,7 @@ grows to the front, and of a chord's two angles with an arc that turns by less t
 the larger (Vogt 1914). So only handles beyond it are followed; on a single spiral, those beyond where a link's arc
 could turn by pi.
 """
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf, isfinite, nextafter
@@ -51,7 +53,7 @@ _PARTS = 4              # into which an interval is cut
 _AT_ONCE = 128          # intervals
 _PASSES = 6             # in which rates narrow the angles; with fewer, long chains need shorter intervals
 _SAME = 1e-12           # speeds within this, in parts, are the same
-_FINEST = 1e-14         # of a time: intervals this short are not cut
+_FINEST = 1e-14         # of a time and of the leader's way: intervals this short are not cut
 _APART_M = 1e-9         # before the segment that winds in ends: to its end itself rounding could tell either way
 _PRECISE = Effort(1e-8)     # a Newton step whose square is below what floats keep
 _MOST = 2_000_000       # intervals of the first cut
@@ -112,10 +114,10 @@ class _Search:
         """Return the fastest handle."""
         intervals = self._first()
         while intervals.size:
-            tops, sure = np.concatenate([self._bounds(part) for part in np.array_split(
+            tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
                 intervals, ceil(intervals.shape[1] / _AT_ONCE), axis=1)], axis=1)
-            higher = (tops > self._best[0] + _SAME) & (
-                intervals[1] - intervals[0] > _FINEST * (1 + np.abs(intervals[1])))
+            near = _SAME * max(1.0, (intervals.shape[1] / _AT_ONCE)**2)
+            higher = (tops > self._best[0] + near) & _longer(intervals) & _longer(ways)
             self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
             starts, stops = intervals[:, higher]
             cuts = np.linspace(starts, stops, _PARTS + 1, axis=1)
@@ -171,10 +173,11 @@ class _Search:
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
-        """Return bounds (2, M) of log speed on intervals (2, M), without and with rounding; note speeds at the ends.
+        """Return bounds of log speed on intervals (2, M), and where the leader is at their ends; note speeds there.
 
-        A speed is promised relative to itself: what positions err, by the mean link, times the square of how much
-        faster than the leader it is (docs/model.md).
+        In rows (4, M): bounds without and with rounding, then metres gone at the starts and at the stops. A speed is
+        promised relative to itself: what positions err, by the mean link, times the square of how much faster than the
+        leader it is (docs/model.md).
         """
         times, index = np.unique(intervals, return_inverse=True)
         states = self._states(times)
@@ -187,7 +190,7 @@ class _Search:
                       law.swapped(back))
         with np.errstate(over='ignore'):
             sure = tops + self._relative(states) * np.exp(2 * tops)
-        return np.stack((np.max(tops, axis=1), np.max(sure, axis=1)))
+        return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
     def _relative(self, states: 'States') -> Floats:
         """Return what the positions of each handle (K+1,) and of those nearer to the leader err, by the mean link."""
@@ -209,6 +212,12 @@ class _Search:
         row = int(np.argmax(tops))
         if tops[row] > self._best[0]:
             self._best = float(tops[row]), float(times_s[row]), int(np.argmax(log[row] > tops[row] - _SAME))
+
+
+def _longer(ends: Sequence[Floats] | Floats) -> Array:
+    """Return of which of M intervals the ends, (M,) each, are further apart than the finest that are cut."""
+    out: Array = np.abs(ends[1] - ends[0]) > _FINEST * (1 + np.abs(ends[1]))
+    return out
 
 
 def _sure_m(track: Track, links_m: Floats) -> float:

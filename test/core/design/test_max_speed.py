@@ -202,6 +202,23 @@ def test_a_run_that_ends_in_or_at_a_lock_is_refused():
             max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
 
 
+def test_a_leader_that_all_but_rests_is_asked_once():
+    # Cutting times between which it goes nowhere tells nothing more.
+    dragon = Mixed((Group(1.3, 2), Group(3.41, 2), Group(1.9, 2)))
+    for speed_m_s in (-1e-308, 1e-170, 1e-18):
+        found = max_speed(Scene(dragon, STurn(1.98, 10.0, 0.95, -17.0), Profile(((0.0, speed_m_s),)), Run(0.0, 3.0)))
+        assert found.looks < 100
+        assert found.ratio <= found.bound < found.ratio * (1 + 1e-9)
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+def test_a_circle_on_which_all_handles_are_as_fast_is_not_cut_without_end(lead):
+    found = max_speed(Scene(Dragon(100), Composite((Arc(9.0, 3000.0),)), Head(1.0, lead), Run(0.0, 20.0)))
+    assert found.looks < 5000
+    assert found.ratio == pytest.approx(1.0, abs=1e-12)
+    assert found.ratio <= found.bound < 1 + 1e-9
+
+
 DRAGONS = st.builds(lambda lengths: Mixed(tuple(Group(0.55 + length, 2) for length in lengths)), st.lists(
     st.one_of(st.sampled_from([0.0, 1.65, 2.86]), st.floats(0.05, 3.0)), min_size=1, max_size=8))
 LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v in enumerate(speeds)), ramps, lead),
