@@ -339,7 +339,7 @@ class McapWriter:
             done, self._open = self._open, self._other
             self._other = done
             self._open.clear()
-            self._thread.start(partial(self._write_chunk, done, zlib.crc32(done.data)))
+            self._thread.start(partial(self._write_chunk, done))
 
     def _settle(self) -> None:
         """Wait until the ended chunks are in the file. After a lost chunk the open one is dropped, to leave no gap."""
@@ -349,11 +349,12 @@ class McapWriter:
             self._open.clear()
             raise
 
-    def _write_chunk(self, done: OpenChunk, crc: int) -> None:
+    def _write_chunk(self, done: OpenChunk) -> None:
         """Write a chunk in few calls on large buffers: each releases the interpreter lock and waits to retake it."""
         data, times_ns = self._compress(done.data), done.times_ns()
         chunk = records.Chunk(compression=self._compression, data=b'', message_start_time=times_ns[0],
-                              message_end_time=times_ns[1], uncompressed_crc=crc, uncompressed_size=done.size)
+                              message_end_time=times_ns[1], uncompressed_crc=zlib.crc32(done.data),
+                              uncompressed_size=done.size)
         head, tail = around(chunk, len(data), done.index)
         start = self._append([head, data, tail])
         self.parts.add(Stored(start, len(data), done.size, *times_ns, done.counts()))
