@@ -13,7 +13,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import ticks
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders
@@ -30,16 +30,16 @@ def run(arguments: Namespace) -> int:
     scene = command_line.scene_from(arguments)
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
-    ticks, began = compile_scene(scene).last_tick + 1, time.perf_counter()
+    count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with _prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
         done = simulate(scene, bag, arguments.namespace, stop)
     simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
     elapsed_s = time.perf_counter() - began
-    print(f'{arguments.output}: {done} of {ticks} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
+    print(f'{arguments.output}: {done} of {count} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
           f'({simulated_s / elapsed_s:.0f} times real time)', file=sys.stderr)
-    return command_line.OK if done == ticks else command_line.FAILED
+    return command_line.OK if done == count else command_line.FAILED
 
 
 @contextmanager
@@ -72,14 +72,13 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
 def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
     """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
     topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
-    ticks = compile_scene(scene).last_tick + 1
-    with Progress('simulate', 'ticks', ticks) as bar:
-        for k in range(ticks):
+    count = compile_scene(scene).last_tick + 1
+    with Progress('simulate', 'ticks', count) as bar:
+        for k, frame in enumerate(ticks(scene, 0, count)):
             if stop.is_set():
                 return k
-            frame = tick(scene, k)
             for topic, encode in topics:
                 bag.write(topic, encode(frame), frame.t_ns, k + 1)
             if not k % _SHOW:
                 bar.reach(k)
-    return ticks
+    return count

@@ -25,6 +25,7 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.tiers import PAPER
 
 _BATCH_HANDLES = 2**18      # of a batch: with velocities 8 MB; where there are fewer, calls take longer than numbers
+_TICK_HANDLES = 2**12       # of ticks in a row, whose frames stay in the cache until they are taken
 
 
 def tick(scene: Scene, k: int) -> Frame:
@@ -34,6 +35,29 @@ def tick(scene: Scene, k: int) -> Frame:
         raise FieldError('k', k, f'the run has the ticks 0 to {simulation.last_tick}', 'ask for one of these')
     t_ns = scene.run.time_ns(k)
     return frame_of(scene, k, t_ns, simulation.chain(t_ns / NS))
+
+
+def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
+    """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each as ``tick`` returns it, to the last bit.
+
+    Axes and rectangles are computed for some ticks at once: for one, numpy's calls take longer than its numbers.
+    """
+    simulation = compile_scene(scene)
+    if not 0 <= first <= stop <= simulation.last_tick + 1:
+        raise FieldError('ticks', f'{first} to {stop}', f'the run has the ticks 0 to {simulation.last_tick}',
+                         'ask for some of these')
+    size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
+    for begin in range(first, stop, size):
+        times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
+        chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
+        if size == 1:       # links of no length lie along the track, which each chain knows for itself
+            yield frame_of(scene, begin, times_ns[0], chains[0])
+            continue
+        together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
+        axes = axes_of(together)
+        centre, _, *half = vars(benches_of(together, scene.dragon, axes)).values()
+        for n, (t_ns, chain) in enumerate(zip(times_ns, chains, strict=True)):
+            yield _filled(simulation, begin + n, t_ns, chain, axes[n], Benches(centre[n], axes[n], *half))
 
 
 def state(scene: Scene, t_s: float) -> Chain:
@@ -102,23 +126,25 @@ def _check_room(out: Floats, shape: tuple[int, ...]) -> None:
 
 def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     """Return the frame with the effects that the scene calls for, each computed only then."""
-    return _filled(compile_scene(scene), k, t_ns, chain)
+    return _filled(compile_scene(scene), k, t_ns, chain, axes_of(chain))
 
 
 def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
     """Return the frame of tick k of a led dragon, whose leader has walked by this law up to there."""
     led = Simulation(replace(simulation.scene, head=law), simulation.model)
     t_ns = led.scene.run.time_ns(k)
-    return _filled(led, k, t_ns, led.chain(t_ns / NS))
+    chain = led.chain(t_ns / NS)
+    return _filled(led, k, t_ns, chain, axes_of(chain))
 
 
-def _filled(simulation: Simulation, k: int | None, t_ns: int, chain: Chain) -> Frame:
-    """Return the frame of a chain with what its scene calls for."""
+def _filled(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axis: Floats,
+            benches: Benches | None = None) -> Frame:
+    """Return the frame of a chain with what its scene calls for; benches that are known are taken."""
     frame = object.__new__(Frame)       # frozen, and filled field by field: what is left out is None, as the class says
     known = vars(frame)
-    known.update(k=k, t_ns=t_ns, chain=chain, axis=axes_of(chain))
+    known.update(k=k, t_ns=t_ns, chain=chain, axis=axis)
     for name, compute in plan(simulation.scene.effects):
-        known[name] = compute(simulation, frame)
+        known[name] = benches if benches and name == 'benches' else compute(simulation, frame)
     return frame
 
 

@@ -23,7 +23,7 @@ from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_
 from dragon_ros.core.frame import Observation
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import frame_of, state, tick, velocity_of
+from dragon_ros.core.step import frame_of, state, tick, ticks, velocity_of
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
 ALL = ~Effect.NONE
@@ -74,6 +74,43 @@ def test_every_subset_of_effects_has_its_fields_alone_and_their_values_to_the_la
         for name, value in full.items():
             absent = name in FIELDS.values() and name not in on
             assert values_of(getattr(frame, name)) == (None if absent else value), (effects, name)
+
+
+IN_A_ROW = {
+    'touching': (replace(TOUCHING, run=Run(410.0, 413.0, 50.0)), (0, 150)),
+    'classic': (Scene(), (0, 40)),
+    'long': (Scene(dragon=Dragon(2500)), (7, 10)),
+    'longer than a batch': (Scene(dragon=Dragon(5000)), (7, 9)),
+    'joined by links of no length': (Scene(Mixed((Group(3.41), Group(0.55, 2), Group(2.2, 30))), STurn(before_m=5.0),
+                                           run=Run(0, 30), effects=ALL), (200, 400)),
+    'mixed, led by the tail': (Scene(Mixed((Group(3.41), Group(1.7, 9), Group(2.2, 40))), Spiral(0.8, 8.0),
+                                     Head(1.0, 'tail'), Run(0, 20), effects=ALL), (0, 200)),
+    'paper': (Scene(accuracy='paper', effects=Effect.BENCHES), (0, 20)),
+    'handles alone': (Scene(effects=Effect.NONE), (0, 20)),
+}
+
+
+@pytest.mark.parametrize('name', IN_A_ROW)
+def test_ticks_in_a_row_have_the_bits_that_each_has_alone(name):
+    scene, (first, stop) = IN_A_ROW[name]
+    frames = list(ticks(scene, first, stop))
+    assert [frame.k for frame in frames] == list(range(first, stop))
+    for frame in frames:
+        alone = tick(scene, frame.k)
+        for field in fields(alone):
+            assert values_of(getattr(frame, field.name)) == values_of(getattr(alone, field.name)), field.name
+        for array in (frame.axis, frame.benches.centre if frame.benches else frame.chain.p):
+            assert not array.flags.writeable
+
+
+@pytest.mark.parametrize(('first', 'stop'), [(-1, 3), (5, 4), (0, 152)])
+def test_ticks_outside_of_the_run_are_refused(first, stop):
+    with pytest.raises(FieldError, match='0 to 150'):
+        next(ticks(Scene(run=Run(410.0, 413.0)), first, stop))
+
+
+def test_no_ticks_are_none():
+    assert not list(ticks(Scene(), 5, 5))
 
 
 def test_what_is_off_is_not_even_imported():
