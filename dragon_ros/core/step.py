@@ -55,9 +55,10 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
             continue
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
         axes = axes_of(together)
-        centre, _, *half = vars(benches_of(together, scene.dragon, axes)).values()
+        all_benches = benches_of(together, scene.dragon, axes) if Effect.BENCHES in scene.effects else None
         for n, (t_ns, chain) in enumerate(zip(times_ns, chains, strict=True)):
-            yield _filled(simulation, begin + n, t_ns, chain, axes[n], Benches(centre[n], axes[n], *half))
+            benches = replace(all_benches, centre=all_benches.centre[n], axis=axes[n]) if all_benches else None
+            yield _filled(simulation, begin + n, t_ns, chain, axes[n], benches)
 
 
 def state(scene: Scene, t_s: float) -> Chain:
