@@ -4,7 +4,7 @@ Speeds are positive inwards, along the head's way. Where the tail leads they are
 wound in as the head's start says, the tail walks out along the track, and each handle lies where its link to the one
 nearer the tail puts it.
 """
-from bisect import bisect_right
+from bisect import bisect_left, bisect_right
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -140,6 +140,11 @@ class Profile(Settings):
             return self.knots[n][1]
         x = since / length
         return float(Fraction(self.knots[n][1]) + change * (x if self.ramps == 'linear' else x * x * (3 - 2 * x)))
+
+    def speed_before_m_s(self, t_s: float) -> float:
+        """Return the leader's speed just before a time: at a jump, the one before it."""
+        n = bisect_left(self._times, t_s)
+        return self.knots[n][1] if n < len(self.knots) and self._times[n] == t_s else self.speed_at_m_s(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
         """Return the rate of the leader's speed in m/s^2; at a knot, the one just after it."""

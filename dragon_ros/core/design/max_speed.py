@@ -30,7 +30,7 @@ could turn by pi.
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
-from math import ceil, inf, isfinite, nextafter
+from math import ceil, inf, isfinite
 
 import numpy as np
 
@@ -145,6 +145,7 @@ class _Search:
                 part = self._count(low_s, high_s)
                 parts.append((low_s, high_s, part))
                 count += part
+        parts.append((stop_s, stop_s, 1))       # the law may jump there
         if count > _MOST:
             raise FieldError('run.stop_s', self._scene.run.stop_s, f'the leader goes {count * _SPACING_M:.3g} m and no '
                              f'more than {_MOST * _SPACING_M:.3g} m can be searched', 'stop earlier')
@@ -267,8 +268,8 @@ class _Varying:
         By distance the slope of log |v| is dv/dt / v^2. At rest it has no bound, and log |v| is -inf.
         """
         pairs = list(zip(start_s.tolist(), stop_s.tolist(), strict=True))
-        at = self.law.speed_at_m_s
-        v = np.abs([[at(low), at(max(low, nextafter(high, low)))] for low, high in pairs])
+        at, before = self.law.speed_at_m_s, self.law.speed_before_m_s
+        v = np.abs([[at(low), before(high) if low < high else at(high)] for low, high in pairs])
         rate = np.array([self.law.acceleration_range_m_s2(*pair) for pair in pairs])
         with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
             log = np.log(v / self.largest_m_s)
@@ -285,9 +286,9 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
         return _Steady()
     start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
     ends = [start_s, *(t_s for t_s in scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
-    at = scene.head.speed_at_m_s
-    largest = max(abs(v) for low, high in pairwise(ends) for v in (at(low), at(max(low, nextafter(high, low)))))
     assert isinstance(scene.head, Profile)      # a led one has no breaks to tell
+    at, before = scene.head.speed_at_m_s, scene.head.speed_before_m_s
+    largest = max(*(abs(at(t_s)) for t_s in ends), *(abs(before(t_s)) for t_s in ends[1:] if start_s < stop_s))
     return _Varying(scene.head, largest) if largest else _Steady()
 
 

@@ -86,14 +86,13 @@ def check(scene, found, count=200):
 
 
 def _top(scene):
-    """Return the leader's largest speed in a run: at a break of the law, on one side of it or the other."""
+    """Return the leader's largest speed in a run, its end included: at a break of the law, on either side of it."""
     if isinstance(scene.head, Head):
         return abs(scene.head.speed_m_s)
     end_s = compile_scene(scene).end.t_s
-    ends = [scene.run.start_s, *(t for t in scene.head.breaks_s if scene.run.start_s < t < end_s),
-            compile_scene(scene).end.t_s]
+    ends = [scene.run.start_s, *(t for t in scene.head.breaks_s if scene.run.start_s < t < end_s), end_s]
     return max(abs(scene.head.speed_at_m_s(t)) for low, high in pairwise(ends)
-               for t in (low, nextafter(high, low)))
+               for t in (low, nextafter(high, low), high))
 
 
 def _when(scene, gone_m):
@@ -200,6 +199,25 @@ def test_a_run_that_ends_in_or_at_a_lock_is_refused():
             max_speed(scene)
         with pytest.raises(FieldError, match=r'run\.stop_s.* near to a lock that floats tell no bound'):
             max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
+
+
+@pytest.mark.parametrize(('knots', 'stop_s'), [
+    (((0.0, 0.0), (4.0, 0.0), (8.0, 1.0)), 4.5),                        # ends on a ramp
+    (((0.0, 0.0), (50.0, 0.0), (50.001, 1.0), (50.0011, 0.0)), 60.0),   # a steep ramp has its largest speed at a knot
+    (((0.0, 0.5), (4.0, 0.5), (4.0, 2.0)), 4.0),                        # jumps at the end
+    (((0.0, 0.5), (0.0, 2.0), (4.0, 0.5)), 4.0),                        # jumps at the start
+    (((0.0, 0.5), (2.0, 2.0), (2.0, 0.5)), 4.0),                        # jumps down
+    (((0.0, 0.5), (2.0, 0.5), (2.0, -3.0), (2.5, -3.0), (2.5, 0.0)), 4.0)])
+def test_the_leaders_largest_speed_is_that_of_its_law_with_both_sides_of_each_jump(knots, stop_s):
+    scene = Scene(Dragon(20), STurn(before_m=-10.0), Profile(knots), Run(0.0, stop_s), solver='march')
+    found = max_speed(scene)
+    before = [nextafter(t_s, 0.0) for t_s, _ in knots if 0 < t_s <= stop_s]
+    times = np.unique([*np.linspace(0.0, stop_s, 2001), *before, *(t_s for t_s, _ in knots if t_s <= stop_s)]).tolist()
+    v = velocity_of(scene, states(scene, times), times)
+    seen, top = np.max(np.hypot(v[..., 0], v[..., 1])), 0.125 if stop_s == 4.5 else max(abs(v) for _, v in knots)
+    assert found.ratio * top == pytest.approx(seen, rel=1e-5)
+    assert seen <= found.bound * top
+    assert found.bound < found.ratio * (1 + 1e-9)
 
 
 def test_a_leader_that_all_but_rests_is_asked_once():
