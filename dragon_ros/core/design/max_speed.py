@@ -2,8 +2,8 @@
 
 Speeds over the leader's depend on where the leader is and not on when, so the run is searched by branch and bound over
 intervals of time in which the leader goes one way: intervals whose bound exceeds the largest speed met so far are cut.
-Where handles are equally fast in many places, as on a circle, that would never end: the more intervals are left, the
-more their bounds may exceed it.
+Where handles are equally fast in many places, as on a circle, that would never end: the more intervals would be cut,
+the more their bounds may exceed it.
 
 The bound of an interval. A link's direction phi makes angles alpha and beta with the tangents at its two handles, the
 nearer to the leader first; the speeds v, over the leader's, obey v_next = v cos alpha / cos beta. A prime is a
@@ -116,8 +116,9 @@ class _Search:
         while intervals.size:
             tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
                 intervals, ceil(intervals.shape[1] / _AT_ONCE), axis=1)], axis=1)
-            near = _SAME * max(1.0, (intervals.shape[1] / _AT_ONCE)**2)
-            higher = (tops > self._best[0] + near) & _longer(intervals) & _longer(ways)
+            more = tops - self._best[0]
+            near = _SAME * max(1.0, (np.count_nonzero(more > _SAME) / _AT_ONCE)**2)
+            higher = (more > near) & _longer(intervals) & _longer(ways)
             self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
             starts, stops = intervals[:, higher]
             cuts = np.linspace(starts, stops, _PARTS + 1, axis=1)

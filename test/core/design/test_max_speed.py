@@ -201,6 +201,15 @@ def test_a_run_that_ends_in_or_at_a_lock_is_refused():
             max_speed(replace(scene, run=Run(0, compile_scene(scene).end.t_s)))
 
 
+def test_a_long_way_on_which_nothing_is_fast_leaves_the_largest_speed_exact():
+    pieces = Arc(3.0, 90.0), Arc(3.0, -90.0), Line(40.0)
+    short, long = (max_speed(Scene(Dragon(5), Composite((Line(before_m), *pieces)), Head(1.0),
+                                   Run(0.0, before_m + 10.0))) for before_m in (20.0, 2000.0))
+    assert long.ratio > 1.01
+    assert long.ratio == pytest.approx(short.ratio, rel=3e-12)
+    assert long.bound < long.ratio * (1 + 1e-9)
+
+
 @pytest.mark.parametrize(('knots', 'stop_s'), [
     (((0.0, 0.0), (4.0, 0.0), (8.0, 1.0)), 4.5),                        # ends on a ramp
     (((0.0, 0.0), (50.0, 0.0), (50.001, 1.0), (50.0011, 0.0)), 60.0),   # a steep ramp has its largest speed at a knot
