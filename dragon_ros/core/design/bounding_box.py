@@ -35,6 +35,7 @@ from dragon_ros.core.contact.signed_distance import CORNERS
 from dragon_ros.core.design.motion_bounds import (
     TOLERANCE,
     curvatures_between,
+    divisible,
     swing_rad,
     turning_back_m,
     turning_back_of_m,
@@ -52,7 +53,6 @@ from dragon_ros.core.tracks.segments import BEHIND, Effort
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 128      # intervals
-_FINEST = 1e-14     # of a distance along the track: intervals this short are not cut
 _SAME = 1e-13       # of a distance along the track: nearer places are the same
 _MOST = 200_000     # benches that are placed
 
@@ -185,8 +185,7 @@ class _Search:
         self._tell(places.size)
         self._note(states.value, places, kind)
         tops: Floats = np.max(bench.bounds(states.rows(at[0]), states.rows(at[1])), axis=1)
-        return self._put_aside(quarters, tops,
-                               quarters[1] - quarters[0] <= _FINEST * (1 + np.max(np.abs(quarters), axis=0)))
+        return self._put_aside(quarters, tops, ~divisible(*quarters))
 
     def _note(self, value: Floats, places: Floats, kind: int) -> None:
         for side, values in enumerate(np.moveaxis(value, -1, 0)):

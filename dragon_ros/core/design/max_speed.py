@@ -27,7 +27,7 @@ grows to the front, and of a chord's two angles with an arc that turns by less t
 the larger (Vogt 1914). So only handles beyond it are followed; on a single spiral, those beyond where a link's arc
 could turn by pi.
 """
-from collections.abc import Callable, Sequence
+from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
 from math import ceil, inf, isfinite
@@ -37,7 +37,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, marched_many
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks
-from dragon_ros.core.design.motion_bounds import curvatures_between, swing_rad, turning_back_m
+from dragon_ros.core.design.motion_bounds import curvatures_between, divisible, swing_rad, turning_back_m
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between, side_by_side
@@ -53,7 +53,6 @@ _PARTS = 4              # into which an interval is cut
 _AT_ONCE = 128          # intervals
 _PASSES = 6             # in which rates narrow the angles; with fewer, long chains need shorter intervals
 _SAME = 1e-12           # speeds within this, in parts, are the same
-_FINEST = 1e-14         # of a time and of the leader's way: intervals this short are not cut
 _APART_M = 1e-9         # before the segment that winds in ends: to its end itself rounding could tell either way
 _PRECISE = Effort(1e-8)     # a Newton step whose square is below what floats keep
 _MOST = 2_000_000       # intervals of the first cut
@@ -118,7 +117,7 @@ class _Search:
                 intervals, ceil(intervals.shape[1] / _AT_ONCE), axis=1)], axis=1)
             more = tops - self._best[0]
             near = _SAME * max(1.0, (np.count_nonzero(more > _SAME) / _AT_ONCE)**2)
-            higher = (more > near) & _longer(intervals) & _longer(ways)
+            higher = (more > near) & divisible(*intervals) & divisible(*ways)
             self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
             starts, stops = intervals[:, higher]
             cuts = np.linspace(starts, stops, _PARTS + 1, axis=1)
@@ -214,12 +213,6 @@ class _Search:
         row = int(np.argmax(tops))
         if tops[row] > self._best[0]:
             self._best = float(tops[row]), float(times_s[row]), int(np.argmax(log[row] > tops[row] - _SAME))
-
-
-def _longer(ends: Sequence[Floats] | Floats) -> Array:
-    """Return of which of M intervals the ends, (M,) each, are further apart than the finest that are cut."""
-    out: Array = np.abs(ends[1] - ends[0]) > _FINEST * (1 + np.abs(ends[1]))
-    return out
 
 
 def _sure_m(track: Track, links_m: Floats) -> float:

@@ -14,12 +14,19 @@ from dragon_ros.core.chain.lock import turns
 from dragon_ros.core.numerics.ball_arithmetic import Ball, between
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.tracks.composite import Place, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
 TOLERANCE = 1e-9        # of Newton's last step: its square is below what floats keep
+_FINEST = 1e-14         # of a time or a distance: intervals this short are not cut
 _TURNS_WITHIN = 4.0     # rad: ``lock.turns`` finds all within the chord and this of the centre
+
+
+def divisible(starts: Floats, stops: Floats) -> Array:
+    """Return which intervals of time or distance between starts and stops (M,) are long enough to be cut."""
+    out: Array = np.abs(stops - starts) > _FINEST * (1 + np.maximum(np.abs(starts), np.abs(stops)))
+    return out
 
 
 def curvatures_between(track: Track, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Ball:
