@@ -13,7 +13,7 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import ticks
+from dragon_ros.core.step import tick, ticks
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders
@@ -31,6 +31,7 @@ def run(arguments: Namespace) -> int:
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
+    tick(scene, 0)      # what cannot be simulated is refused before another bag is replaced
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with _prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)

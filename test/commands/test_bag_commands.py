@@ -116,6 +116,16 @@ def test_a_bag_is_never_overwritten_by_simulate_unasked(capsys, bag):
     assert '--force' in err
 
 
+def test_a_scene_that_cannot_be_simulated_costs_no_bag_that_was_to_be_replaced(capsys, tmp_path, bag):
+    path = tmp_path / 'kept.mcap'
+    path.write_bytes(bag.read_bytes())
+    code, _, said = run(capsys, 'simulate', '--set', 'head.kind=commanded', '--set', 'run.stop_s=2', '--force',
+                        '--output', str(path))
+    assert code == 2
+    assert 'head.kind' in said
+    assert path.read_bytes() == bag.read_bytes()
+
+
 def test_simulate_that_is_interrupted_leaves_a_whole_bag(tmp_path):
     path = tmp_path / 'cut.mcap'
     child = subprocess.Popen([sys.executable, '-m', 'dragon_ros', 'simulate', '--output', path], stderr=subprocess.PIPE,
