@@ -5,8 +5,8 @@ import re
 import signal
 import sys
 import threading
-import time
 from collections.abc import Callable
+from contextlib import closing
 from functools import cache
 from pathlib import Path
 from typing import Any
@@ -14,7 +14,6 @@ from typing import Any
 import rclpy
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.exceptions import NameValidationException, ParameterException
-from rclpy.executors import SingleThreadedExecutor, TimeoutException
 from rclpy.node import Node
 from rclpy.signals import SignalHandlerOptions
 
@@ -22,8 +21,8 @@ from dragon_ros.cli.command_line import BAD_INPUT, FAILED, OK
 from dragon_ros.cli.signals import ending
 from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingError, shown
 from dragon_ros.nodes import logs
+from dragon_ros.nodes.spinner import Spinner
 
-_EMPTY_WAITS = 3
 _WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # of the name of a package or of a message type
 
 
@@ -57,27 +56,11 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
     """Serve a node's callbacks until a signal or ``until()``; then those already due, for ``rest_s`` at most."""
-    executor = SingleThreadedExecutor()
-    executor.add_node(node)
-    while not stop.is_set() and not until():
-        executor.spin_once(timeout_sec=0.1)
-    _serve_rest(executor, rest_s)
-    executor.shutdown()
+    with closing(Spinner(node)) as spinner:
+        while not stop.is_set() and not until():
+            spinner.once()
+        spinner.rest(rest_s)
     return OK
-
-
-def _serve_rest(executor: SingleThreadedExecutor, rest_s: float) -> None:
-    """Serve what is ready; an empty wait may have consumed a wake-up call, so wait again."""
-    end, empty = time.monotonic() + rest_s, 0
-    while time.monotonic() < end and empty < _EMPTY_WAITS:
-        try:
-            handler, _, _ = executor.wait_for_ready_callbacks(timeout_sec=0.0)
-        except TimeoutException:
-            empty += 1
-            continue
-        empty = 0
-        handler()
-        handler.result()
 
 
 @cache
