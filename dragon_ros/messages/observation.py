@@ -56,6 +56,30 @@ class BenchMarkers:
 
 
 @dataclass(frozen=True)
+class BenchCubes:
+    """The benches of a message of cubes: stamp, frame, poses (N, 7) as they are, sizes that have been checked."""
+
+    t_ns: int
+    frame_id: str
+    poses: Floats
+    half_length: Floats
+    half_width: Floats
+    size_bytes: int
+
+    def rectangles(self, handles_m: Floats) -> Benches:
+        """Return the benches. Raises MessageError where a pose is none."""
+        return Benches(*placed(self.poses), self.half_length, self.half_width)
+
+    def to_wait(self) -> 'BenchCubes | WaitingBenches':
+        """Return what to keep until handles arrive, as ``BenchMarkers`` does."""
+        try:
+            centre, axis = placed(self.poses)
+        except MessageError:
+            return self
+        return WaitingBenches(self.t_ns, self.frame_id, True, (centre.copy(), axis, self.half_length, self.half_width))
+
+
+@dataclass(frozen=True)
 class WaitingBenches:
     """The benches of one message without the message: the arrays of ``Benches``, or of ``_facing`` for triangles."""
 
@@ -78,7 +102,10 @@ class WaitingBenches:
         return sum(each.nbytes for each in self.arrays)
 
 
-def observation_of(poses: Poses, shown: BenchMarkers | WaitingBenches) -> Observation:
+ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
+
+
+def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
     """Return the observation from two messages of one tick. Raises MessageError, naming message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
@@ -92,10 +119,15 @@ def read_benches(data: bytes) -> BenchMarkers:
     """Return the benches of a MarkerArray, ignoring other markers in it. Raises MessageError."""
     markers = read_marker_array(data)
     order = _bench_markers(markers)
-    t_ns = int(markers.t_ns[order[0]])
+    t_ns = checked_stamp(int(markers.t_ns[order[0]]))
+    return BenchMarkers(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
+
+
+def checked_stamp(t_ns: int) -> int:
+    """Return the stamp of benches. Raises MessageError where it is none."""
     if not 0 <= t_ns < 2**31 * NS:
         raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time')
-    return BenchMarkers(t_ns, markers.runs[markers.run_of[order[0]]].frame_id, markers, order)
+    return t_ns
 
 
 def read_handles(data: bytes) -> Poses:
@@ -160,22 +192,36 @@ def _counted(benches: int, handles: int) -> None:
 
 
 def _cubes(markers: Markers, order: Ints) -> Benches:
-    poses = _finite('benches: pose', markers.poses[order])
-    scale = _finite('benches: scale', markers.scale[order])
+    return Benches(*placed(markers.poses[order]), *half_sizes(markers.scale[order]))
+
+
+def half_sizes(scale: Floats) -> tuple[Floats, Floats]:
+    """Return half lengths and half widths (N,) m of cubes with these scales (N, 3). Raises MessageError."""
+    scale = _finite('benches: scale', scale)
     if np.any(scale[:, :2] <= 0):
         raise MessageError('benches: scale: lengths and widths must be positive')
-    return Benches(poses[:, :2], _axes(poses[:, 3:]), 0.5 * scale[:, 0], 0.5 * scale[:, 1])
+    return 0.5 * scale[:, 0], 0.5 * scale[:, 1]
+
+
+def placed(poses: Floats) -> tuple[Floats, Floats]:
+    """Return centres and axes (N, 2) of cubes at these poses (N, 7). Raises MessageError."""
+    poses = _finite('benches: pose', poses)
+    return poses[:, :2], _axes(poses[:, 3:])
 
 
 def _axes(quaternion: Floats) -> Floats:
     """Return the x axis turned by quaternions (N, 4), in the plane."""
-    x, y, z, w = np.moveaxis(quaternion, -1, 0)
-    axis = np.stack((w * w + x * x - y * y - z * z, 2 * (w * z + x * y)), axis=1)
+    x, y, z, w = quaternion.T
+    axis = np.empty((len(quaternion), 2))
+    if quaternion[:, :2].any():
+        axis[:, 0], axis[:, 1] = w * w + x * x - y * y - z * z, 2 * (w * z + x * y)
+    else:
+        axis[:, 0], axis[:, 1] = w * w - z * z, 2 * (w * z)
     length = np.hypot(axis[:, 0], axis[:, 1])
-    if np.any(length < 1e-6):
+    if length.size and length.min() < 1e-6:
         raise MessageError('benches: pose: a bench stands upright or has no orientation')
-    out: Floats = axis / length[:, None]
-    return out
+    axis /= length[:, None]
+    return axis
 
 
 def _triangles(markers: Markers, marker: int, handles: int | None = None) -> tuple[Floats, Floats, Floats]:

@@ -9,14 +9,14 @@ from typing import Any, NamedTuple
 
 from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
-from dragon_ros.messages.observation import BenchMarkers, WaitingBenches
+from dragon_ros.messages.observation import BenchCubes, BenchMarkers, ShownBenches
 
 _EACH_BYTES = 4096      # of one message beside its own bytes, at most
 _LONGEST_JUMP = 1000    # messages of a publisher that may be lost one after the other
 _MOST_OTHERS = 7        # publishers besides the known one that are told apart
 _EXACT = 0.25           # steps by which a stamp may be off and still tell its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
-Pair = tuple[Poses, BenchMarkers | WaitingBenches]
+Pair = tuple[Poses, ShownBenches]
 
 
 class _Waiting(NamedTuple):
@@ -51,7 +51,7 @@ class Synchronizer:
         """Add handles that arrived at ``now_s``; return (handles, benches) once both are present."""
         return self._add(_HANDLES, poses, now_s)
 
-    def add_benches(self, shown: BenchMarkers, now_s: float) -> Pair | None:
+    def add_benches(self, shown: BenchMarkers | BenchCubes, now_s: float) -> Pair | None:
         """Add benches that arrived at ``now_s``; return (handles, benches) once both are present."""
         return self._add(_BENCHES, shown if self._stamps[_HANDLES][shown.t_ns] else shown.to_wait(), now_s)
 

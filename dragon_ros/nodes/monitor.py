@@ -12,12 +12,12 @@ from std_msgs.msg import Bool
 
 from dragon_ros.core.contact.tracker import NS, ContactTracker, Report
 from dragon_ros.core.errors import InputError
+from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
-from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
-from dragon_ros.messages.synchronizer import Synchronizer
+from dragon_ros.messages.observation import observation_of, read_handles
+from dragon_ros.messages.synchronizer import Pair, Synchronizer
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
@@ -40,7 +40,7 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._pairs, self._tracker = Synchronizer(), ContactTracker()
+        self._benches, self._pairs, self._tracker = BenchReader(), Synchronizer(), ContactTracker()
         self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
                          for name in ('handles', 'benches')}
         self._several: dict[str, list[str]] = {}
@@ -65,7 +65,7 @@ class Monitor(DragonNode):
         self._take('handles', info, lambda: read_handles(data), self._pairs.add_handles)
 
     def _on_benches(self, data: bytes, info: Any) -> None:
-        self._take('benches', info, lambda: read_benches(data), self._pairs.add_benches)
+        self._take('benches', info, lambda: self._benches.read(data), self._pairs.add_benches)
 
     def _take(self, topic: str, info: Any, read: Callable[[], Any], add: Callable[[Any, float], Any]) -> None:
         """Read a message, and examine the pair that it completes if it is of the dragon that this node stays with."""
@@ -94,7 +94,7 @@ class Monitor(DragonNode):
             other = {'handles': 'benches', 'benches': 'handles'}[topic]
             self._drop(f'{topic} at {t_ns / NS:.9f} s: no {other} arrived with that stamp')
 
-    def _observe(self, pair: tuple[Poses, BenchMarkers] | None) -> None:
+    def _observe(self, pair: Pair | None) -> None:
         self._drop_unmatched()
         if pair is None:
             return

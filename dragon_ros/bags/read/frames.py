@@ -14,6 +14,7 @@ from dragon_ros.core.flags import Effect
 from dragon_ros.core.limits import LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.decode import (
     MessageError,
     Poses,
@@ -22,7 +23,7 @@ from dragon_ros.messages.decode import (
     read_stamp_ns,
     read_string,
 )
-from dragon_ros.messages.observation import BenchMarkers, observation_of, read_benches, read_handles
+from dragon_ros.messages.observation import ShownBenches, observation_of, read_handles
 from dragon_ros.scenes.load import ABOUT, strangers_scene
 from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
 from dragon_ros.scenes.yaml import parse_document
@@ -54,7 +55,7 @@ class BagFrame:
 class _Parts:
     log_ns: int
     poses: Poses
-    shown: BenchMarkers | None = None
+    shown: ShownBenches | None = None
     velocity_m_s: Floats | None = None
 
 
@@ -189,7 +190,8 @@ class _Ticks:
         """``alone``: the bag has no benches to wait for."""
         self._alone = alone
         self._waiting: OrderedDict[int, _Parts] = OrderedDict()
-        self._early: OrderedDict[int, BenchMarkers] = OrderedDict()
+        self._early: OrderedDict[int, ShownBenches] = OrderedDict()
+        self._benches = BenchReader()
         self._speeds: tuple[int, Floats] | None = None
 
     def add(self, name: str, message: Message) -> None:
@@ -199,11 +201,11 @@ class _Ticks:
             speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
             self._waiting[poses.t_ns] = _Parts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
         elif name == 'benches':
-            self._add_benches(read_benches(message.data))
+            self._add_benches(self._benches.read(message.data))
         else:
             self._add_speeds(message.t_ns, _velocities(message.data))
 
-    def _add_benches(self, shown: BenchMarkers) -> None:
+    def _add_benches(self, shown: ShownBenches) -> None:
         if shown.t_ns in self._waiting:
             self._waiting[shown.t_ns].shown = shown
             return

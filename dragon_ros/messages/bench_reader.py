@@ -1,0 +1,74 @@
+"""Reads the benches of a run, whose messages differ in stamps and poses alone from one to the next."""
+import struct
+import sys
+
+import numpy as np
+
+from dragon_ros.core.numerics.types import Array, read_only
+from dragon_ros.messages.cdr import NS, strided
+from dragon_ros.messages.decode import MessageError
+from dragon_ros.messages.markers import CUBE
+from dragon_ros.messages.observation import BenchCubes, BenchMarkers, checked_stamp, half_sizes, read_benches
+
+_NATIVE = 1 if sys.byteorder == 'little' else 0     # second byte of the encapsulation header
+_WORD = 4
+
+
+class BenchReader:
+    """Reads the benches of successive messages; one that is like the last is compared with it and not parsed."""
+
+    def __init__(self) -> None:
+        """Start with no message."""
+        self._last: _Pattern | None = None
+
+    def read(self, data: bytes) -> BenchMarkers | BenchCubes:
+        """Return the benches of a MarkerArray, ignoring other markers in it. Raises MessageError."""
+        if self._last and self._last.fits(data):
+            return self._last.benches(data)
+        read = read_benches(data)
+        self._last = _pattern_of(read)
+        return read
+
+
+class _Pattern:
+    """What decides how a message is read, if it has only cubes, of one layout, that show the benches in order."""
+
+    def __init__(self, read: BenchMarkers) -> None:
+        """Keep all words but stamps, poses, colours and lifetimes. Raises MessageError for impossible sizes."""
+        markers = read.markers
+        (run,), at = markers.runs, markers.runs[0].layout.at
+        self._frame_id, self._size, self._count = read.frame_id, len(markers.data), run.count
+        self._half_length, self._half_width = map(read_only, half_sizes(markers.scale))
+        self._stamp, self._pose, self._stride = at['header.stamp.sec'], at['pose'], run.stride
+        self._head = bytes(markers.data[:self._stamp])
+        first, last = at['header.frame_id'], run.layout.lengths[-1]
+        self._ranges = ((first, at['pose']), (at['scale'], at['color']), (at['points'], last + _WORD))
+        self._same = [words.copy() for words in self._words(markers.data)]
+
+    def _words(self, data: bytes | bytearray) -> list[Array]:
+        """View the words that decide, by marker."""
+        return [strided(data, 'u4', start, self._stride, self._count, (end - start) // _WORD)
+                for start, end in self._ranges]
+
+    def fits(self, data: bytes) -> bool:
+        """Return whether a message is read as the one before."""
+        return len(data) == self._size and data.startswith(self._head) and not any(
+            np.not_equal(mine, its).any() for mine, its in zip(self._same, self._words(data), strict=True))
+
+    def benches(self, data: bytes) -> BenchCubes:
+        """Return the benches of a message that fits. Raises MessageError where its stamp is none."""
+        sec, nanosec = struct.unpack_from('=iI', data, self._stamp)
+        poses = strided(data, 'f8', self._pose, self._stride, self._count, 7)
+        return BenchCubes(checked_stamp(sec * NS + nanosec), self._frame_id, poses, self._half_length,
+                          self._half_width, self._size)
+
+
+def _pattern_of(read: BenchMarkers) -> _Pattern | None:
+    """Return the pattern of a message, None where the next one is better parsed."""
+    markers = read.markers
+    plain = (markers.data[1] == _NATIVE and len(markers.runs) == 1 and markers.type[0] == CUBE
+             and np.array_equal(read.order, np.arange(markers.type.size)))
+    try:
+        return _Pattern(read) if plain else None
+    except MessageError:
+        return None
