@@ -2,7 +2,6 @@
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
-from math import ceil
 
 from dragon_ros.core.chain.commanded import Commanded, HeadLaw, Walked
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
@@ -49,7 +48,7 @@ class Run:
     def tick_at(self, t_ns: int) -> int:
         """Return the number of the tick at ``t_ns``, or of the last one before it."""
         period, ticks = _period(self.rate_hz)
-        return ceil(Fraction((t_ns - self.start_ns + 1) * ticks, period)) - 1
+        return ((t_ns - self.start_ns + 1) * ticks - 1) // period
 
 
 @lru_cache(maxsize=1024)

@@ -16,7 +16,7 @@ from dragon_ros.nodes import raw_subscription
 
 _WAIT_NS = 100_000_000      # longest time until a signal is noticed
 _LOOK_S = 0.25              # longest time until events of QoS and new topics are noticed
-_AT_ONCE = 64               # most callbacks of rclpy's executor before messages and timers are served again
+_AT_ONCE = 8                # most callbacks of rclpy's executor before messages and timers are served again
 _EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up call, so wait again
 
 

@@ -102,7 +102,10 @@ class LossAccount:
             self._row(topic).shared = True
 
     def _row(self, topic: str) -> TopicCount:
-        return self.topics.setdefault(topic, TopicCount(early=[] if self._run is None else None))
+        row = self.topics.get(topic)
+        if row is None:
+            row = self.topics[topic] = TopicCount(early=[] if self._run is None else None)
+        return row
 
     def note(self, topic: str, t_ns: int, sequence: int) -> None:
         """Count a message that was logged at ``t_ns``."""

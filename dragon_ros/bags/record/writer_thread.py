@@ -8,6 +8,7 @@ from functools import partial
 from dragon_ros.bags.write.writer import MB, BagWriter
 from dragon_ros.core.errors import DragonError
 
+_AT_ONCE_BYTES = 500_000        # of messages that are worth waking the thread: a wake-up costs as much as some writes
 _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 
 
@@ -22,7 +23,8 @@ class WriterThread:
         """Start the thread."""
         self._bag, self._flush_s, self._room = bag, flush_s, int(queue_mb * MB)
         self._jobs: deque[_Job] = deque()
-        self._waiting = 0
+        self._waiting, self._enough = 0, min(_AT_ONCE_BYTES, self._room // 2)
+        self._due = False       # whether to write before it is time to flush
         self._changed = threading.Condition()
         self._closing = False
         self.error: DragonError | None = None
@@ -33,7 +35,7 @@ class WriterThread:
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
         """Queue one message; wait while the queue is full."""
-        self._put(len(data), partial(self._bag.write, topic, data, t_ns, sequence, publish_ns))
+        self._put(len(data), partial(self._bag.write, topic, data, t_ns, sequence, publish_ns), at_once=False)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
         """Queue a metadata record."""
@@ -43,14 +45,15 @@ class WriterThread:
         """Queue an attachment."""
         self._put(len(content), partial(self._bag.attach, name, media_type, content))
 
-    def _put(self, size: int, write: Callable[[], object]) -> None:
+    def _put(self, size: int, write: Callable[[], object], at_once: bool = True) -> None:
         with self._changed:
             if self._waiting > self._room:
                 self._wait()
             self._jobs.append((size, write))
             self._waiting += size
             self.fullest_bytes = max(self.fullest_bytes, self._waiting)
-            if len(self._jobs) == 1:
+            if not self._due and (at_once or self._waiting >= self._enough):
+                self._due = True
                 self._changed.notify_all()
 
     @property
@@ -75,15 +78,15 @@ class WriterThread:
         due = time.monotonic() + self._flush_s
         while not (self._closing and not self._jobs):
             with self._changed:
-                if not self._jobs and not self._closing:
-                    self._changed.wait(max(0.0, due - time.monotonic()))
-                jobs, self._jobs = self._jobs, deque()
+                self._changed.wait_for(lambda: self._due or self._closing, max(0.0, due - time.monotonic()))
+                jobs, self._jobs, self._due = self._jobs, deque(), False
             while jobs:
                 size, write = jobs.popleft()        # release each message once it is written
                 self._do(write)
                 with self._changed:
                     self._waiting -= size
-                    self._changed.notify_all()
+                    if self.waits:
+                        self._changed.notify_all()
             if time.monotonic() >= due:
                 self._do(self._bag.flush)
                 due = time.monotonic() + self._flush_s
