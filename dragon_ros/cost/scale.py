@@ -22,6 +22,7 @@ from dragon_ros.cost.stages import STAGES, stages_of
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)
+USUAL = (223, 50)        # benches and ticks per second of most runs
 _AT_S = 300.0
 _FITTED = 1000          # exponents are fitted from here on
 _LIVE_TIMES = 10        # length of a live run in timings
@@ -68,7 +69,7 @@ def measure(budget_s: float = 0.3) -> Measured:
     stages = [row for solver, size in tqdm(ways, desc='cost scale: stages', unit='size', disable=None)
               for row in _stages(solver, size, budget_s)]
     built = [build(Scene(dragon=Dragon(size))) for size in SIZES]
-    free, rates = [], []
+    free, rates = [], [run(*USUAL, round(USUAL[1] * _LIVE_TIMES * budget_s))]
     for benches in tqdm(LIVE, desc='cost scale: processes', unit='size', disable=None):
         free.append(run(benches, 0, max(20, round(_LIVE_TIMES * budget_s * 1e5 / (benches + 200)))))
         rates += highest(benches, _LIVE_TIMES * budget_s, free[-1].reached_hz)

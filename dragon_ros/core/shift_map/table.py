@@ -13,7 +13,7 @@ a place on them is first asked for, each from the track alone: a place has the s
 whatever order tiles are built.
 """
 from bisect import bisect_right
-from collections import OrderedDict
+from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -32,7 +32,7 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 _TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
 _BOUNDARIES = 1024          # between stretches, whose places are kept
-_MOST_CELLS = 256           # that a tile keeps for single states, at most 144 kB each
+_MOST_CELLS = 64            # that a shift map keeps for single states, at most 144 kB each; the oldest go first
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
 _FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, no less than its blocks
@@ -142,8 +142,11 @@ class Entrance:
         high, low, scale = middle[number].tolist()
         powers = inverse[number].tolist()
         cell = Cell(first + row, part, 1 + float(slack[number]), high, low, scale, powers, before, {})
-        if len(self._cells) >= _MOST_CELLS:
-            self._cells.clear()
+        kept = self.tile.kept
+        if len(kept) >= _MOST_CELLS:
+            entrance, oldest = kept.popleft()
+            entrance._cells.pop(oldest, None)
+        kept.append((self, number))
         self._cells[number] = cell
         return cell
 
@@ -182,6 +185,7 @@ class Tile:
     fore: Place
     rear: Place
     entrances: dict[tuple[float, int], Entrance | None]     # of leaders before its blocks, by the link and stretch
+    kept: deque[tuple[Entrance, int]]       # all cells of the shift map that are kept for single states
 
     @property
     def memory_bytes(self) -> int:
@@ -310,6 +314,7 @@ class ShiftMap:
         self._stretches = links_of_tile(links) // _STRETCH_LINKS    # of a tile
         self._stretch_m, self._before_m = _STRETCH_LINKS * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
+        self._kept: deque[tuple[Entrance, int]] = deque()
         self._last: Entrance | None = None
         self._last_before: Entrance | None = None
         self._edges: dict[tuple[int, float], Place | None] = {}
@@ -435,7 +440,10 @@ class ShiftMap:
             return self._tiles[number]
         tile = self._tiles[number] = self._built(number)
         while len(self._tiles) > 1 and (self.memory_bytes > _MOST_BYTES or len(self._tiles) > _MOST_TILES):
-            self._tiles.popitem(last=False)
+            _, gone = self._tiles.popitem(last=False)
+            stay = [one for one in self._kept if one[0].tile is not gone]
+            self._kept.clear()
+            self._kept.extend(stay)
         return tile
 
     def _built(self, number: int) -> Tile | None:
@@ -447,7 +455,7 @@ class ShiftMap:
         if self.link_m <= _SHORTEST * far_m:
             return None
         table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._series_m(fore))
-        return Tile(track, table, fore, rear, {}) if table else None
+        return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:
         """Return the track's own end, ahead (1) or behind; infinitely far where it is open."""
