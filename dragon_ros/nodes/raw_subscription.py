@@ -1,14 +1,35 @@
 """Raw subscriptions in batches: when one message wakes a node, all that have arrived on its topic are taken."""
 from collections.abc import Callable, Iterator
 from typing import Any
-from weakref import WeakKeyDictionary
 
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
 
 _AT_ONCE = 64       # most messages before timers and other topics are served
-_OF_NODE: WeakKeyDictionary[Node, list[tuple[Subscription, Callable[[], None]]]] = WeakKeyDictionary()
+
+
+class _Callback:
+    """What an executor calls with one message; a Spinner takes all by itself."""
+
+    subscription: Subscription
+
+    def __init__(self, take: Callable[[bytes, Any], None]) -> None:
+        self._take = take
+
+    def __call__(self, data: bytes, info: Any) -> None:
+        self._take(data, info)
+        self.take_all()
+
+    def take_all(self) -> None:
+        """Take the messages that have arrived."""
+        subscription = self.subscription
+        for _ in range(_AT_ONCE):
+            with subscription.handle:
+                more = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            if more is None:
+                return
+            self._take(*more)
 
 
 def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile) -> None:
@@ -16,24 +37,15 @@ def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any],
 
     A node that falls behind catches up, since waking it costs as much as taking several messages.
     """
-    def take_all() -> None:
-        for _ in range(_AT_ONCE):
-            with subscription.handle:
-                more = subscription.handle.take_message(subscription.msg_type, subscription.raw)
-            if more is None:
-                return
-            take(*more)
-
-    def callback(data: bytes, info: Any) -> None:
-        take(data, info)
-        take_all()
-    subscription = node.create_subscription(kind, name, callback, profile, raw=True)
-    _OF_NODE.setdefault(node, []).append((subscription, take_all))
+    callback = _Callback(take)
+    callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)
 
 
-def takers(node: Node) -> Iterator[tuple[Subscription, Callable[[], None]]]:
-    """Yield each raw subscription of a node and what takes the messages that have arrived for it."""
-    yield from _OF_NODE.get(node, ())
+def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:
+    """Yield the pointer of each raw subscription of a node, and what takes the messages that have arrived for it."""
+    for subscription in node.subscriptions:
+        if isinstance(subscription.callback, _Callback):
+            yield subscription.handle.pointer, subscription.callback.take_all
 
 
 def number(info: Any) -> int:

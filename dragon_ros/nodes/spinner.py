@@ -60,7 +60,7 @@ class Spinner:
     def _look(self) -> None:
         """Collect what to wait for until the next look; what is destroyed meanwhile is kept until then."""
         node = self._node
-        self._takers = {subscription.handle.pointer: take for subscription, take in raw_subscription.takers(node)}
+        self._takers = dict(raw_subscription.takers(node))
         self._timers = tuple(node.timers)
         self._subscriptions, self._services, self._clients = (
             tuple(one.handle for one in kind) for kind in (node.subscriptions, node.services, node.clients))

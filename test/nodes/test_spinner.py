@@ -1,7 +1,10 @@
 """A spinner serves what an executor of rclpy serves: messages, timers, requests, events, and what comes later."""
+import gc
 import threading
 import time
+import weakref
 from contextlib import contextmanager
+from functools import partial
 
 import pytest
 
@@ -162,5 +165,22 @@ def test_an_error_in_a_callback_ends_the_spin(domain, where):
             with pytest.raises(ZeroDivisionError, match='of the test'):
                 shell.spin(node, threading.Event())
         node.destroy_node()
+    finally:
+        rclpy.shutdown()
+
+
+def test_a_node_with_raw_subscriptions_is_freed_with_its_last_name(domain):
+    rclpy.init()
+    try:
+        node = rclpy.create_node('short')
+        raw_subscription.subscribe_raw(node, Float64, 'x', partial(print, node), QoSProfile(depth=1))
+        stop = threading.Event()
+        stop.set()
+        shell.spin(node, stop)
+        node.destroy_node()
+        gone = weakref.ref(node)
+        del node
+        gc.collect()
+        assert gone() is None
     finally:
         rclpy.shutdown()
