@@ -2,6 +2,7 @@
 from collections.abc import Callable, Iterator
 from typing import Any
 
+from rclpy.exceptions import InvalidHandle
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 from rclpy.subscription import Subscription
@@ -22,11 +23,14 @@ class _Callback:
         self.take_all()
 
     def take_all(self) -> None:
-        """Take the messages that have arrived."""
+        """Take the messages that have arrived, unless the subscription was destroyed meanwhile."""
         subscription = self.subscription
         for _ in range(_AT_ONCE):
-            with subscription.handle:
-                more = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            try:
+                with subscription.handle:
+                    more = subscription.handle.take_message(subscription.msg_type, subscription.raw)
+            except InvalidHandle:
+                return
             if more is None:
                 return
             self._take(*more)

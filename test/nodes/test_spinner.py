@@ -105,6 +105,22 @@ def test_what_is_added_and_removed_while_it_spins_is_noticed(served):
         assert len(ticks) == seen
 
 
+def test_a_raw_subscription_that_its_own_callback_destroys_takes_no_more(served):
+    node, until = served
+    got = []
+
+    def take(data, info):
+        got.append(data)
+        node.destroy_subscription(next(one for one in node.subscriptions if one.topic_name == '/once'))
+    raw_subscription.subscribe_raw(node, Float64, 'once', take, QoSProfile(depth=10))
+    publisher = node.create_publisher(Float64, 'once', 10)
+    until(publisher.get_subscription_count)
+    for value in range(5):
+        publisher.publish(Float64(data=float(value)))
+    until(lambda: got and not publisher.get_subscription_count())
+    assert len(got) == 1
+
+
 def test_a_clock_that_comes_and_goes_with_a_parameter_is_followed(served):
     node, until = served
     clock = node.create_publisher(ClockMessage, '/clock', 10)
