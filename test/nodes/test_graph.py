@@ -402,3 +402,11 @@ def test_nodes_of_the_script_bind_this_host_alone_unless_told_otherwise(domain):
                                  (('python',), {'ROS_STATIC_PEERS': '127.0.0.1'}),
                                  (('python',), {'ROS_DISCOVERY_SERVER': '127.0.0.1:11811'})):
         assert by_script(*arguments, '-c', shown, **variables).strip() == ''
+
+
+@pytest.mark.skipif(not (ROOT / '.venv/requirements.installed').exists(), reason='./dragon is not set up here')
+def test_the_script_keeps_bytecode_although_the_shell_wants_none_beside_sources():
+    shown = 'import sys; print(sys.dont_write_bytecode, sys.pycache_prefix)'
+    assert by_script('python', '-c', shown) == 'False None\n'
+    kept = f'False {ROOT.resolve()}/.venv/cache/bytecode\n'
+    assert by_script('python', '-c', shown, PYTHONDONTWRITEBYTECODE='1') == kept
