@@ -132,7 +132,7 @@ def _record(arguments: argparse.Namespace, stop: threading.Event) -> int:
     path = arguments.output or Path(f'dragon_{datetime.now().astimezone():%Y%m%d_%H%M%S}.mcap')
     bag = BagWriter(path, arguments.force, BagOptions(
         arguments.compression, arguments.split_size_mb, arguments.split_duration_s, arguments.max_size_mb,
-        arguments.fsync))
+        arguments.fsync), threaded=False)        # the recorder has a thread for it
     return run(bag, arguments.keep_going, flush_s, queue_mb, arguments.trust, stop)
 
 

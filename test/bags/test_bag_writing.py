@@ -184,12 +184,24 @@ def test_what_was_flushed_can_be_read_by_the_librarys_stream_reader_before_the_e
         assert streamed(tmp_path / 'a.mcap') == [data for *_, data in written]
 
 
+def test_a_bag_has_the_same_bytes_with_a_thread_for_its_chunks_and_without(tmp_path):
+    for name, threaded in (('a.mcap', True), ('b.mcap', False)):
+        with BagWriter(tmp_path / name, threaded=threaded) as bag:
+            fill(bag)
+            bag.flush()
+            fill(bag)
+    assert (tmp_path / 'a.mcap').read_bytes() == (tmp_path / 'b.mcap').read_bytes()
+    with (tmp_path / 'a.mcap').open('rb') as file:
+        assert len(make_reader(file).get_summary().chunk_indexes) > 3
+
+
 # With the index, three ticks of raw messages take 240 kB.
 @pytest.mark.parametrize('size', [*range(90_000, 300_000, 14_003)])
 @pytest.mark.parametrize('compression', ['none', 'zstd'])
-def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compression):
+@pytest.mark.parametrize('threaded', [True, False])
+def test_a_full_disk_leaves_a_valid_file_with_what_fitted(tmp_path, size, compression, threaded):
     with small_disk(size):
-        bag = BagWriter(tmp_path / 'a.mcap', options=BagOptions(compression=compression))
+        bag = BagWriter(tmp_path / 'a.mcap', options=BagOptions(compression=compression), threaded=threaded)
         written, errors = [], []
         try:
             for k in range(26):
@@ -241,9 +253,22 @@ def test_a_bag_never_becomes_larger_than_its_limit(tmp_path, where, limit):
     assert sum(len(read(path)) for path in paths if path.suffix == '.mcap') == bag.kept > 0
 
 
+def test_without_a_thread_a_chunk_that_is_lost_is_known_at_once(tmp_path):
+    with small_disk(100_000):
+        bag = BagWriter(tmp_path / 'a.mcap', options=BagOptions('none'), threaded=False)
+        bag.add_channel('/x', channels()['clearance'])
+        bag.write('/x', b'kept', 0, 0)
+        bag.flush()
+        with pytest.raises(DiskError, match='File too large'):
+            bag.write('/x', bytes(CHUNK_BYTES), 1, 1)
+        bag.close()
+    assert read(tmp_path / 'a.mcap') == [('/x', 0, b'kept')]
+
+
 @pytest.mark.parametrize('remove', [True, False])
-def test_a_bag_that_vanishes_is_noticed(tmp_path, remove):
-    bag = BagWriter(tmp_path / 'a.mcap')
+@pytest.mark.parametrize('threaded', [True, False])
+def test_a_bag_that_vanishes_is_noticed(tmp_path, remove, threaded):
+    bag = BagWriter(tmp_path / 'a.mcap', threaded=threaded)
     fill(bag, [0])
     bag.flush()
     if remove:

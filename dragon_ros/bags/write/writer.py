@@ -80,9 +80,13 @@ class _Extras:
 class BagWriter:
     """Writes messages unchanged. Close it (or use ``with``): a bag that is not closed has no index."""
 
-    def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None) -> None:
-        """Create the bag. Raises MissingError where it cannot be written or would overwrite another."""
-        self.path, self.options = path, options or BagOptions()
+    def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None,
+                 threaded: bool = True) -> None:
+        """Create the bag. Raises MissingError where it cannot be written or would overwrite another.
+
+        ``threaded``: chunks are compressed and written on a thread, while the caller goes on.
+        """
+        self.path, self.options, self._threaded = path, options or BagOptions(), threaded
         self._overwrite, self._single = overwrite, path.suffix == '.mcap'
         if self._single and self.options.splits:
             raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
@@ -151,7 +155,7 @@ class BagWriter:
         path = self.path
         if not self._single:
             path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
-        file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync)
+        file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync, self._threaded)
         for name, values in self._extras.metadata:
             file.add_metadata(name, values)
         for attachment in self._extras.attachments:
