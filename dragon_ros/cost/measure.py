@@ -2,7 +2,7 @@
 import platform
 import sys
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import PackageNotFoundError, version
@@ -41,6 +41,28 @@ def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, mos
         start = time.perf_counter()
         call()
         spent.append(time.perf_counter() - start)
+    return _timing(spent)
+
+
+def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, least: int = 5, most: int = 200
+                  ) -> list[Timing]:
+    """Time several calls, one after the other and again: what else the machine does meanwhile slows all alike.
+
+    Each is called twice in a row and timed the second time: by then the caches have what the others displaced.
+    """
+    spent: list[list[float]] = [[] for _ in calls]
+    end_s, rounds = time.perf_counter() + budget_s * len(calls), 0
+    while calls and (rounds < least or (time.perf_counter() < end_s and rounds < most)):
+        rounds += 1
+        for mine, call in zip(spent, calls, strict=True):
+            call()
+            start = time.perf_counter()
+            call()
+            mine.append(time.perf_counter() - start)
+    return [_timing(mine) for mine in spent]
+
+
+def _timing(spent: Sequence[float]) -> Timing:
     low, _, high = quantiles(spent, n=4)
     return Timing(median(spent), low, high, len(spent))
 

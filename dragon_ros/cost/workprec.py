@@ -20,7 +20,7 @@ from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.baselines import SOLVERS, euler_steps
 from dragon_ros.cost.dances import dances
-from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
 from dragon_ros.cost.problems import Problem, problems
 from dragon_ros.cost.reference import truth
 
@@ -32,6 +32,7 @@ _LABELS = {'plain Newton 1e-3 rad': ('right', -7, -3), 'fine, marched': ('left',
            'plain Newton 1e-6 rad': ('right', -7, -3), 'plain Newton 1e-4 rad': ('left', 7, -3),
            'preview': ('left', 0, -13), 'paper': ('right', -9, -3),
            'exact, 301 at once': ('center', 0, 9), 'exact, 1,000 at once': ('center', 0, -13)}
+Way = tuple[str, str]   # tier and solver
 _WRONG_M = 0.01         # error from which a solver without a promise is marked
 
 
@@ -63,7 +64,7 @@ class Row:
 def measure(budget_s: float = 0.3) -> list[Row]:
     """Measure everything; progress goes to standard error."""
     jobs = list(_jobs(budget_s))
-    return [job() for job in tqdm(jobs, desc='cost accuracy', unit='row', disable=None)]
+    return [row for job in tqdm(jobs, desc='cost accuracy', unit='job', disable=None) for row in job()]
 
 
 def _hard() -> tuple[Problem, ...]:
@@ -71,37 +72,69 @@ def _hard() -> tuple[Problem, ...]:
     return (*problems(), *dances())
 
 
-def _jobs(budget_s: float) -> Iterator[Callable[[], Row]]:
+def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
     for problem in _hard():
-        for tier in TIERS:
-            if tier != 'paper' or problem.name == 'classic':
-                yield partial(_tier_row, problem, tier, 'table', budget_s)
-            if tier != 'paper' and compile_scene(problem.scene).model.placement.maps:
-                yield partial(_tier_row, problem, tier, 'march', budget_s)
+        yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
         if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others know no other track
             for name in SOLVERS:
-                yield partial(_baseline_row, problem, name, budget_s)
+                yield partial(_baseline, problem, name, budget_s)
         if problem.name == 'classic':
-            yield partial(_batch_row, problem, 301, budget_s)
-            yield partial(_batch_row, problem, 1000, budget_s)
+            yield partial(_batch, problem, 301, budget_s)
+            yield partial(_batch, problem, 1000, budget_s)
             for step_s in _EULER_S:
-                yield partial(_euler_row, problem, step_s)
+                yield partial(_euler, problem, step_s)
+
+
+def _ways(problem: Problem) -> Iterator[Way]:
+    """Yield each tier by the default solver, and by the march where the default is the table."""
+    for tier in TIERS:
+        if tier != 'paper' or problem.name == 'classic':
+            yield tier, 'table'
+        if tier != 'paper' and compile_scene(problem.scene).model.placement.maps:
+            yield tier, 'march'
 
 
 def _is_one_spiral(scene: Scene) -> bool:
     return isinstance(scene.track, Spiral) and scene.head.lead == 'head'
 
 
-def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
-    """A tier by the default solver, or by the march where the default is the table."""
+def _tiers(problem: Problem, ways: Sequence[Way], budget_s: float) -> list[Row]:
+    """Return a row for each way; they are timed in turn, since their times are compared with each other."""
+    rows = [_tier(problem, *way) for way in ways]
+    scenes = [(replace(problem.scene, accuracy=tier, solver=solver), _times_s(problem, tier))
+              for (tier, solver), row in zip(ways, rows, strict=True) if np.isfinite(row.error_m)]
+    calls = [partial(_place, *scene, velocities) for scene in scenes for velocities in (False, True)]
+    spent = iter(timed_in_turn(calls, budget_s, 3))
+    per_tick = iter([(next(spent).shared_by(len(times_s)), next(spent).shared_by(len(times_s)))
+                     for _, times_s in scenes])
+    return [_with(row, *next(per_tick)) if np.isfinite(row.error_m) else row for row in rows]
+
+
+def _with(row: Row, alone: Timing, both: Timing) -> Row:
+    return replace(row, timing=alone, with_velocities=both)
+
+
+def _times_s(problem: Problem, tier: str) -> list[float]:
+    return [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
+
+
+def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
+    """Place the handles at all times of a problem."""
+    for t_s in times_s:
+        chain = state(scene, t_s)
+        if velocities:
+            velocity_of(scene, chain, t_s)
+
+
+def _tier(problem: Problem, tier: str, solver: str) -> Row:
+    """Return the errors of a tier by the default solver, or by the march where the default is the table."""
     name = tier if solver == 'table' else f'{tier}{_MARCHED}'
     try:
         scene = replace(problem.scene, accuracy=tier, solver=solver)
         compiled = compile_scene(scene)
     except FieldError:
         return Row(problem.name, name, np.inf, None, None, 'refused: double precision cannot keep it')
-    times = [t_s for t_s in problem.times_s if tier != 'paper' or t_s == round(t_s)]
-    error, worst = 0.0, 1.0
+    times, error, worst = _times_s(problem, tier), 0.0, 1.0
     for number, t_s in enumerate(problem.times_s):
         if t_s in times:
             chain = state(scene, t_s)
@@ -109,12 +142,10 @@ def _tier_row(problem: Problem, tier: str, solver: str, budget_s: float) -> Row:
             worst = max(worst, conditioning(chain))
     note = ', '.join([chain.solver] + [f'conditioning {worst:.1e}'] * (worst > 2))
     promise = None if compiled.tier is PAPER else position_promise_m(compiled.tier, compiled.size_m, worst)
-    both = _timed_all(lambda t_s: velocity_of(scene, state(scene, t_s), t_s), times, budget_s)
-    alone = _timed_all(lambda t_s: state(scene, t_s), times, budget_s)
-    return Row(problem.name, name, error, promise, alone, note, both)
+    return Row(problem.name, name, error, promise, None, note)
 
 
-def _batch_row(problem: Problem, ticks: int, budget_s: float) -> Row:
+def _batch(problem: Problem, ticks: int, budget_s: float) -> list[Row]:
     """The exact tier for a whole table, from 0 to 300 s, in one call."""
     scene, table_s = problem.scene, np.linspace(0, 300, ticks).tolist()
     chains = states(scene, problem.times_s)
@@ -123,7 +154,7 @@ def _batch_row(problem: Problem, ticks: int, budget_s: float) -> Row:
     both = timed(lambda: velocity_of(scene, states(scene, table_s), table_s), budget_s).shared_by(ticks)
     handle_ns = both.median_s * 1e9 / (scene.dragon.benches + 1)
     note = f'{ticks:,} ticks in one call; {handle_ns:.1f} ns per handle with velocities'
-    return Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both)
+    return [Row(problem.name, f'exact, {ticks:,} at once', error, compile_scene(scene).promise_m, alone, note, both)]
 
 
 def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_s: float) -> Timing:
@@ -135,7 +166,7 @@ def _timed_all(solve: Callable[[float], object], times: Sequence[float], budget_
     return timing.shared_by(len(times))
 
 
-def _baseline_row(problem: Problem, name: str, budget_s: float) -> Row:
+def _baseline(problem: Problem, name: str, budget_s: float) -> list[Row]:
     solve, error = SOLVERS[name], 0.0
     try:
         with np.errstate(all='ignore'):
@@ -144,11 +175,11 @@ def _baseline_row(problem: Problem, name: str, budget_s: float) -> Row:
                 error = max(error, float(np.max(truth(problem).distance(number, p))))
             timing = _timed_all(lambda t_s: solve(problem.scene, t_s), problem.times_s, budget_s)
     except (ValueError, ArithmeticError, ModelEnd, RuntimeWarning) as trouble:
-        return Row(problem.name, name, np.inf, None, None, type(trouble).__name__)
-    return Row(problem.name, name, error if np.isfinite(error) else np.inf, None, timing)
+        return [Row(problem.name, name, np.inf, None, None, type(trouble).__name__)]
+    return [Row(problem.name, name, error if np.isfinite(error) else np.inf, None, timing)]
 
 
-def _euler_row(problem: Problem, step_s: float) -> Row:
+def _euler(problem: Problem, step_s: float) -> list[Row]:
     """Integrate all handles from 0 s; a tick is one second of it."""
     scene = problem.scene
     chain, advance = euler_steps(scene, step_s)
@@ -165,7 +196,7 @@ def _euler_row(problem: Problem, step_s: float) -> Row:
         error = max(error, float(np.max(truth(problem).distance(number, p))))
     per = _TICK_S / step_s
     scaled = Timing(per * timing.median_s, per * timing.low_s, per * timing.high_s, timing.calls)
-    return Row(problem.name, f'Euler {step_s:g} s', error, None, scaled, 'a tick is 1 s', scaled)
+    return [Row(problem.name, f'Euler {step_s:g} s', error, None, scaled, 'a tick is 1 s', scaled)]
 
 
 def _us(seconds: float) -> str:
