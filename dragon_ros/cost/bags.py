@@ -130,7 +130,7 @@ def picture(rows: list[Written]) -> Figure:
                       textcoords='offset points', fontsize=8)
     axes.set(xlabel='size of the bag (% of its messages)', ylabel='throughput (MB/s of messages)', xlim=(0, 140),
              title=f'Writing bags of {_SCENE.dragon.benches} benches')
-    axes.set_ylim(bottom=0)
+    axes.set_ylim(0, 1.1 * max(row.mb_s for row in rows))
     axes.grid(True, linewidth=0.4)
     figure.supxlabel(circumstances(), fontsize=7)
     return figure

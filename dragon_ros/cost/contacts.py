@@ -153,17 +153,18 @@ def picture(rows: Measured) -> Figure:
 
 def _search_panel(axes: Axes, rows: Measured) -> None:
     shift = {_OWN: -16, _OWN + _WIDER: -30, 'every 1 s, then halve to 1e-12 s': 10}     # clear of others
+    longest_s = max(row.spent_s for row in rows.searches)
     for row in rows.searches:
         own, wrong = row.solver.startswith(_OWN), row.verdict == 'WRONG'
         colour = '#0072B2' if own else '#D55E00' if wrong else '#E69F00'
         error = max(abs(row.late_s), _KNOWN_S)
         axes.loglog(row.spent_s, error, 'o' if own else 's', markersize=9 if own else 7, color=colour)
         axes.annotate(f'{row.solver}{" (wrong)" if wrong else ""}: {row.states:,} states', (row.spent_s, error),
-                      xytext=(8, shift.get(row.solver, 4)), textcoords='offset points', fontsize=8)
-    axes.set(xlabel='time of the search (s)', ylabel='error of the reported contact time (s)', ylim=(3e-14, 30),
+                      xytext=(-8 if row.spent_s == longest_s else 8, shift.get(row.solver, 4)),
+                      ha='right' if row.spent_s == longest_s else 'left', textcoords='offset points', fontsize=8)
+    axes.set(xlabel='time of the search (s)', ylabel='error of the reported contact time (s)', ylim=(3e-15, 30),
              title='First contact of the classic run, searched from 0 s')
-    spent = [row.spent_s for row in rows.searches]
-    axes.set_xlim(0.5 * min(spent), 150 * max(spent))
+    axes.set_xlim(0.5 * min(row.spent_s for row in rows.searches), 15 * longest_s)
     axes.axhline(_KNOWN_S, color='black', linewidth=0.6, linestyle=':')
-    axes.annotate('t* is known to this', (120 * max(spent), _KNOWN_S), xytext=(0, 3), textcoords='offset points',
+    axes.annotate('t* is known to this', (12 * longest_s, _KNOWN_S), xytext=(0, 3), textcoords='offset points',
                   fontsize=7, ha='right')
