@@ -4,11 +4,11 @@ import random
 import socket
 from collections.abc import Sequence
 
-_PORTS = 7400, 250, 10      # DDS-RTPS 9.6.1: base, gain of a domain, first unicast port
+_PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first one, and how many a domain has
 
 
 def free_domain(among: Sequence[int] = range(1, 102)) -> int:
-    """Return a domain in which no participant of this host has its first port."""
+    """Return a domain of which no participant of this host has a port; any, where there is none."""
     domains = random.SystemRandom().sample(among, len(among))
     return next((domain for domain in domains if _is_free(domain)), domains[0])
 
@@ -19,10 +19,15 @@ def local_environment(domain: int) -> dict[str, str]:
 
 
 def _is_free(domain: int) -> bool:
-    base, gain, unicast = _PORTS
+    """Return whether nobody has a port of a domain; the participant that came first may have left before others."""
+    base, count = _PORTS
+    return all(map(_can_be_bound, range(base + count * domain, base + count * (domain + 1))))
+
+
+def _can_be_bound(port: int) -> bool:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
         try:
-            probe.bind(('', base + gain * domain + unicast))
+            probe.bind(('', port))
         except OSError:
             return False
     return True
