@@ -27,7 +27,7 @@ def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust:
     if scene is None:
         return {'source': None, 't_s': None}
     try:
-        found = _searched(scene, trust)
+        found = searched(scene, trust)
     except InputError as error:
         return {'source': 'scene', 't_s': None, 'unsearched': str(error)}
     if not isinstance(found, Contact):
@@ -36,7 +36,7 @@ def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust:
             'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
 
 
-def _searched(scene: Scene, trust: bool) -> Contact | NoContact:
+def searched(scene: Scene, trust: bool) -> Contact | NoContact:
     """Return the first contact of a scene. Raises InputError where that takes more than the budgets."""
     benches, states = scene.dragon.benches, 0
     if benches > SEARCHED_BENCHES and not trust:

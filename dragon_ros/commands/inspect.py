@@ -9,12 +9,20 @@ from typing import TYPE_CHECKING, Any
 
 from dragon_ros.bags.check.examine import Contents, examine, gaps_of
 from dragon_ros.bags.read.folder import files_of
-from dragon_ros.bags.read.frames import frame_of_bag, log_times_are_ticks, namespace_of, scene_of_bag, walked_scene
+from dragon_ros.bags.read.frames import (
+    ends_in_contact,
+    frame_of_bag,
+    log_times_are_ticks,
+    namespace_of,
+    scene_of_bag,
+    walked_scene,
+)
 from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in
+from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in, searched
+from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
@@ -110,9 +118,12 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
         if scene is None:
             raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
                            'topic scene); it cannot be recomputed')
-        ticks = compile_scene(scene).last_tick + 1
-        with Progress('check', 'ticks', ticks) as bar:
-            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id)
+        contact = None
+        if ends_in_contact(bag, namespace) and not scene.is_led:
+            contact = searched(scene, arguments.trust)
+        with Progress('check', 'ticks', compile_scene(scene).last_tick + 1) as bar:
+            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id,
+                                       contact.t_s if isinstance(contact, Contact) else None)
     code = command_line.FAILED if found.fault_count else command_line.OK
     return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
 

@@ -130,6 +130,18 @@ def frame_of(scene: Scene, k: int | None, t_ns: int, chain: Chain) -> Frame:
     return _filled(compile_scene(scene), k, t_ns, chain, axes_of(chain))
 
 
+def contact_frame(scene: Scene, t_s: float) -> Frame:
+    """Return the frame at exactly the time of a contact, at the exact tier; its stamp is rounded to a nanosecond."""
+    exact = replace(scene, accuracy='exact')
+    return frame_of(exact, None, round(t_s * NS), state(exact, t_s))
+
+
+def ticks_before(scene: Scene, t_s: float) -> int:
+    """Return the number of ticks before the stamp of a contact: a run that ends there goes on to its frame."""
+    t_ns = round(t_s * NS)
+    return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0
+
+
 def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
     """Return the frame of tick k of a led dragon, whose leader has walked by this law up to there."""
     led = Simulation(replace(simulation.scene, head=law), simulation.model)

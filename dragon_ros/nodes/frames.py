@@ -1,12 +1,10 @@
 """The frames of a run in order, with a current position: its ticks, then the contact's frame where it ends there."""
-from dataclasses import replace
-
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import frame_of, state, tick
+from dragon_ros.core.step import contact_frame, tick, ticks_before
 
 
 class Frames:
@@ -15,9 +13,9 @@ class Frames:
     def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
         """Start before the first frame."""
         self._scene, self._contact = scene, contact
-        self._last = contact_frame(scene, contact) if contact else None
+        self._last = contact_frame(scene, contact.t_s) if contact else None
         ticks = compile_scene(scene).last_tick + 1
-        self._ticks = min(ticks, ticks_before(scene, contact)) if contact else ticks
+        self._ticks = min(ticks, ticks_before(scene, contact.t_s)) if contact else ticks
         self.count = self._ticks + (contact is not None)
         self.k = 0
         self._ahead: tuple[int, Frame] | None = None
@@ -76,15 +74,3 @@ class Frames:
 
     def _time_ns(self, k: int) -> int:
         return self._last.t_ns if self._last and k == self._ticks else self._scene.run.time_ns(k)
-
-
-def contact_frame(scene: Scene, contact: Contact) -> Frame:
-    """Return the frame at exactly the time of contact, at the exact tier; its stamp is rounded to a nanosecond."""
-    exact = replace(scene, accuracy='exact')
-    return frame_of(exact, None, round(contact.t_s * NS), state(exact, contact.t_s))
-
-
-def ticks_before(scene: Scene, contact: Contact) -> int:
-    """Return the number of ticks before the stamp of the contact."""
-    t_ns = round(contact.t_s * NS)
-    return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

@@ -123,6 +123,20 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
     assert info['message_count'] == 3 * 26 + 2      # and track and scene
 
 
+@pytest.mark.parametrize('on_contact', ['stop', 'hold'])
+def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(start, tmp_path, capsys, on_contact):
+    record = start('record', '--output', tmp_path / 'a.mcap')
+    publisher = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412.3', '--ros-args', '-p', READERS,
+                      '-p', f'on_contact:={on_contact}', '-p', 'time_scale:=0.0')
+    if on_contact == 'hold':
+        publisher.wait_for('holding until a signal')
+        assert publisher.stop() == 0, publisher.text
+    assert publisher.end() == 0, publisher.text
+    assert record.end() == 0, record.text
+    assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0
+    assert f'{3 * 10} messages are bit for bit those of the model, 0 are not' in capsys.readouterr().out
+
+
 @pytest.mark.parametrize('how', ['full', 'limit', 'gone'])
 def test_a_disk_that_fails_stops_the_recording_and_nothing_else(start, tmp_path, how):
     (tmp_path / 'bags').mkdir()

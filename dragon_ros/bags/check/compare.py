@@ -20,7 +20,7 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import led_tick, tick
+from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
 from dragon_ros.messages.channels import channel_of, channels
 from dragon_ros.messages.decode import (
@@ -99,16 +99,27 @@ class Comparison:
 
 
 def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
-                       progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon') -> Comparison:
-    """Recompute every tick of the scene's run and compare each topic's message with the bag's."""
+                       progress: Callable[[int], object] = lambda k: None, frame_id: str = 'dragon',
+                       contact_s: float | None = None) -> Comparison:
+    """Recompute every tick of the scene's run and compare each topic's message with the bag's.
+
+    A run that ends in a contact has the ticks before ``contact_s``, and then the frame at exactly that time.
+    """
     made_by = bag.metadata(RECORD).get('about.dragon_ros')
     encode, result = encoders(scene, frame_id), Comparison(None if made_by in (None, __version__) else made_by)
     instants = _instants(bag, namespace, encode)
     if scene.is_led:
         _compare_led(result, scene, encode, _whole(instants, bag, namespace), progress)
         return result
-    ticks, k = compile_scene(scene).last_tick + 1, 0
+    ticks, k, last = compile_scene(scene).last_tick + 1, 0, None
+    if contact_s is not None:
+        ticks, last = min(ticks, ticks_before(scene, contact_s)), contact_frame(scene, contact_s)
     for t_ns, recorded in instants:
+        if last and t_ns == last.t_ns:
+            k = _missing(result, encode, k, ticks)
+            _compare_tick(result, scene, encode, k, last, recorded)
+            k += 1
+            continue
         here = scene.run.tick_at(t_ns)
         is_tick = 0 <= here < ticks and scene.run.time_ns(here) == t_ns
         k = _missing(result, encode, k, min(here if is_tick else here + 1, ticks))
@@ -116,10 +127,10 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
             for name, found in recorded.items():
                 result.stray(name, t_ns, len(found))
             continue
-        _compare_tick(result, scene, encode, tick(scene, here), recorded)
+        _compare_tick(result, scene, encode, here, tick(scene, here), recorded)
         progress(here)
         k = here + 1
-    _missing(result, encode, k, ticks)
+    _missing(result, encode, k, ticks + (last is not None))
     return result
 
 
@@ -136,7 +147,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
             result.note('leader', k, 'is not there once: what was walked from there on is unknown')
             return
         law = law_on(scene, law, t_ns, speed_m_s)
-        _compare_tick(result, scene, encode, led_tick(compile_scene(scene), law, k), recorded)
+        _compare_tick(result, scene, encode, k, led_tick(compile_scene(scene), law, k), recorded)
         progress(k)
 
 
@@ -161,10 +172,11 @@ def _whole(instants: Iterable[_Instant], bag: BagReader, namespace: str) -> Iter
             waiting.clear()
 
 
-def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], frame: Frame,
+def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
                   recorded: Mapping[str, list[bytes]]) -> None:
+    """Compare the messages of a frame, which is the k-th of its run."""
     for name in encode:
-        _compare(result, name, frame, encode[name](frame), recorded.get(name, []), scene)
+        _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
 
 
 def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[_Instant]:
@@ -207,10 +219,9 @@ def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int
     return stop
 
 
-def _compare(result: Comparison, name: str, frame: Frame, wanted: bytes, found: list[bytes], scene: Scene) -> None:
+def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes, found: list[bytes],
+             scene: Scene) -> None:
     """Compare one topic's messages of one tick and count the result."""
-    k = frame.k
-    assert k is not None
     if found == [wanted]:
         result.equal += 1
     elif not found:

@@ -3,6 +3,7 @@ from collections import OrderedDict
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -88,10 +89,20 @@ def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = Fal
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
     """Return the frame of the messages in a bag, as its scene says; the default where it says none."""
+    return str(_about(bag, namespace).get('frame_id', FRAME_ID))
+
+
+def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
+    """Return whether the run in a bag was to end in its first contact, as its scene says."""
+    return _about(bag, namespace).get('on_contact') in ('hold', 'stop')
+
+
+def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
+    """Return what the scene file in a bag says about its run; nothing where it is too long to be read."""
     text = _scene_text(bag, namespace)
     if text is None or len(text) > SCENE_CHARACTERS:
-        return FRAME_ID
-    return str(parse_document(f'{bag.path}: scene', text).section(ABOUT).get('frame_id', FRAME_ID))
+        return {}
+    return parse_document(f'{bag.path}: scene', text).section(ABOUT)
 
 
 def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
