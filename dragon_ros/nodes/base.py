@@ -7,7 +7,7 @@ from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValu
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.errors import DragonError, InputError, did_you_mean
 from dragon_ros.nodes import logs
 from dragon_ros.nodes.params import Parameter
 
@@ -59,6 +59,7 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
 NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 _NO_CLOCK_S = 3.0
+_OF_ROS = 'qos_overrides.'      # what ROS 2 itself asks for, where a node lets it
 
 
 class DragonNode(Node):
@@ -71,7 +72,8 @@ class DragonNode(Node):
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
 
-        ``overrides`` take precedence over the command line; lists are appended to what that gives.
+        ``overrides`` take precedence over the command line; lists are appended to what that gives. Raises InputError
+        for what is no value of a parameter, or a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
@@ -80,6 +82,7 @@ class DragonNode(Node):
             self._append(key, value)
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter) for parameter in table}
+        self._check_names()
         self.add_pre_set_parameters_callback(self._widen)
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
@@ -89,6 +92,17 @@ class DragonNode(Node):
     def get_logger(self) -> logs.Logger:
         """Return the logger of the node, which can also write JSON."""
         return logs.logger(super().get_logger().name)
+
+    def _check_names(self) -> None:
+        """Raise InputError for a name that looks misspelt; warn of others, since a file may be for several nodes."""
+        for name in self._parameter_overrides:
+            if self.has_parameter(name) or name.startswith(_OF_ROS):
+                continue
+            unknown = f'parameter {name}: {self.get_name()} has none of that name'
+            if meant := did_you_mean(name, self._table, ''):
+                raise InputError(f'{unknown}; {meant} What is for another node belongs below its name, not below /**')
+            known = f'it has {", ".join(self._table)}' if self._table else 'it has none of its own'
+            self.get_logger().warning(f'{unknown}, it is ignored; {known}')
 
     def _append(self, name: str, value: list[Any]) -> None:
         """Append to a list that the command line gives as a parameter; one of another type is refused as it is."""

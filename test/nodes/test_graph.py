@@ -214,6 +214,8 @@ def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_ot
     (['sim', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['sim', '--sceen', 'x'], '--sceen'),
     (['sim', '--ros-args', '-p', 'on_contact:=halt'], "'halt' is not one of continue, hold, stop"),
+    (['sim', '--ros-args', '-p', 'rate_hx:=5.0'], 'rate_hx: sim has none of that name; did you mean rate_hz?'),
+    (['monitor', '--ros-args', '-p', 'warn_below:=0.1'], 'did you mean warn_below_m?'),
     (['monitor', '--ros-args', '-p', 'warn_below_m:=-1.0'], 'warn_below_m'),
     (['monitor', '--ros-args', '-p', 'warn_below_m:=.nan'], 'warn_below_m'),
     (['sim', '--ros-args', '-p', 'time_scale'], 'time_scale'),
@@ -227,6 +229,19 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
     assert process.end() == 2, process.text
     assert says in process.text
     assert 'Traceback' not in process.text
+
+
+def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
+    (tmp_path / 'all.yaml').write_text('/**:\n  ros__parameters: {robot: sea, use_sim_time: false, rate_hz: 20.0}\n')
+    arguments = '--ros-args', '--params-file', str(tmp_path / 'all.yaml')
+    sim = start('sim', '--set', 'run.stop_s=0.1', *arguments)
+    record = start('record', '--output', tmp_path / 'a.mcap', *arguments)
+    assert sim.end() == 0, sim.text
+    assert 'parameter robot: sim has none of that name, it is ignored; it has scene, ' in sim.text
+    assert 'tick 0 of 3' in sim.text
+    assert 'use_sim_time' not in sim.text
+    record.wait_for('parameter rate_hz: record has none of that name, it is ignored; it has none of its own')
+    record.stop()
 
 
 @pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
