@@ -72,8 +72,8 @@ def test_a_search_in_a_strangers_scene_ends_at_its_budget_unless_it_is_trusted(m
     scene = Scene(dragon=Dragon(5), run=Run(380, 400))
     monkeypatch.setattr(contacts_in_bag, 'SEARCH_WORK', 20)
     with pytest.raises(InputError, match='of 5 benches; give --trust'):
-        contacts_in_bag._searched(scene, False)
-    assert contacts_in_bag._searched(scene, True).certificate.complete
+        contacts_in_bag.searched(scene, False)
+    assert contacts_in_bag.searched(scene, True).certificate.complete
     monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 4)
     with pytest.raises(InputError, match='has 5 benches and is not searched beyond 4'):
-        contacts_in_bag._searched(scene, False)
+        contacts_in_bag.searched(scene, False)
