@@ -12,7 +12,7 @@ from bisect import bisect_right
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
-from math import degrees, hypot, inf, pi, radians, remainder
+from math import degrees, hypot, inf, nextafter, pi, radians, remainder
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -25,7 +25,7 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.tracks.chord import LARGEST_BEND, first_peak, reach_m
 from dragon_ros.core.tracks.s_turn import s_turn_segments
 from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Segment, SpiralSegment, arc_from
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, STurn, TrackSpec
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
@@ -110,8 +110,8 @@ class Track:
 
     def distance_of(self, place: Place) -> tuple[float, float]:
         """Return the distance of a place along the track, as (hi, lo)."""
-        segment = self.segments[place.segment]
-        return plus(segment.metres(place.u.hi), segment.rate(place.u.hi) * place.u.lo, self.origins_m[place.segment])
+        segment, (u, lo) = self.segments[place.segment], place.u
+        return plus(segment.metres(u), segment.rate(u) * lo - segment.anchor_lo_m, self.origins_m[place.segment])
 
     def check_links(self, links_m: Floats) -> None:
         """Refuse links that are too long for the tightest bend of a composite track."""
@@ -355,7 +355,10 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     count from there, of an S-turn from its entry, of a composite track from the first piece's beginning.
     """
     if isinstance(spec, Spiral):
-        return spiral_track(spec, 0.0, may_lock=True) if direction == BEHIND else spiral_track(spec, spec.start.hi)
+        if direction == BEHIND:
+            return spiral_track(spec, 0.0, may_lock=True)
+        start, lo = spec.start
+        return spiral_track(spec, start if lo >= 0 else nextafter(start, 0.0))      # with the start itself on it
     if isinstance(spec, STurn):
         return Track(*s_turn_segments(spec))
     track = _composite(spec)
@@ -377,8 +380,9 @@ def _composite(spec: Composite) -> Track:
         _check_joint(k, piece, point, heading)
         one = _segment(piece, point, heading, open_ended=k == 0)
         segments.append(one)
-        origins.append(origins[-1] + one.metres(one.last))
-        point, heading = complex(one.at(one.last)), complex(one.heading(one.last))
+        end = from_turns(piece.to_turns) if isinstance(piece, SpiralArc) else DoubleDouble(one.last, 0.0)
+        origins.append(origins[-1] + one.metres(end.hi) + (one.rate(end.hi) * end.lo - one.anchor_lo_m))
+        point, heading = complex(one.at(*end)), complex(one.heading(*end))
     return Track(tuple(segments), tuple(origins[:-1]))
 
 
@@ -397,9 +401,9 @@ def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -
     curve = SpiralCurve(piece.pitch_m, from_turns(piece.from_turns))
     way = BEHIND if piece.to_turns < piece.from_turns else 1
     side = 1 if (piece.side == 'left') == (way == 1) else -1
-    theta, last = curve.start.hi, 2 * pi * piece.to_turns
+    theta, last = curve.start.hi, from_turns(piece.to_turns).hi
     bare = SpiralSegment(curve, 0j, 1 + 0j, side, way, theta, last)
-    rotation = heading / complex(bare.heading(theta))
+    rotation = heading / complex(bare.heading(*curve.start))
     rotation /= abs(rotation)
     centre = start - rotation * complex(bare.at(*curve.start))
     return SpiralSegment(curve, centre, rotation, side, way, inf if open_ended and way == BEHIND else theta, last)

@@ -76,6 +76,11 @@ class Segment(Protocol):
         """Largest curvature in 1/m."""
         ...
 
+    @property
+    def anchor_lo_m(self) -> float:
+        """How far the anchor is, in the head's way, from the coordinate that ``metres`` counts from, one float."""
+        ...
+
     def at(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the point."""
         ...
@@ -158,6 +163,7 @@ class LineSegment:
     first: float
     last: float
     bend = 0.0
+    anchor_lo_m = 0.0
 
     def at(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the point."""
@@ -236,6 +242,7 @@ class ArcSegment:
     side: int
     first: float
     last: float
+    anchor_lo_m = 0.0
 
     @property
     def bend(self) -> float:
@@ -352,6 +359,12 @@ class SpiralSegment:
         """Curvature at the inner end in 1/m."""
         theta = min(self.first, self.last)
         return (2 + theta * theta) / (self.curve.b_m * (1 + theta * theta) * sqrt(1 + theta * theta))
+
+    @cached_property
+    def anchor_lo_m(self) -> float:
+        """How far ``curve.start`` is from its hi; far from the centre a distance in floats shows it."""
+        start, lo = self.curve.start
+        return float(self.rate(start) * lo)
 
     @cached_property
     def _scaled(self) -> complex:

@@ -30,7 +30,7 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc,
 from dragon_ros.cost.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
-MARCHED = {'turn-joined-handles'}
+MARCHED = {'turn-joined-handles', 'far-joined'}        # links of no length; coordinates of 16 km
 EFFORT = Effort(1e-8)
 TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
 SHORT = Dragon(12, 2.2, 1.6)
@@ -87,7 +87,7 @@ def agree(scene, t_s):
 
 
 @pytest.mark.parametrize('name', CASES)
-def test_stats_say_that_the_table_serves_every_dance_but_one(name):
+def test_stats_say_that_the_table_serves_every_dance_but_two(name):
     scene, t_s = CASES[name].scene, CASES[name].times_s[-1]
     expected = 'march' if name in MARCHED else 'table'
     assert state(scene, t_s).solver == expected
