@@ -4,7 +4,8 @@ Where all handles are depends on how far the leader has gone, and not on when. A
 metres. Distances along the track tell the places of handles on it.
 """
 from collections.abc import Callable
-from math import inf
+from functools import cached_property
+from math import floor, inf, log2
 from typing import NamedTuple
 
 import numpy as np
@@ -23,7 +24,7 @@ from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
-_SLOPE_M = 1e-6         # to either side, for a slope: gaps err by 1e-11 m, so a slope does by 1e-5
+_SLOPE = 1e-6           # to either side, for a slope, of links of 1 m to 2 m: gaps err by 1e-11 m, a slope by 1e-5
 _KEPT = 6               # chains: ends of domains and phases are asked for again and again
 _FEW = 12               # chains that are placed sooner one by one than together
 _MANY = 30              # chains for which tables are built, that serve the later ones too
@@ -137,8 +138,14 @@ class SearchDomain:
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return how much a gap closes at a place for each metre of the leader's way."""
         low, high = sorted((self.start_m, self.stop_m))
-        early, late = max(low, gone_m - _SLOPE_M), min(high, gone_m + _SLOPE_M)
+        early, late = max(low, gone_m - self._step_m), min(high, gone_m + self._step_m)
         return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
+
+    @cached_property
+    def _step_m(self) -> float:
+        """What slopes are taken over, in proportion to the links, by a power of 2."""
+        links_m = self.simulation.model.links_m
+        return _SLOPE * 2.0 ** floor(log2(float(np.min(links_m[links_m > 0]))))
 
     def time_s(self, gone_m: float) -> float:
         """Return when the leader has first gone so far."""

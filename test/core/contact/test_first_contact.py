@@ -1,4 +1,6 @@
 """First contact of dragons of every kind against a dense scan with shapely, and its special ends."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from apart import smallest
@@ -15,6 +17,7 @@ from dragon_ros.core.contact.certificate import Contact, NoContact
 from dragon_ros.core.contact.first_contact import first_contact, head_passes
 from dragon_ros.core.contact.signed_distance import gaps
 from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Run, Scene
@@ -131,3 +134,15 @@ def test_the_head_passes_where_others_touch_and_not_where_it_touches():
     short = Dragon(head_length_m=1.2)
     assert first_contact(Scene(dragon=short)).t_s == pytest.approx(423.969536, abs=1e-6)      # docs/cumcm-2024-a.md:
     assert [head_passes(Scene(dragon=short, run=Run(300, end_s))) for end_s in (430.753, 430.754)] == [True, False]
+
+
+@pytest.mark.parametrize('scale', [1e-8, 1e-5, 1e3, 1e8])
+def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(scale):
+    classic, d = Scene(effects=Effect(0)), Dragon()
+    scene = replace(classic, head=Head(scale), track=Spiral(0.55 * scale), dragon=Dragon(
+        223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale))
+    found, wanted = first_contact(scene), first_contact(classic)
+    assert found.t_s == pytest.approx(wanted.t_s, abs=1e-9)
+    assert found.approach_m_s == pytest.approx(wanted.approach_m_s * scale, rel=1e-4)
+    least_s = compile_scene(scene).promise_m / found.approach_m_s
+    assert least_s <= found.uncertainty_s < 100 * least_s
