@@ -209,11 +209,12 @@ def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch:
         new = iter(_series(track, link_m, [part for part, one in pieces if not one], count))
         pushed = [one or next(new) for _, one in pieces]
         rows = _together_in_rows(pushed, link_m, stretch, series_m)
-        x, middle, scale = scaled(rows.coordinates)
         if rows.leading.start == rows.leading.stop:
             return None
-        inverse = np.stack([one.inverse(each, rows.leading) for one, each in zip(pushed, x, strict=True)])
-        left = _left(rows, x, inverse, link_m)
+        with np.errstate(all='ignore'):     # a part that is no longer than its rounding has no scale and no inverse
+            x, middle, scale = scaled(rows.coordinates)
+            inverse = np.stack([one.inverse(each, rows.leading) for one, each in zip(pushed, x, strict=True)])
+            left = _left(rows, x, inverse, link_m)
         if np.max(left) <= NOISE:
             return _table(rows, (x, middle, scale), inverse, link_m)
         parts = [part for part, _ in pieces]

@@ -146,16 +146,17 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     origin = u[:, centre], lo[:, centre]
     from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
     places, motions = map(series_of, (p, pace[..., None] * heading))
-    (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
     error_m = table.error_m[rows[cells // table.parts]]
     half = np.hypot(places[:, 1, 0], places[:, 1, 1]) / error_m
     one = np.all(segment == segment[:, :1], axis=1)
-    inverse = np.zeros_like(x)
-    inverse[:, one] = inverse_series(x[:, one])
     # The leader's motion is what all speeds are relative to: a short link may not make it less exact than theirs.
     size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2) / error_m[:, None]
-    charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
-    served = one & (np.maximum(size, charts)[:, -2:].max(axis=1) <= NOISE)
+    with np.errstate(all='ignore'):     # a cell that is no longer than its rounding has no scale and no inverse
+        (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
+        inverse = np.zeros_like(x)
+        inverse[:, one] = inverse_series(x[:, one])
+        charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
+        served = one & (np.maximum(size, charts)[:, -2:].max(axis=1) <= NOISE)
     if not np.any(served):
         return None
     terms = _enough(size)
