@@ -152,7 +152,7 @@ def picture(rows: Measured) -> Figure:
 
 
 def _search_panel(axes: Axes, rows: Measured) -> None:
-    shift = {_OWN: -16, _OWN + _WIDER: -30, 'every 1 s, then halve to 1e-12 s': 10}     # clear of others
+    shift = {_OWN: -16, _OWN + _WIDER: -30, 'every 1 s, then halve to 1e-12 s': 10, 'sample every 0.01 s': -3}
     longest_s = max(row.spent_s for row in rows.searches)
     for row in rows.searches:
         own, wrong = row.solver.startswith(_OWN), row.verdict == 'WRONG'
