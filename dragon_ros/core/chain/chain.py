@@ -12,6 +12,7 @@ import numpy as np
 
 from dragon_ros.core.chain.forward import Handles, at_once, blocks_of, forward, forward_many
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 
@@ -190,7 +191,7 @@ class MarchedLinks:
         heading = chain.track.headings(*self.handles)
         p = chain.p[..., some, :][..., order, :]
         link = p[..., :-1, :] - p[..., 1:, :]
-        near, far = np.sum(link * heading[..., :-1, :], axis=-1), np.sum(link * heading[..., 1:, :], axis=-1)
+        near, far = dot(link, heading[..., :-1, :]), dot(link, heading[..., 1:, :])
         joined = far == 0
         ratio = np.where(joined, 1.0, near) / np.where(joined, 1.0, far)
         speeds = np.concatenate((np.ones((*ratio.shape[:-1], 1)), np.cumprod(ratio, axis=-1)), axis=-1)

@@ -29,7 +29,7 @@ def in_parts(matrix: Floats, values: Floats) -> Floats:
     out: Floats = np.empty((*values.shape[:-2], len(matrix), values.shape[-1]))
     for first in range(0, values.shape[-1], columns):
         some = slice(first, first + columns)
-        out[..., some] = matrix @ values[..., some]
+        np.matmul(matrix, values[..., some], out=out[..., some])
     return out
 
 
@@ -52,6 +52,14 @@ def inverse_series(series: Floats) -> Floats:
     return out
 
 
+@lru_cache(maxsize=256)
+def _derivatives(nodes: int, terms: int) -> tuple[Floats, ...]:
+    """Return the matrices (N, K) from the first terms of series to their values and four derivatives at the nodes."""
+    at, unit = chebyshev.chebvander(transform(nodes)[0], terms - 1), np.eye(terms)
+    each = [np.asarray(chebyshev.chebder(unit, order), dtype=np.float64) for order in range(5)]
+    return tuple(at[:, :len(one)] @ one for one in each)
+
+
 def _inverse(series: Floats) -> Floats:
     """Return ``inverse_series`` of some.
 
@@ -59,12 +67,10 @@ def _inverse(series: Floats) -> Floats:
     of them. From there slopes are those of that polynomial: only values are summed again.
     """
     x, matrix = transform(series.shape[0])
-    at, wanted = chebyshev.chebvander(x, series.shape[0] - 1), x[:, None]
+    wanted = x[:, None]
     terms = 1 + max(1, int(np.max(np.flatnonzero(np.abs(series).max(axis=1) > _NOTHING), initial=0)))
-    each = [series[:terms]]
-    for _ in range(4):
-        each.append(np.asarray(chebyshev.chebder(each[-1]), dtype=np.float64))
-    zeroth, first, second, third, fourth = (at[:, :len(one)] @ one for one in each)
+    some = series[:terms]
+    zeroth, first, second, third, fourth = (at @ some for at in _derivatives(series.shape[0], terms))
     zeroth -= wanted
     change = -zeroth / first
     for _ in range(2):
@@ -73,7 +79,7 @@ def _inverse(series: Floats) -> Floats:
     slope = ((fourth * (change / 6) + third / 2) * change + second) * change + first
     u = wanted + change
     for _ in range(_NEWTON_STEPS):
-        change = (_values(each[0], u) - wanted) / slope
+        change = (_values(some, u) - wanted) / slope
         u -= change
         if np.max(np.abs(change)) < _ENOUGH:
             break

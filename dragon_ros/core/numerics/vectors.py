@@ -1,7 +1,7 @@
 """Vectors of the plane as arrays (..., 2)."""
 import numpy as np
 
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.types import Array, Floats
 
 
 def left(vectors: Floats) -> Floats:
@@ -13,3 +13,8 @@ def dot(a: Floats, b: Floats) -> Floats:
     """Return scalar products of vectors."""
     out: Floats = a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1]
     return out
+
+
+def complex_of(vectors: Floats) -> Array:
+    """Return vectors that lie in a row in memory as complex numbers (...), without a copy: these are copied faster."""
+    return vectors.view(np.complex128)[..., 0]

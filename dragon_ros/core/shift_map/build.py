@@ -9,8 +9,9 @@ import numpy as np
 from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
-from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
+from dragon_ros.core.numerics.vectors import complex_of, dot
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Segment, SpiralSegment
@@ -230,12 +231,13 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list
     rows = segment.shape[0]
     p, heading = track.poses(segment, u, lo)
     axis = p[:-1] - p[1:]
-    ratio = np.sum(axis * heading[:-1], axis=-1) / np.sum(axis * heading[1:], axis=-1)
+    ratio = dot(axis, heading[:-1]) / dot(axis, heading[1:])
     speed = np.cumprod(np.concatenate((np.ones((1, *u.shape[1:])), ratio)), axis=0)
     origin = np.stack((u[..., NODES // 2], lo[..., NODES // 2]))
     from_origin = (u - origin[0][..., None]) + (lo - origin[1][..., None])
-    coordinates, places, motions = (series_of(values.transpose(1, 2, 0, 3).reshape(len(parts), NODES, -1))
-                                    for values in (from_origin[..., None], p, speed[..., None] * heading))
+    coordinates = series_of(np.ascontiguousarray(from_origin.transpose(1, 2, 0)))
+    places, motions = (series_of(np.ascontiguousarray(complex_of(values).transpose(1, 2, 0)).view(np.float64))
+                       for values in (p, speed[..., None] * heading))
     # Nodes run from the rear of a part to its front.
     along, far_m = track.distances(segment, u[..., [0, -1]]), np.max(np.abs(p), axis=(2, 3))
     return [_Pushed(segment[:, n], origin[:, :, n], along[:, n], far_m[:, n], coordinates[n],
@@ -286,38 +288,42 @@ def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tupl
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
-    """Return how to go through the rows behind a row of nodes: so many on a spiral, its segment, or None, row by row.
+    """Return how to go through the rows behind a row of nodes: so many on one segment, its number, or None, row by row.
 
     Where both the foremost node and the rearmost are on a segment, so are all.
     """
     if len(track.segments) == 1:
-        return [(0 if isinstance(track.segments[0], SpiralSegment) else None, count - 1)]
+        return [(0, count - 1)]
     ends = [Place.of(*(values[at].item() for values in first)) for at in (NODES - 1, -NODES)]
     try:
         fore, rear = (forward(track, (Block(0, count - 1, link_m),), end, BEHIND, Effort()).segment for end in ends)
     except (TrackEndError, ChainLockError):     # before the last row
         return [(None, count - 1)]
-    on = [a if a == b and isinstance(track.segments[a], SpiralSegment) else None
-          for a, b in zip(fore, rear, strict=True)]
+    on = [a if a == b else None for a, b in zip(fore, rear, strict=True)]
     out, row = list[tuple[int | None, int]](), 0
     for k, group in groupby(range(count), on.__getitem__):
         numbers = [*group]
         begin, last = numbers[0], numbers[-1]
-        if k is not None and last - begin >= FEWEST_ROWS:
+        if k is not None and last - begin >= (FEWEST_ROWS if isinstance(track.segments[k], SpiralSegment) else 1):
             out += [(None, begin - row), (k, last - begin)]
             row = last
     return [(k, many) for k, many in (*out, (None, count - 1 - row)) if many]
 
 
-def _along(spiral: Segment, link_m: float, first: Places, count: int) -> Places | None:
-    """Return the rows (count, S K) of nodes that follow a row (S K,) where all of them stay on one spiral.
+def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places | None:
+    """Return the rows (count, S K) of nodes that follow a row (S K,) where all of them stay on one segment.
 
     None where they are not found all at once.
     """
-    assert isinstance(spiral, SpiralSegment)
     number, begin, begin_lo = first
-    found = placed(spiral, (begin, begin_lo), np.full((count, 1), link_m / spiral.curve.b_m))
-    return (np.broadcast_to(number, (count, number.size)), found[0][1:], found[1][1:]) if found else None
+    if isinstance(segment, SpiralSegment):
+        found = placed(segment, (begin, begin_lo), np.full((count, 1), link_m / segment.curve.b_m))
+        return (np.broadcast_to(number, (count, number.size)), found[0][1:], found[1][1:]) if found else None
+    step, _ = segment.shifts(begin[:1], link_m, BEHIND, TIGHT, None)        # on a line or an arc all are alike
+    u, lo = begin, begin_lo
+    for part in product(np.arange(1.0, count + 1)[:, None], step[0]):
+        u, lo = plus(u, lo, part)
+    return (np.broadcast_to(number, u.shape), u, lo) if np.min(u) >= segment.first else None
 
 
 def _together(track: Track, places: Places) -> Places:

@@ -16,6 +16,7 @@ from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
+from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
 from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -141,7 +142,7 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
     p, heading = track.poses(segment, u, lo)
     axis = p - followers[0]
-    pace = np.sum(axis * followers[1], axis=-1) / np.sum(axis * heading, axis=-1)
+    pace = dot(axis, followers[1]) / dot(axis, heading)
     centre = NODES // 2
     origin = u[:, centre], lo[:, centre]
     from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])

@@ -26,7 +26,7 @@ from dragon_ros.core.tracks.chord import LARGEST_BEND, first_peak, reach_m
 from dragon_ros.core.tracks.s_turn import s_turn_segments
 from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Segment, SpiralSegment, arc_from
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
-from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.core.tracks.spiral import TINY, SpiralCurve
 
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
 _SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
@@ -324,6 +324,25 @@ def _vectors_of(points: Array) -> Floats:
     return read_only(points.view(np.float64).reshape(*points.shape, 2))
 
 
+def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
+    """Return how far from its near end, in metres, a segment is at a chord's length from many points.
+
+    So far is its osculating circle there, which is the segment itself if it is a line or an arc, or else its tangent.
+    """
+    link = (complex(segment.at(near)) - here) / (direction * complex(segment.heading(near)))
+    aside = np.abs(link.imag)
+    out: Floats = np.sqrt(np.maximum(0.0, (chord_m - aside) * (chord_m + aside))) - link.real
+    if bend := direction * float(segment.curvature(near)):
+        centre = link + 1j / bend       # the circle's point x m on is centre - 1j / bend * exp(1j * bend * x)
+        far = np.abs(centre)
+        cosine = 0.5 * ((far - chord_m) * (far + chord_m) * bend * bend + 1) / np.maximum(far * abs(bend), TINY)
+        begin, angle = np.angle(centre * (bend / 1j)), np.arccos(np.clip(cosine, -1.0, 1.0))
+        both = np.array((begin - angle, begin + angle)) / bend % (2 * pi / abs(bend))
+        nearer = np.abs(both[0] - out) <= np.abs(both[1] - out)
+        out = np.where(np.abs(cosine) <= 1, np.where(nearer, *both), out)
+    return out
+
+
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float], tolerance: float) -> tuple[tuple[Floats, Floats], int]:
     """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton kept in brackets."""
@@ -331,12 +350,14 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
     end = segment.after_many(segment.metres(near) + direction * (reach - gone), np.zeros_like(gone))[0]
     most, sense = np.minimum(np.abs(end - near), abs(far - near)), 1.0 if far > near else -1.0
     low, high = np.zeros_like(gone), most
-    x, last, spent = most * np.clip((chord_m - gone) / (reach - gone), 0.0, 1.0), most, 0
+    x = np.clip(_guessed(segment, near, here, chord_m, direction) / abs(float(segment.rate(near))), 0.0, most)
+    last, spent = most, 0
     for _ in range(80):
         u, lo = plus(near, 0.0, sense * x)
-        link = segment.at(u, lo) - here
+        point, heading = segment.poses(u, lo)
+        link = point - here
         value = 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m)
-        slope = (link.conjugate() * segment.heading(u)).real * segment.rate(u) * sense
+        slope = (link.conjugate() * heading).real * segment.rate(u) * sense
         low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
         change = value / np.where(slope > 0, slope, 1e-300)
         small = np.abs(change) <= tolerance * most

@@ -13,7 +13,7 @@ from properties import examples
 
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
-from dragon_ros.core.chain.forward import blocks_of, forward
+from dragon_ros.core.chain.forward import blocks_of, forward, next_places
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
@@ -24,6 +24,7 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
@@ -125,6 +126,24 @@ def test_a_state_has_the_same_bits_whatever_was_asked_before(scene):
 def test_on_any_track_the_table_is_where_the_march_is(pieces, lead, part):
     scene = dance(pieces, lead)
     agree(scene, part * compile_scene(scene).end.t_s)
+
+
+@examples(50)
+@given(tracks, st.sampled_from([BEHIND, AHEAD]), st.floats(0.2, 1.6))
+@example([Arc(1.6, 350.0), Line(0.05), Arc(1.6, -350.0)], BEHIND, 1.6)
+def test_links_across_joints_of_many_places_are_those_of_each(pieces, direction, link_m):
+    try:
+        track = track_of(Composite((Line(4.0), *pieces, Line(4.0))))
+    except FieldError:
+        assume(False)
+    along_m = np.concatenate([[joint_m + past_m for past_m in (-1.7, -0.9, -0.3, -1e-9, 0.0, 1e-9, 0.3, 0.9, 1.7)]
+                              for joint_m in track.joints_m])
+    places = track.places_at(along_m, np.zeros_like(along_m))
+    found = next_places(track, places, link_m, direction, Effort())[0]
+    for place, there in zip(zip(*places, strict=True), zip(*found, strict=True), strict=True):
+        one, _ = track.next(Place.of(*place), link_m, direction, TIGHT)
+        off_m = np.subtract(track.distance_of(one), track.distance_of(Place.of(*there)))
+        assert abs(off_m.sum()) < 1e-12
 
 
 @examples(25)

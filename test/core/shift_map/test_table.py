@@ -19,8 +19,8 @@ from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state, states, tick
-from dragon_ros.core.tracks.segments import BEHIND, Effort
-from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.cost.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
@@ -47,17 +47,19 @@ def tile(scene, t_s):
 
 @pytest.mark.parametrize('scene', [CLASSIC, Scene(track=Spiral(0.55, 1e5)), Scene(track=Spiral(0.2, 16.0)),
                                    Scene(track=STurn(before_m=100.0), run=Run(0, 200)),
-                                   Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail'), run=Run(0, 300))],
-                         ids=['classic', 'far', 'near', 'turning', 'tail'])
+                                   Scene(track=Spiral(0.55, 6.0), head=Head(1.0, 'tail'), run=Run(0, 300)),
+                                   Scene(track=Composite((Arc(30.0, 700.0), Line(50.0), Arc(9.0, -90.0))))],
+                         ids=['classic', 'far', 'near', 'turning', 'tail', 'joined'])
 def test_rows_that_are_found_all_at_once_are_those_found_one_by_one(monkeypatch, scene):
     found, along, track = [], build._along, compile_scene(scene).model.track
 
-    def checked(spiral, link_m, first, count):
-        rows = along(spiral, link_m, first, count)
+    def checked(segment, link_m, first, count):
+        rows = along(segment, link_m, first, count)
         found.append(rows is not None)
         one_by_one, _ = forward_many(track, (Block(0, count, link_m),), first, BEHIND, Effort())
         off = (rows[1] - one_by_one[1][1:]) + (rows[2] - one_by_one[2][1:])
-        assert np.max(np.abs(off)) < 1e-13 * max(1.0, link_m / spiral.curve.b_m)
+        unit_m = segment.curve.b_m if isinstance(segment, SpiralSegment) else abs(segment.rate(0.0))
+        assert np.max(np.abs(off)) < 1e-13 * max(1.0, link_m / unit_m)
         np.testing.assert_array_equal(rows[0], one_by_one[0][1:])
         return rows
     monkeypatch.setattr(build, '_along', checked)
