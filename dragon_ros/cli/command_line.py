@@ -14,7 +14,15 @@ if TYPE_CHECKING:       # keeps --help free of numpy
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
 _MOST_SHOWN = 400       # characters of what argparse says of an argument
-DEFAULT_SCENE = 'winding'
+
+
+class _Default(str):
+    """A default, which is another object than what is given, even if that is the same."""
+
+    __slots__ = ()
+
+
+DEFAULT_SCENE = _Default('winding')
 
 
 class Parser(argparse.ArgumentParser):
@@ -87,6 +95,16 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
     """Add --format and --output."""
     options.add_argument('--format', choices=formats, default=formats[0], help='output format (%(default)s)')
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file instead of standard output')
+
+
+def names_scene(arguments: argparse.Namespace) -> bool:
+    """Return whether --scene is given, be it as the default is."""
+    return not isinstance(arguments.scene, _Default)
+
+
+def gives_scene(arguments: argparse.Namespace) -> bool:
+    """Return whether any option of a scene is given."""
+    return bool(arguments.overrides) or arguments.accuracy is not None or names_scene(arguments)
 
 
 def scene_from(arguments: argparse.Namespace) -> 'Scene':

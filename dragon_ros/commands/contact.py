@@ -70,7 +70,7 @@ def _scene_of(arguments: Namespace) -> 'Scene':
             option = '--trust' if arguments.trust else '--namespace'
             raise InputError(f'{option}: belongs to a BAG; a scene has no topics')
         return command_line.scene_from(arguments)
-    if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
+    if command_line.gives_scene(arguments):
         raise InputError('BAG: brings its scene; leave out --scene, --set and --accuracy')
     from dragon_ros.bags.read.frames import namespace_of, scene_of_bag, walked_scene
     from dragon_ros.bags.read.reader import BagReader

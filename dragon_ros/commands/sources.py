@@ -283,7 +283,7 @@ def opened(arguments: Namespace) -> Iterator[Source]:
             raise InputError('--namespace: belongs to --bag; a scene has no topics')
         yield SceneSource(Path(arguments.scene).stem, command_line.scene_from(arguments))
         return
-    if arguments.overrides or arguments.accuracy is not None or arguments.scene != command_line.DEFAULT_SCENE:
+    if command_line.gives_scene(arguments):
         raise InputError('--bag: shows what was recorded; leave out --scene, --set and --accuracy')
     from dragon_ros.bags.read.reader import BagReader
     with BagReader(arguments.bag) as bag:

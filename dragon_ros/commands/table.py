@@ -26,17 +26,19 @@ Row = tuple[float, int, float, float, float, float, float]
 
 
 _SCENE = {'--scene', '--set', '--accuracy'}
-_TAKES = {'--paper': {'--output'}, 'BAG': {'--times', '--handles', '--namespace', '--output'}, '--contest': _SCENE,
-          'a table of a scene': _SCENE | {'--times', '--handles', '--output'}}
+_WRITTEN = {'--output', '--format'}
+_TAKES = {'--paper': _WRITTEN, 'BAG': _WRITTEN | {'--times', '--handles', '--namespace'}, '--contest': _SCENE,
+          'a table of a scene': _SCENE | _WRITTEN | {'--times', '--handles'}}
 
 
 def _check(arguments: Namespace) -> None:
     """Reject options that would be ignored."""
-    given = {'--scene': arguments.scene != command_line.DEFAULT_SCENE, '--set': arguments.overrides,
+    given = {'--scene': command_line.names_scene(arguments) or None, '--set': arguments.overrides or None,
              '--accuracy': arguments.accuracy, '--times': arguments.times, '--handles': arguments.handles,
-             '--namespace': arguments.namespace, '--output': arguments.output, '--paper': arguments.paper,
-             'BAG': arguments.bag, '--contest': arguments.contest}
-    wanted = {name for name, value in given.items() if value}
+             '--namespace': arguments.namespace, '--output': arguments.output, '--paper': arguments.paper or None,
+             '--format': arguments.format if arguments.format != 'text' else None, 'BAG': arguments.bag,
+             '--contest': arguments.contest}
+    wanted = {name for name, value in given.items() if value is not None}
     what = next(name for name in _TAKES if name in wanted or name == 'a table of a scene')
     unused = sorted(wanted - _TAKES[what] - {what})
     if unused:
@@ -57,7 +59,7 @@ def run(arguments: Namespace) -> int:
         if arguments.contest:
             return _write_contest(arguments.contest, scene)
         handles = handles_of(arguments.handles, scene.dragon.benches)
-        times_s = times_of(arguments.times or '0')
+        times_s = times_of('0' if arguments.times is None else arguments.times)
         with Progress('table', 'times', len(times_s)) as bar:
             rows = table(scene, times_s, handles, bar.update)
     command_line.write_output(arguments.output, _FORMATS[arguments.format](rows))
@@ -96,7 +98,7 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
     out: list[Row] = []
     command_line.check_is_bag(arguments.bag)
     with BagReader(arguments.bag) as bag:
-        times_s = times_of(arguments.times) if arguments.times else [bag.start_ns / NS]
+        times_s = [bag.start_ns / NS] if arguments.times is None else times_of(arguments.times)
         for frame in at_times(bag, namespace_of(bag, arguments.namespace), times_s):
             handles = handles_of(arguments.handles, len(frame.handles_m) - 1)
             values = values_of(frame, handles).tolist()

@@ -113,7 +113,8 @@ def test_without_the_library_text_files_are_written_and_a_line_says_what_is_miss
 @pytest.mark.parametrize('options', [
     ['--contest', 'a', '--times', '0'], ['--contest', 'a', '--output', 'b'], ['--contest', 'a', '--paper'],
     ['--paper', '--scene', 'long'], ['--paper', '--handles', '0'], ['a.mcap', '--scene', 'long'],
-    ['a.mcap', '--contest', 'a'], ['--times', '0', '--namespace', 'b']], ids=' '.join)
+    ['a.mcap', '--scene', 'winding'], ['a.mcap', '--contest', 'a'], ['--times', '0', '--namespace', 'b'],
+    ['a.mcap', '--accuracy', ''], ['--contest', 'a', '--format', 'csv'], ['--paper', '--times', '']], ids=' '.join)
 def test_options_that_a_table_would_ignore_are_rejected(capsys, tmp_path, monkeypatch, options):
     monkeypatch.chdir(tmp_path)
     assert main(['table', *options]) == 2

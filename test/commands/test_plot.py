@@ -132,6 +132,7 @@ def test_a_bag_whose_benches_are_of_other_ticks_has_no_picture(capsys, tmp_path)
     (['dragon', '--output', 'no/such/folder/x.png'], 'no/such/folder'),
     (['dragon', '--namespace', '/dragon'], '--bag'),
     (['dragon', '--bag', 'run.mcap', '--scene', 'first_contact'], 'leave out --scene'),
+    (['dragon', '--bag', 'run.mcap', '--scene', 'winding'], 'leave out --scene'),
     (['dragon', '--bag', 'no_such.mcap'], 'no_such.mcap'),
     (['contact', '--set', 'run.stop_s=10'], 'no benches touch'),
     (['animation', '--output', 'x.avi'], '.gif, .html, .mp4'),
