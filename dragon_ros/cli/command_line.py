@@ -107,6 +107,13 @@ def gives_scene(arguments: argparse.Namespace) -> bool:
     return bool(arguments.overrides) or arguments.accuracy is not None or names_scene(arguments)
 
 
+def check_taken(what: str, given: dict[str, bool], takes: set[str]) -> None:
+    """Refuse the first option that is given and would be ignored. Raises InputError."""
+    unused = sorted(name for name, is_given in given.items() if is_given and name not in takes)
+    if unused:
+        raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
+
+
 def scene_from(arguments: argparse.Namespace) -> 'Scene':
     """Return the scene that the options describe."""
     from dragon_ros.scenes.load import load_scene

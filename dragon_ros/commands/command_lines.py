@@ -39,8 +39,8 @@ def inspect(argv: list[str]) -> int:
     options.add_argument('--trust', action='store_true', help='compute with the scene in the bag however large it is '
                          '(budgets: docs/limits.md)')
     options.add_argument('--repair', type=Path, metavar='OUT', help='write what is readable to a complete bag')
-    options.add_argument('--looks', type=int, default=200, metavar='N', help='number of evenly spaced ticks that the '
-                         'clearance is computed at; 0: all (%(default)s)')
+    options.add_argument('--looks', type=int, metavar='N', help='number of evenly spaced ticks that the clearance is '
+                         'computed at; 0: all (200)')
     command_line.add_namespace_option(options)
     command_line.add_output_options(options, ('text', 'json'))
     arguments = options.parse_args(argv)

@@ -39,8 +39,21 @@ def main(argv: list[str]) -> int:
     return command_line.guarded('contact', partial(_run, options.parse_args(argv)))
 
 
+def _check(arguments: Namespace) -> None:
+    """Refuse options that would be ignored."""
+    if arguments.verify is not None:
+        given = {f'--{name}': getattr(arguments, name.replace('-', '_')) is not None
+                 for name in ('accuracy', 'namespace', 'near-misses', 'certificate')}
+        given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
+                  '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
+        command_line.check_taken('--verify', given, set())
+    if arguments.near_misses is not None and arguments.format == 'csv':
+        raise InputError('--near-misses: --format csv is one row, of the contact; take text or json')
+
+
 def _run(arguments: Namespace) -> int:
-    if arguments.verify:
+    _check(arguments)
+    if arguments.verify is not None:
         return _verify(arguments.verify, arguments.output)
     from dragon_ros.core.contact.first_contact import first_contact
     scene = _scene_of(arguments)

@@ -35,13 +35,22 @@ if TYPE_CHECKING:       # what checks and repairs is imported where it does
 
 _SHOWN = 20     # lines of faults
 _STEPS = 8      # of the clearance over time
+_LOOKS = 200    # for the clearance, unless asked otherwise
+_TAKES: dict[str, set[str]] = {'--repair': set(), '--check': {'--check', '--trust', '--namespace'},
+                               'a summary': {'--trust', '--looks', '--namespace'}}
 
 
 def run(arguments: Namespace) -> int:
     """Inspect, check or repair; return the exit code."""
+    what = '--repair' if arguments.repair is not None else '--check' if arguments.check else 'a summary'
+    given = {'--check': arguments.check, '--trust': arguments.trust, '--looks': arguments.looks is not None,
+             '--namespace': arguments.namespace is not None}
+    command_line.check_taken(what, given, _TAKES[what])
+    if arguments.looks is None:
+        arguments.looks = _LOOKS
     if arguments.looks < 0:
         raise InputError(f'--looks {arguments.looks}: give 0 (all ticks) or more', field='looks')
-    body = _repair if arguments.repair else _check if arguments.check else _inspect
+    body = {'--repair': _repair, '--check': _check, 'a summary': _inspect}[what]
     values, code = body(arguments)
     text = json.dumps(values) if arguments.format == 'json' else _TEXT[body](values)
     command_line.write_output(arguments.output, text)

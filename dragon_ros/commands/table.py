@@ -33,16 +33,12 @@ _TAKES = {'--paper': _WRITTEN, 'BAG': _WRITTEN | {'--times', '--handles', '--nam
 
 def _check(arguments: Namespace) -> None:
     """Reject options that would be ignored."""
-    given = {'--scene': command_line.names_scene(arguments) or None, '--set': arguments.overrides or None,
-             '--accuracy': arguments.accuracy, '--times': arguments.times, '--handles': arguments.handles,
-             '--namespace': arguments.namespace, '--output': arguments.output, '--paper': arguments.paper or None,
-             '--format': arguments.format if arguments.format != 'text' else None, 'BAG': arguments.bag,
-             '--contest': arguments.contest}
-    wanted = {name for name, value in given.items() if value is not None}
-    what = next(name for name in _TAKES if name in wanted or name == 'a table of a scene')
-    unused = sorted(wanted - _TAKES[what] - {what})
-    if unused:
-        raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
+    given = {f'--{name}': getattr(arguments, name) is not None
+             for name in ('accuracy', 'times', 'handles', 'namespace', 'output', 'contest')}
+    given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
+              '--paper': arguments.paper, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
+    what = next(name for name in _TAKES if given.get(name, True))
+    command_line.check_taken(what, given, _TAKES[what] | {what})
 
 
 def run(arguments: Namespace) -> int:

@@ -19,6 +19,9 @@ PAGES = {'limits': 'dragon_ros.cost.limits', 'accuracy': 'dragon_ros.cost.workpr
 ALL = 'all'
 _CHECKOUT = Path(__file__).parents[2]
 _CHAINS, _CHAINS_OF_ALL = 1000, 100_000
+_BUDGET_S, _MINUTES = 0.3, 10.0
+_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of a page; of all others budget
+_RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
 _END = '<!-- end -->'
 
 
@@ -38,9 +41,10 @@ def main(argv: list[str]) -> int:
     options.add_argument('--output', type=Path, metavar='FOLDER',
                          help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
                          'already keeps its text, only its table is renewed')
-    options.add_argument('--budget', type=float, default=0.3, metavar='S', help='seconds per timing (%(default)s)')
-    options.add_argument('--minutes', type=float, default=10.0, metavar='MIN',
-                         help='length of the run of the page memory (%(default)g)')
+    options.add_argument('--budget', type=float, metavar='S', help=f'seconds per timing ({_BUDGET_S:g}); not of '
+                         'the pages memory and promises')
+    options.add_argument('--minutes', type=float, metavar='MIN',
+                         help=f'length of the run of the page memory ({_MINUTES:g})')
     options.add_argument('--chains', type=float, metavar='N',
                          help=f'how many chains the page promises draws ({_CHAINS:g}; for all: {_CHAINS_OF_ALL:g}, an '
                          'hour); Ctrl-C ends it early with what is done')
@@ -63,8 +67,11 @@ def _all(arguments: Namespace) -> int:
     failed = list[str]()
     for n, name in enumerate(PAGES, 1):
         print(f'cost: page {n} of {len(PAGES)}: {name}', file=sys.stderr)
-        options = ['--output', folder, '--budget', arguments.budget, '--minutes', arguments.minutes,
-                   '--chains', arguments.chains or _CHAINS_OF_ALL]
+        option = _EFFORTS.get(name, 'budget')
+        effort = getattr(arguments, option)
+        if effort is None and option == 'chains':
+            effort = _CHAINS_OF_ALL
+        options = ['--output', folder, *([] if effort is None else [f'--{option}', effort])]
         if readme.is_file() and _mark(name) in readme.read_text(encoding='utf-8'):
             options += ['--readme', readme]
         measured = [sys.executable, '-m', 'dragon_ros', 'cost', name, *map(str, options)]
@@ -83,9 +90,7 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
     except ImportError as error:
         raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
                            ) from None
-    effort = {'memory': 60 * number('--minutes', arguments.minutes, low=0.05, high=1e4),
-              'promises': number('--chains', arguments.chains or _CHAINS, low=1, high=1e9)}
-    rows = page.measure(effort.get(name, arguments.budget))
+    rows = page.measure(_effort(name, arguments))
     try:
         paths = write(name, rows, folder)
     except OSError as error:
@@ -95,6 +100,16 @@ def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) ->
         renew(readme, name, page.summary(rows) if hasattr(page, 'summary') else page.table(rows))
         paths.append(readme)
     print('\n' + '\n'.join(map(str, paths)))
+
+
+def _effort(name: str, arguments: Namespace) -> float:
+    """Return what a page is measured with: seconds of a timing or of a run, or a number of chains."""
+    option = _EFFORTS.get(name, 'budget')
+    command_line.check_taken(f'page {name}', {f'--{each}': getattr(arguments, each) is not None
+                                              for each in ('budget', *_EFFORTS.values())}, {f'--{option}'})
+    given, (usual, low, high) = getattr(arguments, option), _RANGES[option]
+    value = number(f'--{option}', usual if given is None else given, low=low, high=high)
+    return 60 * value if option == 'minutes' else value
 
 
 def write(name: str, rows: Any, folder: Path) -> list[Path]:
