@@ -85,12 +85,13 @@ def _all(arguments: Namespace) -> int:
 
 def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) -> None:
     """Measure one page, write it, and print its table and what was written."""
+    effort = _effort(name, arguments)
     try:
         page = import_module(PAGES[name])
     except ImportError as error:
         raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
                            ) from None
-    rows = page.measure(_effort(name, arguments))
+    rows = page.measure(effort)
     try:
         paths = write(name, rows, folder)
     except OSError as error:
