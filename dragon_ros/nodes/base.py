@@ -9,7 +9,7 @@ from rclpy.parameter import Parameter as RosParameter
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean
 from dragon_ros.nodes import logs
-from dragon_ros.nodes.params import Parameter
+from dragon_ros.nodes.params import NAMES, Parameter
 
 
 def declare(node: Node, parameter: Parameter) -> Any:
@@ -99,7 +99,7 @@ class DragonNode(Node):
             if self.has_parameter(name) or name.startswith(_OF_ROS):
                 continue
             unknown = f'parameter {name}: {self.get_name()} has none of that name'
-            if meant := did_you_mean(name, self._table, ''):
+            if name not in NAMES and (meant := did_you_mean(name, self._table, '')):
                 raise InputError(f'{unknown}; {meant} What is for another node belongs below its name, not below /**')
             known = f'it has {", ".join(self._table)}' if self._table else 'it has none of its own'
             self.get_logger().warning(f'{unknown}, it is ignored; {known}')

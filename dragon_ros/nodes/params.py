@@ -68,6 +68,7 @@ MONITOR = (
     Parameter('clearance_vector', False, 'Publish the shortest vector between the closest benches on '
               'clearance/vector'),
 )
+NAMES = frozenset(parameter.name for table in (SIM, REPLAY, MONITOR) for parameter in table)      # of any node
 
 
 def described(table: tuple[Parameter, ...]) -> str:

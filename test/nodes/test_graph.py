@@ -242,6 +242,9 @@ def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
     assert 'use_sim_time' not in sim.text
     record.wait_for('parameter rate_hz: record has none of that name, it is ignored; it has none of its own')
     record.stop()
+    replay = start('replay', tmp_path / 'a.mcap', '--ros-args', '-p', 'publish_tf:=true', '-p', 'time_scale:=0.0')
+    assert replay.end() == 0, replay.text
+    assert 'parameter publish_tf: replay has none of that name, it is ignored; it has time_scale, ' in replay.text
 
 
 @pytest.mark.parametrize('loaded', ['_multiarray_umath', '_rclpy_pybind11'])
