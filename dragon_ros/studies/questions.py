@@ -142,10 +142,10 @@ class MinPitch:
     def __post_init__(self) -> None:
         """Refuse a circle or a bracket that is none."""
         number('ask.min_pitch.diameter_m', self.diameter_m, above=0.0, high=1e6)
-        number('ask.min_pitch.largest_m', self.largest_m, above=self.smallest_m or 0.0, high=1e6)
-        number('ask.min_pitch.within_m', self.within_m, low=2e-11, high=1.0)
         if self.smallest_m is not None:
             number('ask.min_pitch.smallest_m', self.smallest_m, above=0.0)
+        number('ask.min_pitch.largest_m', self.largest_m, above=self.smallest_m or 0.0, high=1e6)
+        number('ask.min_pitch.within_m', self.within_m, low=2e-11, high=1.0)
         if self.start_turns is not None:
             number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
 

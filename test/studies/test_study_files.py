@@ -51,6 +51,7 @@ def test_samples_can_be_changed_but_not_those_of_a_grid(study):
     ('vary: {track.pitch_m: {from: 1}}\nask: [lock]', 'to: it is missing'),
     ('vary: {track.pitch_m: {from: 1, too: 2}}\nask: [lock]', 'did you mean to'),
     ('vary: {track.pitch_m: {from: 1, to: 2}}\nask: [lock]', 'a grid takes lists, and ranges with steps'),
+    ('vary: {track.pitch_m: [1]}\nask: {min_pitch: {smallest_m: few}}', 'ask.min_pitch.smallest_m: .few. is not'),
     ('vary: {track.pitch_m: {uniform: [1, 2]}}\nask: [lock]', 'a grid takes lists'),
     ('vary: {track.pitch_m: {uniform: 1}}\ndesign: random\nsamples: 1\nask: [lock]', 'not a pair'),
     ('vary: {track.pitch_m: {normal: [1, 2]}}\ndesign: random\nsamples: 1\nask: [lock]', 'within: it is missing'),
