@@ -226,6 +226,8 @@ class Track:
         near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
         most = min(abs(segment.after(segment.metres(near) + direction * (reach - gone)).hi - near), abs(far - near))
         sense = 1.0 if far > near else -1.0
+        if gone >= reach:        # it is the near end itself
+            return Place(k, DoubleDouble(near, 0.0)), 0
 
         def excess(x: float) -> tuple[float, float]:
             u, low = plus(near, 0.0, sense * (x - most))
