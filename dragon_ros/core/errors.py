@@ -15,10 +15,10 @@ def shown(value: object) -> str:
     return text if len(text) <= _MOST_SHOWN else f'{text[:_MOST_SHOWN // 2]}...{text[-_MOST_SHOWN // 4:]}'
 
 
-def did_you_mean(word: object, known: Iterable[str], otherwise: str) -> str:
-    """Return a question with the name that is nearest to a word, or ``otherwise`` where none is near."""
+def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
+    """Return a question with the name that is nearest to a word, or ``otherwise`` where none is as much ``alike``."""
     from difflib import get_close_matches  # rarely needed
-    near = get_close_matches(str(word), known, n=1, cutoff=_NEAR)
+    near = get_close_matches(str(word), known, n=1, cutoff=alike)
     return f'did you mean {near[0]}?' if near else otherwise
 
 

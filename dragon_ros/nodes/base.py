@@ -60,6 +60,7 @@ NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 _NO_CLOCK_S = 3.0
 _OF_ROS = 'qos_overrides.'      # what ROS 2 itself asks for, where a node lets it
+_MISSPELT = 0.85                # of difflib: rate_hx is rate_hz (0.86), publish_rate of others is not publish_tf (0.82)
 
 
 class DragonNode(Node):
@@ -99,10 +100,11 @@ class DragonNode(Node):
             if self.has_parameter(name) or name.startswith(_OF_ROS):
                 continue
             unknown = f'parameter {name}: {self.get_name()} has none of that name'
-            if name not in NAMES and (meant := did_you_mean(name, self._table, '')):
+            if name not in NAMES and (meant := did_you_mean(name, self._table, '', _MISSPELT)):
                 raise InputError(f'{unknown}; {meant} What is for another node belongs below its name, not below /**')
             known = f'it has {", ".join(self._table)}' if self._table else 'it has none of its own'
-            self.get_logger().warning(f'{unknown}, it is ignored; {known}')
+            hint = known if name in NAMES else did_you_mean(name, self._table, known)
+            self.get_logger().warning(f'{unknown}, it is ignored; {hint}')
 
     def _append(self, name: str, value: list[Any]) -> None:
         """Append to a list that the command line gives as a parameter; one of another type is refused as it is."""

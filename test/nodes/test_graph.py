@@ -232,12 +232,15 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
 
 
 def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
-    (tmp_path / 'all.yaml').write_text('/**:\n  ros__parameters: {robot: sea, use_sim_time: false, rate_hz: 20.0}\n')
+    (tmp_path / 'all.yaml').write_text('/**:\n  ros__parameters: {robot: sea, use_sim_time: false, rate_hz: 20.0}\n'
+                                        '/dragon/sim:\n  ros__parameters: {publish_rate: 9.0, base_frame_id: base}\n')
     arguments = '--ros-args', '--params-file', str(tmp_path / 'all.yaml')
     sim = start('sim', '--set', 'run.stop_s=0.1', *arguments)
     record = start('record', '--output', tmp_path / 'a.mcap', *arguments)
     assert sim.end() == 0, sim.text
     assert 'parameter robot: sim has none of that name, it is ignored; it has scene, ' in sim.text
+    assert 'parameter publish_rate: sim has none of that name, it is ignored; did you mean publish_tf?' in sim.text
+    assert 'parameter base_frame_id: sim has none of that name, it is ignored; did you mean frame_id?' in sim.text
     assert 'tick 0 of 3' in sim.text
     assert 'use_sim_time' not in sim.text
     record.wait_for('parameter rate_hz: record has none of that name, it is ignored; it has none of its own')
