@@ -62,7 +62,7 @@ class Leader:
         total = origin + step               # double_double.plus, written out
         part = total - origin
         low += (origin - (total - part)) + (step - part)
-        return self.track.place_at(total, low - self.direction * gone_m[1])
+        return self.track.place_at(total, low - self.direction * gone_m[1], origin)
 
     def places(self, gone_m: tuple[Floats, Floats]) -> Places:
         """Return ``place`` of many."""

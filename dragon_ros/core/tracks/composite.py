@@ -122,20 +122,16 @@ class Track:
                              f'{least:.6g} m, a hair over half the longest link, and the chain could lock there',
                              'use larger radii or shorter benches')
 
-    @cached_property
-    def _least_m(self) -> float:
-        """The least distance at which there is a place, with what rounding may add."""
-        return self.begin_m - _HAIR * (1 + abs(self.begin_m))
+    def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
+        """Return the place so far along the track. Raises TrackEndError where there is no track.
 
-    @cached_property
-    def _most_m(self) -> float:
-        return self.end_m + _HAIR * (1 + abs(self.end_m))
-
-    def place_at(self, metres: float, lo: float = 0.0) -> Place:
-        """Return the place so far along the track. Raises TrackEndError where there is no track."""
-        if not self._least_m <= metres <= self._most_m:
-            raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
-                                f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
+        What rounding adds beyond an end is in proportion to distances on the way: to the end's, and to ``from_m``.
+        """
+        if not self.begin_m <= metres <= self.end_m:
+            limit_m = self.begin_m if metres < self.begin_m else self.end_m
+            if not abs(metres - limit_m) <= _HAIR * (1 + max(abs(limit_m), abs(from_m))):
+                raise TrackEndError(f'{metres:.9g} m along the track is not on it: it goes from {self.begin_m:.9g} to '
+                                    f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)
         origin = self.origins_m[k]
         here, here_lo = plus(metres, lo, -origin) if origin else (metres, lo)

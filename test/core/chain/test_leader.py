@@ -11,6 +11,7 @@ from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick, velocity_of
+from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc
 
 
@@ -58,3 +59,15 @@ def test_led_by_the_tail_out_and_back_the_dragon_lies_as_before_and_goes_no_furt
     assert compile_scene(scene).end.reason == 'track'
     assert compile_scene(scene).end.t_s == pytest.approx(25.0, abs=1e-12)
     np.testing.assert_allclose(state(scene, compile_scene(scene).end.t_s).p, state(scene, 0.0).p, rtol=0, atol=1e-12)
+
+
+@pytest.mark.parametrize('turns', [3.6e3, 6.4e3, 1.6e4])
+@pytest.mark.parametrize('start', [0.91, 0.957, 0.99])
+def test_led_by_the_tail_from_far_off_there_is_a_state_at_the_very_end(turns, start):
+    """The way back is of 10,000 to 500,000 km, whose rounding may pass the beginning of the track, at 0 m."""
+    track = Composite((SpiralArc(0.41, 4.07, turns), Line(5.3)))
+    led = [Scene(dragon=Dragon(5), track=replace(track, start_m=start * track_of(track).end_m),
+                 head=Head(speed, 'tail')) for speed in (0.7, 1.0, 2.4815)]
+    for scene in led:
+        last = state(scene, compile_scene(scene).end.t_s)
+        assert last.p[-1] == pytest.approx((0.0, 0.0), abs=2 * np.spacing(track_of(track).end_m))

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.commands import certificate
-from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.contact.certificate import Contact, NoContact
@@ -146,3 +146,28 @@ def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(s
     assert found.approach_m_s == pytest.approx(wanted.approach_m_s * scale, rel=1e-4)
     least_s = compile_scene(scene).promise_m / found.approach_m_s
     assert least_s <= found.uncertainty_s < 100 * least_s
+
+
+@pytest.mark.parametrize('link_m', [0.0, 1e-9, 1e-7])
+def test_a_short_link_leaves_the_speed_and_the_uncertainty_of_other_benches_alone(link_m):
+    found, usual = (first_contact(Scene(effects=Effect(0), dragon=Mixed(
+        (Group(3.41, 1), Group(2.2, 221), Group(0.6 + last_m, 1)), 0.3, 0.3))) for last_m in (link_m, 0.01))
+    assert (found.benches, found.t_s) == (usual.benches, pytest.approx(usual.t_s, abs=1e-9))
+    assert found.approach_m_s == pytest.approx(usual.approach_m_s, rel=1e-6)
+    assert found.uncertainty_s == pytest.approx(usual.uncertainty_s, rel=1e-2)
+
+
+def test_benches_whose_links_have_no_length_touch_at_once():
+    found = first_contact(Scene(effects=Effect(0), dragon=Dragon(3, 0.55, 0.55)))
+    assert (found.t_s, found.approach_m_s, found.uncertainty_s) == (0.0, 0.0, np.inf)
+
+
+def test_the_speed_of_approach_stands_far_out_where_a_float_is_coarser_than_its_step():
+    """The classic dragon a thousand times smaller, after 17,000 km: the speed is that of one that starts near by."""
+    scale, d = 1e-3, Dragon()
+    dragon = Dragon(223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale)
+    near, far = (Scene(effects=Effect(0), dragon=dragon, track=Spiral(0.55 * scale, turns)) for turns in (16.0, 1e5))
+    wanted = first_contact(replace(near, head=Head(scale))).approach_m_s / scale
+    here_m = SpiralCurve.of(far.track).length_m - SpiralCurve.of(near.track).length_m + 412.47 * scale
+    found = first_contact(replace(far, head=Head(1e4), run=Run(here_m / 1e4)))
+    assert found.approach_m_s / 1e4 == pytest.approx(wanted, rel=2e-2)

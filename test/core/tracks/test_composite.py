@@ -105,3 +105,14 @@ def test_a_link_across_a_joint_just_passed_keeps_its_length():
     scene = Scene(dragon=dragon, track=turn, run=Run(0, 25))
     for past_m in (0.0, *np.geomspace(1e-12, 0.1, 300).tolist()):
         assert state(scene, turn.length_m + past_m).worst[0] < 2e-14
+
+
+@pytest.mark.parametrize('radius_m', [2.29, 2.92, 3.9, 3.91, 4.99])
+@pytest.mark.parametrize('solver', ['table', 'march'])
+def test_where_one_link_spans_an_arc_exactly_the_follower_is_on_the_joint(radius_m, solver):
+    """A link of the radius spans an arc of 60 degrees: rounding could put the follower a hair beyond its joint."""
+    dragon = Dragon(8, radius_m + 0.4, radius_m + 0.4, 0.3, 0.2)
+    scene = Scene(dragon=dragon, track=Composite((Line(10.0), Arc(radius_m, 60.0))), solver=solver)
+    last = state(scene, compile_scene(scene).end.t_s)
+    assert last.p[1] == pytest.approx((10.0, 0.0), abs=1e-12)
+    assert last.worst[0] < 1e-12
