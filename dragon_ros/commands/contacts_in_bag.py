@@ -40,14 +40,16 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
     """Return the first contact of a scene. Raises InputError where that takes more than the budgets."""
     benches, states = scene.dragon.benches, 0
     if benches > SEARCHED_BENCHES and not trust:
-        raise InputError(f'it has {benches} benches and is not searched beyond {SEARCHED_BENCHES}; give --trust')
+        raise InputError(f'the scene has {benches} benches and is searched for contacts up to {SEARCHED_BENCHES}; '
+                         'give --trust')
     with Progress('contact', 'states') as bar:
         def spend(more: int) -> None:
             nonlocal states
             states += more
             bar.update(more)
             if states * benches > SEARCH_WORK and not trust:
-                raise InputError(f'its search takes more than {states} states of {benches} benches; give --trust')
+                raise InputError(f'to search the scene for contacts takes more than {states} states of {benches} '
+                                 'benches; give --trust')
         return first_contact(scene, spend)
 
 

@@ -63,7 +63,7 @@ LIMITS = (
     Limit('SCENE_BENCHES', 'the benches of a scene from a stranger', 'benches', 'not computed without `--trust`'),
     Limit('SCENE_TICKS', 'the ticks of a scene from a stranger', 'ticks', 'not computed without `--trust`'),
     Limit('SEARCHED_BENCHES', 'the benches of such a scene whose first contact is searched', 'benches',
-          'reported as unknown without `--trust`'),
+          'reported as unknown without `--trust`; a run that ends in its contact is not checked'),
     Limit('SEARCH_WORK', 'the work of that search', 'states times benches', 'given up without `--trust`'),
     Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside of chunks', 'bytes', 'refused'),
     Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'refused'),

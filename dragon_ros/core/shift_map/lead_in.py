@@ -166,13 +166,13 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
 
     def of_all(values: Array, empty: float = 0.0) -> Array:
         out = np.full((count, *values.shape[1:]), empty, dtype=values.dtype)
-        out[numbers] = values[on]
+        out[numbers] = values
         return read_only(out)
 
     coordinates = np.stack((*plus(*origin, middle), scale), axis=-1)
-    chart = Chart(int(rows[0]), of_all(segment[:, 0], _NOWHERE), of_all(coordinates, 1.0), of_all(NOISE / half),
-                  of_all(powers_of(inverse[:nodes])))
-    return LeadIn(chart, of_all(places[:, :nodes]), of_all(motions[:, :nodes]), of_all(terms))
+    chart = Chart(int(rows[0]), of_all(segment[on, 0], _NOWHERE), of_all(coordinates[on], 1.0),
+                  of_all(NOISE / half[on]), of_all(powers_of(inverse[:nodes, on])))
+    return LeadIn(chart, of_all(places[on, :nodes]), of_all(motions[on, :nodes]), of_all(terms[on]))
 
 
 def _enough(size: Floats) -> Ints:
