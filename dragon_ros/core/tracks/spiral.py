@@ -20,6 +20,8 @@ from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # keeps a quotient of nothing by nothing at nothing
 _ROUNDING = 1e-15       # of the length: a distance to the centre may exceed it by rounding
+_NEWTON_STEPS = 20
+_NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smaller by four digits at least
 _SMOOTH_RAD = 10.0      # from here on one Newton step from the asymptotic series is right to 1e-9
 
 
@@ -61,14 +63,21 @@ class SpiralCurve:
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
         """Return ``inward`` of many distances at once as (hi, lo), to the last digits and not bit for bit."""
-        arc = distance_m / self.b_m
-        easy = _is_smooth(self.start.hi, arc)
-        if not np.all(easy):
-            places = np.array([self.inward(*pair) for pair in zip(distance_m.tolist(), distance_lo_m.tolist(),
-                                                                  strict=True)])
-            return places[:, 0], places[:, 1]
-        turned = _almost_turned(self.start.hi, arc, *_ARRAYS)
-        return self._corrected(turned, distance_m, distance_lo_m, *_ARRAYS[:2])
+        arc, theta = distance_m / self.b_m, self.start.hi
+        if np.all(_is_smooth(theta, arc)):
+            return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
+        inside = (distance_m < self.length_m) & (distance_m != 0)
+        self.inward(float(np.max(distance_m)))      # beyond the centre it raises
+        turned = 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0)))
+        for _ in range(_NEWTON_STEPS):      # the arc is concave in the angle: from the first step on they come nearer
+            between, slope = _arc_and_slope(theta, turned, *_ARRAYS[:2])
+            step = np.where(inside, (between - arc) / slope, 0.0)
+            turned = turned - step
+            if np.max(np.abs(step)) < _NEAR_RAD:
+                break
+        high, low = self._corrected(turned, distance_m, distance_lo_m, *_ARRAYS[:2])
+        ends = np.where(distance_m == 0, self.start.hi, 0.0), np.where(distance_m == 0, self.start.lo, 0.0)
+        return np.where(inside, high, ends[0]), np.where(inside, low, ends[1])
 
     @cached_property
     def _per_b(self) -> DoubleDouble:

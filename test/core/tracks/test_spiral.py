@@ -47,6 +47,19 @@ def test_beyond_the_centre_is_an_error_with_the_limit():
     assert error.value.fields['limit_m'] == spiral.length_m
 
 
+@given(st.floats(1e-3, 1e4), st.lists(st.floats(-2.0, 1.0) | st.sampled_from([0.0, 1.0, 1e-9, 1 - 1e-9]), min_size=1,
+                                       max_size=20))
+def test_places_inward_all_at_once_are_those_one_by_one(start_turns, shares):
+    spiral = SpiralCurve.of(Spiral(0.55, start_turns))
+    metres = spiral.length_m * np.array(shares)
+    high, low = spiral.inward_many(metres, np.zeros_like(metres))
+    each = np.array([spiral.inward(one) for one in metres.tolist()])
+    off_m = ((high - each[:, 0]) + (low - each[:, 1])) * spiral.b_m * np.hypot(1, each[:, 0])
+    assert np.all(np.abs(off_m) <= 1e-15 * np.maximum(spiral.b_m, np.abs(metres)))
+    with pytest.raises(TrackEndError, match='beyond its end'):
+        spiral.inward_many(spiral.length_m * np.array([*shares, 1.01]), np.zeros(1 + len(shares)))
+
+
 @given(st.floats(1e-3, 1e4))
 def test_tangents_are_unit_vectors_along_the_growing_angle(theta):
     step = 1e-6 * (1 + theta)
