@@ -331,7 +331,7 @@ def _last(places: Places) -> Places:
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
     """Return the lengths of the longest blocks that shift maps serve, with the links of the longest block of each.
 
-    Not those of links so short that a tile is shorter than the dragon: it would serve few states before the next one.
+    Not those of links so short that the tile of a spiral is shorter than the dragon: it would serve few states.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)

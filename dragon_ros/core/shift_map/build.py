@@ -5,10 +5,11 @@ from itertools import groupby, pairwise
 from math import ceil, floor, inf
 
 import numpy as np
+from numpy.polynomial import chebyshev
 
 from dragon_ros.core.chain.forward import FEWEST_ROWS, Block, forward, forward_many, placed
 from dragon_ros.core.errors import ChainLockError, TrackEndError
-from dragon_ros.core.numerics.chebyshev import inverse_series, powers_of, series_of, transform
+from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_of, series_of, transform
 from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
@@ -16,11 +17,13 @@ from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Segment, SpiralSegment
 
-NODES = 20                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
+NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
 _MOST_STEPS = 40_000        # from joints to their places in the span
 _MOST_BYTES = 256_000_000   # of the series of one table
 _ROUNDS = 5                 # of cutting parts in two
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
+_SPAN_NODES = 16            # of a whole span on a spiral, which is as smooth as a line
+_SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in its last terms
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
 
 
@@ -106,14 +109,7 @@ class _Pushed:
     coordinates: Floats
     places: Floats
     motions: Floats
-    inverses: dict[tuple[int, int], Floats] = field(default_factory=dict)
-
-    def inverse(self, x: Floats, rows: slice) -> Floats:
-        """Return the inverses (K, L) of scaled coordinates (K, R) in some rows, which are found once."""
-        key = rows.start, rows.stop
-        if key not in self.inverses:
-            self.inverses[key] = inverse_series(x[:, rows])
-        return self.inverses[key]
+    inverses: dict[tuple[int, int], Floats] = field(default_factory=dict)       # (K, L), by the L rows of leaders
 
 
 @dataclass(frozen=True)
@@ -203,26 +199,37 @@ def _halves(part: _Part) -> list[_Part]:
 def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
            series_m: Callable[[Floats], Floats]) -> Table | None:
     """Return the table, once all series end; parts whose do not are cut in two."""
-    pieces: list[tuple[_Part, _Pushed | None]] = [(part, None) for part in parts]
+    pieces: list[tuple[_Part, _Pushed | None, float]] = [(part, None, inf) for part in parts]   # and left of the whole
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
-        new = iter(_series(track, link_m, [part for part, one in pieces if not one], count))
-        pushed = [one or next(new) for _, one in pieces]
+        new = iter(_series(track, link_m, [part for part, one, _ in pieces if not one], count))
+        pushed = [one or next(new) for _, one, _ in pieces]
         rows = _together_in_rows(pushed, link_m, stretch, series_m)
         if rows.leading.start == rows.leading.stop:
             return None
         with np.errstate(all='ignore'):     # a part that is no longer than its rounding has no scale and no inverse
             x, middle, scale = scaled(rows.coordinates)
-            inverse = np.stack([one.inverse(each, rows.leading) for one, each in zip(pushed, x, strict=True)])
+            inverse = _inverses(pushed, x, rows.leading)
             left = _left(rows, x, inverse, link_m)
         if np.max(left) <= NOISE:
             return _table(rows, (x, middle, scale), inverse, link_m)
-        parts = [part for part, _ in pieces]
-        pieces = []
-        for part, one, over in zip(parts, pushed, left.tolist(), strict=True):
-            pieces += [(part, one)] if over <= NOISE else [(half, None) for half in _halves(part)]
+        before, pieces = pieces, []
+        for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
+            if over > NOISE and over >= 0.5 * whole:        # it is rounding, which halves have as well
+                return None
+            pieces += [(part, one, inf)] if over <= NOISE else [(half, None, over) for half in _halves(part)]
     return None
+
+
+def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
+    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in some rows; each part keeps its own."""
+    key = rows.start, rows.stop
+    new = [n for n, one in enumerate(pushed) if key not in one.inverses]
+    found = inverse_series(x[new, :, rows].transpose(1, 0, 2).reshape(NODES, -1)).reshape(NODES, len(new), -1)
+    for n, one in zip(new, found.transpose(1, 0, 2), strict=True):
+        pushed[n].inverses[key] = one
+    return np.stack([one.inverses[key] for one in pushed])
 
 
 def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list[_Pushed]:
@@ -294,12 +301,15 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
     """
     if len(track.segments) == 1:
         return [(0, count - 1)]
-    ends = [Place.of(*(values[at].item() for values in first)) for at in (NODES - 1, -NODES)]
+    front = Place.of(*(values[NODES - 1].item() for values in first))
+    links = count
+    if track.begin_m == -inf:       # what is once on the first segment stays there
+        links = min(count, max(1, ceil((track.distance_of(front)[0] - track.joints_m[0]) / link_m) + 2))
     try:
-        fore, rear = (forward(track, (Block(0, count - 1, link_m),), end, BEHIND, Effort()).segment for end in ends)
+        fore = forward(track, (Block(0, links, link_m),), front, BEHIND, Effort()).segment
     except (TrackEndError, ChainLockError):     # before the last row
         return [(None, count - 1)]
-    on = [a if a == b else None for a, b in zip(fore, rear, strict=True)]
+    on = [a if a == b else None for a, b in pairwise(fore)] + [0] * (count - links)     # the rearmost is a link behind
     out, row = list[tuple[int | None, int]](), 0
     for k, group in groupby(range(count), on.__getitem__):
         numbers = [*group]
@@ -316,14 +326,38 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
     None where they are not found all at once.
     """
     number, begin, begin_lo = first
+    numbers = np.broadcast_to(number, (count, number.size))
     if isinstance(segment, SpiralSegment):
-        found = placed(segment, (begin, begin_lo), np.full((count, 1), link_m / segment.curve.b_m))
-        return (np.broadcast_to(number, (count, number.size)), found[0][1:], found[1][1:]) if found else None
+        chords = np.full((count, 1), link_m / segment.curve.b_m)
+        rows = _by_series(segment, begin, begin_lo, chords) if number.size > NODES else None
+        if rows is None and (found := placed(segment, (begin, begin_lo), chords)):
+            rows = found[:2]
+        return (numbers, rows[0][1:], rows[1][1:]) if rows else None
     step, _ = segment.shifts(begin[:1], link_m, BEHIND, TIGHT, None)        # on a line or an arc all are alike
     u, lo = begin, begin_lo
     for part in product(np.arange(1.0, count + 1)[:, None], step[0]):
         u, lo = plus(u, lo, part)
-    return (np.broadcast_to(number, u.shape), u, lo) if np.min(u) >= segment.first else None
+    return (numbers, u, lo) if np.min(u) >= segment.first else None
+
+
+def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
+    """Return ``placed`` of the nodes of several parts by series: on a spiral a span is smooth, whatever it is cut into.
+
+    So no more nodes are placed than one part has. None where the series do not end in them.
+    """
+    nodes, matrix = transform(_SPAN_NODES)
+    low, high = np.argmin(begin), np.argmax(begin)
+    length = (begin[high] - begin[low]) + (begin_lo[high] - begin_lo[low])
+    found = placed(spiral, plus(begin[low], begin_lo[low], 0.5 * (1 + nodes) * length), chords)
+    if found is None:
+        return None
+    u, lo = found[:2]
+    centre = u[:, [_SPAN_NODES // 2]], lo[:, [_SPAN_NODES // 2]]
+    series = matrix @ ((u - centre[0]) + (lo - centre[1])).T
+    if np.max(np.abs(series[-2:]) / series[1]) > _SPAN_ENDS:
+        return None
+    at = 2 * (((begin - begin[low]) + (begin_lo - begin_lo[low])) / length) - 1
+    return plus(*centre, in_parts(np.asarray(chebyshev.chebvander(at, _SPAN_NODES - 1)), series).T)
 
 
 def _together(track: Track, places: Places) -> Places:
@@ -369,13 +403,12 @@ def _half_widths_m(rows: _Rows) -> Floats:
 def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float) -> Table:
     """Return the table with as many terms as any series needs."""
     (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
-    parts, count = rows.segment.shape[1], rows.segment.shape[0]
-    twice = np.repeat(rows.error_m, 2)
+    parts, twice = rows.segment.shape[1], np.repeat(rows.error_m, 2)
     places, motions = np.abs(rows.places) / twice, np.abs(link_m * rows.motions) / twice
     # A velocity is a product of many ratios: its rounding may lie above where its series is cut.
     noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
     size = np.maximum(places, np.where(motions > noise, motions, 0.0))
-    terms = _enough(size.reshape(parts, NODES, count, 2).max(axis=3))
+    terms = _enough(np.maximum(size[..., ::2], size[..., 1::2]))
     charts = half[:, :, leading] * np.maximum(np.abs(inverse), np.abs(x[:, :, leading]))
     nodes = max(int(np.max(terms)), int(np.max(_enough(charts))))
     centre = plus(rows.origin[0], rows.origin[1], middle.T)

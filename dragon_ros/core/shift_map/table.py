@@ -36,7 +36,8 @@ _MOST_CELLS = 64            # that a shift map keeps for single states, at most 
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
 _FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, no less than its blocks
-_STRETCH_LINKS = 64         # length of its stretches; when leaders get to one, the series of their own link are fitted
+_FEWEST_JOINED = 128        # that of a tile of a joined track, whose table has several parts, and half its blocks
+_STRETCH_LINKS = 32         # length of its stretches; when leaders get to one, the series of their own link are fitted
 _SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
@@ -295,9 +296,10 @@ def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
     return out
 
 
-def links_of_tile(links: int) -> int:
-    """Return how many links long the tiles for blocks of up to ``links`` links are."""
-    return max(_FEWEST_LINKS, 1 << (links - 1).bit_length())
+def links_of_tile(links: int, segments: int = 1) -> int:
+    """Return how many links long the tiles for blocks of up to ``links`` links are, on a track of so many segments."""
+    whole: int = 1 << (links - 1).bit_length()
+    return max(_FEWEST_LINKS, whole) if segments == 1 else max(_FEWEST_JOINED, whole // 2)
 
 
 class ShiftMap:
@@ -311,7 +313,7 @@ class ShiftMap:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._series_m = series_m
-        self._stretches = links_of_tile(links) // _STRETCH_LINKS    # of a tile
+        self._stretches = links_of_tile(links, len(track.segments)) // _STRETCH_LINKS    # of a tile
         self._stretch_m, self._before_m = _STRETCH_LINKS * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._kept: deque[tuple[Entrance, int]] = deque()

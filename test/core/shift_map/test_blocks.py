@@ -273,10 +273,10 @@ def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
         shift.spot(model.track.place_at(-10.0))
         table, = (one.table for one in shift.tiles)
         nodes[accuracy] = table.nodes
-        assert table.memory_bytes < 2_600_000
+        assert table.memory_bytes < 1_300_000
         assert table.parts == 4
-        assert 512 + 222 < table.rows < 512 + 222 + 20
-    assert nodes['exact'] <= 19
+        assert 128 + 222 < table.rows < 128 + 222 + 20
+    assert nodes['exact'] <= 20
     assert nodes['preview'] < 10
 
 

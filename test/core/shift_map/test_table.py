@@ -21,6 +21,7 @@ from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from dragon_ros.cost.dances import dances
 from dragon_ros.cost.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
@@ -66,6 +67,30 @@ def test_rows_that_are_found_all_at_once_are_those_found_one_by_one(monkeypatch,
     tile(scene, 0.0)
     assert found
     assert all(found)
+
+
+@pytest.mark.parametrize('scene', [Scene(track=STurn(before_m=100.0), run=Run(0, 200)),
+                                   Scene(track=STurn(), run=Run(0, 60), head=Head(1.0, 'tail'))])
+def test_where_all_parts_are_on_one_spiral_the_nodes_of_one_span_tell_where_theirs_are(monkeypatch, scene):
+    by_series, off_m = build._by_series, []
+
+    def checked(spiral, begin, begin_lo, chords):
+        found, wanted = by_series(spiral, begin, begin_lo, chords), build.placed(spiral, (begin, begin_lo), chords)
+        off = (found[0] - wanted[0]) + (found[1] - wanted[1])
+        off_m.append(spiral.curve.b_m * float(np.max(np.abs(off) * wanted[0])))
+        return found
+    monkeypatch.setattr(build, '_by_series', checked)
+    tile(scene, 0.0)
+    assert off_m
+    assert max(off_m) < 5e-14       # what hundreds of rows round; the promise is 2e-12
+
+
+def test_series_that_end_in_their_rounding_are_not_cut_on_and_on(monkeypatch):
+    scene = next(problem.scene for problem in dances() if problem.name == 'far-joined')
+    series, rounds = build._series, []
+    monkeypatch.setattr(build, '_series', lambda *given: rounds.append(given) or series(*given))
+    assert state(replace(scene, dragon=replace(scene.dragon, width_m=0.29)), scene.run.start_s).solver == 'march'
+    assert len(rounds) == 2
 
 
 def test_stats_say_which_solver_ran():
