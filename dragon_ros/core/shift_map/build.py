@@ -163,13 +163,16 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Par
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
         return []
+    hair_m, ends = _HAIR * (link_m + abs(here_m)), (*track.joints_m, track.end_m)
+    if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # its two joints would be one
+        return []
     cuts = sorted((_pulled(track, link_m, Place.of(k, track.segments[k].first, 0.0), back_m) for k in inside),
                   key=track.distance_of, reverse=True)
-    ends = [front]
+    places = [front]
     for cut in [*cuts, rear]:
-        if track.distance_of(ends[-1])[0] - track.distance_of(cut)[0] > _HAIR * (link_m + abs(here_m)):
-            ends.append(cut)
-    return [_part(track, fore, rear) for fore, rear in pairwise(ends)]
+        if track.distance_of(places[-1])[0] - track.distance_of(cut)[0] > hair_m:
+            places.append(cut)
+    return [_part(track, fore, rear) for fore, rear in pairwise(places)]
 
 
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
@@ -348,13 +351,13 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
     nodes, matrix = transform(_SPAN_NODES)
     low, high = np.argmin(begin), np.argmax(begin)
     length = (begin[high] - begin[low]) + (begin_lo[high] - begin_lo[low])
-    found = placed(spiral, plus(begin[low], begin_lo[low], 0.5 * (1 + nodes) * length), chords)
+    found = placed(spiral, plus(begin[low], begin_lo[low], 0.5 * (1 + nodes) * length), chords) if length else None
     if found is None:
         return None
     u, lo = found[:2]
     centre = u[:, [_SPAN_NODES // 2]], lo[:, [_SPAN_NODES // 2]]
     series = matrix @ ((u - centre[0]) + (lo - centre[1])).T
-    if np.max(np.abs(series[-2:]) / series[1]) > _SPAN_ENDS:
+    if np.any(np.abs(series[-2:]) > _SPAN_ENDS * np.abs(series[1])):
         return None
     at = 2 * (((begin - begin[low]) + (begin_lo - begin_lo[low])) / length) - 1
     return plus(*centre, in_parts(np.asarray(chebyshev.chebvander(at, _SPAN_NODES - 1)), series).T)

@@ -338,7 +338,10 @@ class ShiftMap:
         except (LookupError, AttributeError):   # on another tile than the last place, or no tile yet
             tile = self._tile(self._number(place) // self._stretches)
             self._last = tile.entrance if tile else self._last
-            return tile.entrance.spot(place) if tile else None
+            try:
+                return tile.entrance.spot(place) if tile else None
+            except LookupError:                 # on a segment too short for a part
+                return None
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
         """Return where the handle is that follows a leader at a link of another length; None where no series tell."""

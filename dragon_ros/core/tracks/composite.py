@@ -28,6 +28,7 @@ from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Seg
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TINY, SpiralCurve
 
+_HALF_ULP = 2.0**-53 # of a coordinate: what a float leaves out of it
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
 _SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
 WIDEST_RAD = 1.3    # about what a link may span on a spiral from afar: further in it may come near its lock
@@ -199,7 +200,8 @@ class Track:
         """Return the next place beyond one joint or more, and evaluations. Raises TrackEndError where there is none."""
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(*place.u))
-        gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last))
+        gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last)
+                     - direction * segment.rate(place.u.hi) * place.u.lo)
         reach = reach_m(self.bend, chord_m)
         while 0 <= (k := k + direction) < len(self.segments):
             segment = self.segments[k]
@@ -220,27 +222,34 @@ class Track:
         gone, reach = arcs_m
         segment = self.segments[k]
         near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
-        most = min(abs(segment.after(segment.metres(near) + direction * (reach - gone)).hi - near), abs(far - near))
-        sense = 1.0 if far > near else -1.0
-        if gone >= reach:        # it is the near end itself
-            return Place(k, DoubleDouble(near, 0.0)), 0
+        left, sense = max(reach - gone, 0.0), 1.0 if far > near else -1.0
+        hair = self._joint_hair_m / abs(segment.rate(near))
+        most = min(abs(segment.after(segment.metres(near) + direction * left).hi - near) + hair, abs(far - near))
+        base = most + hair
 
         def excess(x: float) -> tuple[float, float]:
-            u, low = plus(near, 0.0, sense * (x - most))
+            u, low = plus(near, 0.0, sense * (x - base))
             link = complex(segment.at(u, low)) - here
             growth = (link.conjugate() * complex(segment.heading(u))).real * segment.rate(u) * sense
             return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
 
-        start = most + most * min(max((chord_m - gone) / (reach - gone), 0.0), 1.0)
-        x, spent = bracketed_newton(excess, most, 2 * most, start, tolerance)
-        return Place(k, DoubleDouble(*plus(near, 0.0, sense * (x - most)))), spent
+        start = base + most * min(max((chord_m - gone) / left, 0.0), 1.0) if left else base
+        x, spent = bracketed_newton(excess, most, base + most, start, tolerance)
+        return Place(k, DoubleDouble(*plus(near, 0.0, sense * (x - base)))), spent
+
+    @cached_property
+    def _joint_hair_m(self) -> float:
+        """How far a joint's coordinate may be from the joint by rounding."""
+        ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
+        return max((_HALF_ULP * abs(float(u * segment.rate(u))) for segment, u in ends), default=0.0)
 
     def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int,
                     tolerance: float) -> tuple[Places, int]:
         """Return ``across`` of many places (hi, lo) on segment k."""
         start, segment, spent = k, self.segments[k], 0
         here = np.asarray(segment.at(*u), dtype=np.complex128)
-        gone = np.asarray(segment.metres_between(u[0], segment.first if direction == BEHIND else segment.last))
+        gone = np.asarray(segment.metres_between(u[0], segment.first if direction == BEHIND else segment.last)
+                          - direction * segment.rate(u[0]) * u[1])
         reach = reach_m(self.bend, chord_m)
         out: Places = np.full(here.shape, k), np.empty(here.shape), np.empty(here.shape)
         left = np.arange(here.size)
@@ -254,7 +263,7 @@ class Track:
             if on.size:
                 out[0][on] = k
                 (out[1][on], out[2][on]), evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
-                                                              (gone[on], reach), tolerance)
+                                                              (gone[on], reach, self._joint_hair_m), tolerance)
                 spent += evaluations
             gone, left = gone + longest, left[~hit]
         for n in left[:1]:      # it says what is wrong
@@ -342,14 +351,16 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
-          arcs_m: tuple[Floats, float], tolerance: float) -> tuple[tuple[Floats, Floats], int]:
+          arcs_m: tuple[Floats, float, float], tolerance: float) -> tuple[tuple[Floats, Floats], int]:
     """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton kept in brackets."""
-    (near, far), (gone, reach) = ends, arcs_m
-    end = segment.after_many(segment.metres(near) + direction * (reach - gone), np.zeros_like(gone))[0]
-    most, sense = np.minimum(np.abs(end - near), abs(far - near)), 1.0 if far > near else -1.0
-    low, high = np.zeros_like(gone), most
-    x = np.clip(_guessed(segment, near, here, chord_m, direction) / abs(float(segment.rate(near))), 0.0, most)
-    last, spent = most, 0
+    (near, far), (gone, reach, hair_m) = ends, arcs_m
+    rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
+    left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
+    end = segment.after_many(segment.metres(near) + direction * left, np.zeros_like(gone))[0]
+    most = np.minimum(np.abs(end - near) + hair, abs(far - near))
+    low, high = np.full_like(gone, -hair), most
+    x = np.clip(_guessed(segment, near, here, chord_m, direction) / rate, low, most)
+    last, spent = most + hair, 0
     for _ in range(80):
         u, lo = plus(near, 0.0, sense * x)
         point, heading = segment.poses(u, lo)
@@ -358,11 +369,11 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
         slope = (link.conjugate() * heading).real * segment.rate(u) * sense
         low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
         change = value / np.where(slope > 0, slope, 1e-300)
-        small = np.abs(change) <= tolerance * most
+        small = np.abs(change) <= tolerance * (most + hair)
         newton = small | ((low <= x - change) & (x - change <= high) & (np.abs(change) <= 0.5 * last))
         following = np.clip(np.where(newton, x - change, low + 0.5 * (high - low)), low, high)
         last, x = np.abs(following - x), following
-        if np.all(small | (high - low <= 4e-16 * most)):
+        if np.all(small | (high - low <= 4e-16 * (most + hair))):
             break
     return plus(near, 0.0, sense * x), spent
 

@@ -245,10 +245,12 @@ def test_links_that_have_no_length_or_are_too_many_have_no_table():
     assert build(track, 1e-4, stretch, cut_m) is None
 
 
-@pytest.mark.parametrize(('pitch_m', 'diameter_m'), [(1.7, 20e3), (1.7, 100e3), (55.0, 50e3)])
-def test_parts_that_are_no_longer_than_their_rounding_have_no_table(pitch_m, diameter_m):
+@pytest.mark.parametrize(('pitch_m', 'diameter_m', 'solver'), [
+    (1.7, 20e3, 'table'), (1.7, 100e3, 'table'), (55.0, 50e3, 'table'), (1.7, 319591.0, 'march'),
+    (0.4, 346848.1, 'march'), (5.0, 332115.9, 'march')])
+def test_parts_that_are_no_longer_than_their_rounding_have_no_table(pitch_m, diameter_m, solver):
     scene = Scene(dragon=Dragon(30), track=STurn(pitch_m, diameter_m), run=Run(0, 100))
-    assert agree(scene, 0.0) == agree(scene, 100.0) == 'march'
+    assert agree(scene, 0.0) == agree(scene, 100.0) == solver
 
 
 @pytest.mark.parametrize('run', [Run(0, 1e6), Run()], ids=['long', 'without end'])
