@@ -13,7 +13,8 @@ from dragon_ros.core.errors import DragonError, MissingError
 
 PAGES = {'limits': 'dragon_ros.cost.limits', 'accuracy': 'dragon_ros.cost.workprec',
          'promises': 'dragon_ros.cost.promises', 'contact': 'dragon_ros.cost.contacts',
-         'effects': 'dragon_ros.cost.effects', 'tick': 'dragon_ros.cost.ticks', 'scale': 'dragon_ros.cost.scale',
+         'effects': 'dragon_ros.cost.effects', 'tick': 'dragon_ros.cost.ticks',
+         'first': 'dragon_ros.cost.first_ticks', 'scale': 'dragon_ros.cost.scale',
          'bag': 'dragon_ros.cost.bags', 'memory': 'dragon_ros.cost.memory', 'startup': 'dragon_ros.cost.startup',
          'study': 'dragon_ros.cost.study'}
 ALL = 'all'
@@ -34,6 +35,7 @@ def main(argv: list[str]) -> int:
                          'promises: error over promise on random chains; '
                          'contact: the first contact against sampling at fixed steps, and growth with benches; '
                          'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
+                         'first: what the first tick of a track takes; '
                          'scale: growth of each stage, and rates held over DDS; '
                          'bag: throughput and size of bags by compression; memory: that of a recorder during a long '
                          'run; startup: of every executable; study: rows a second of studies on Dask; all: one after '

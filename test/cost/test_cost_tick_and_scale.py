@@ -1,4 +1,4 @@
-"""The pages ``cost tick`` and ``cost scale``: their sums, exponents, verdicts and files."""
+"""The pages ``cost tick``, ``cost first`` and ``cost scale``: their sums, exponents, verdicts and files."""
 import numpy as np
 import pytest
 
@@ -6,7 +6,7 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.cost import command, live, scale, ticks
+from dragon_ros.cost import command, first_ticks, live, scale, ticks
 from dragon_ros.cost.measure import Timing
 from dragon_ros.cost.scale import build
 from dragon_ros.cost.solvers import CHAIN_SOLVERS
@@ -53,6 +53,40 @@ def test_without_ros_the_tick_page_leaves_publishing_out(monkeypatch, capsys):
 def test_publishing_is_measured_where_ros_is():
     pytest.importorskip('rclpy')
     assert set(ticks._messages(0.01)) == {'bytes publish', 'objects encode', 'objects publish'}
+
+
+def first_row(*seconds):
+    return first_ticks.Row('bend', 224, 3, dict(zip(first_ticks.CALLS, map(timing, seconds), strict=True)))
+
+
+@pytest.mark.parametrize(('seconds', 'tick'), [
+    ((10.2e-3, 1e-5, 2e-4, 2.1e-4), 51), ((1e-3, 1e-5, 2e-3, 2e-4), 1), ((1e-2, 3e-4, 2e-4, 2e-4), np.inf)])
+def test_a_map_has_paid_where_the_march_has_taken_longer(seconds, tick):
+    row = first_row(*seconds)
+    assert row.pays_from == pytest.approx(tick)
+    if 1 < tick < np.inf:
+        first, later, first_marched, marched = seconds
+        assert first + later * (tick - 2) > first_marched + marched * (tick - 2) - 1e-9
+        assert first + later * (tick - 1) <= first_marched + marched * (tick - 1) + 1e-9
+
+
+def test_the_page_of_first_ticks_has_a_line_a_scene_and_a_picture(tmp_path):
+    rows = [first_row(10.2e-3, 1e-5, 2e-4, 2.1e-4), first_row(1e-2, 3e-4, 2e-4, 2e-4)]
+    with np.errstate(all='warn'):
+        paths = command.write('first', rows, tmp_path)
+    assert [path.name for path in paths] == ['first.md', 'first.csv', 'first.png', 'first.svg']
+    assert '| bend | 224 | 3 | 10.2 | 10.2 to 10.2 | 10 | 0.2 | 210 | 51 |' in first_ticks.table(rows)
+    assert first_ticks.table(rows).endswith('| 200 | - |')
+    assert len(first_ticks.csv_text(rows).splitlines()) == 1 + 2 * 4
+
+
+def test_a_first_tick_is_that_of_the_run_with_a_table_of_its_own():
+    scene = Scene(dragon=Dragon(30))
+    kept = compile_scene(scene).model.placement
+    chain = first_ticks.first_tick(scene)
+    np.testing.assert_array_equal(chain.p, state(scene, scene.run.start_s).p)
+    assert chain.solver == 'table'
+    assert compile_scene(scene).model.placement is kept
 
 
 def run(benches, rate_hz, overruns=0, missing=0, wall_s=2.0):

@@ -1,0 +1,116 @@
+"""``cost first``: what the first tick of a run takes, by the shift map and by the march, and when the map has paid."""
+from dataclasses import dataclass, replace
+from functools import partial
+from math import ceil, inf
+
+import numpy as np
+from matplotlib.figure import Figure
+from tqdm import tqdm
+
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.cli.figures import legend_below
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import state
+from dragon_ros.cost.dances import dances
+from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
+from dragon_ros.scenes.load import load_scene
+
+_NAMED = ('winding', 'long')
+_TICKS = 50             # of which the time of a later one is the mean
+_FIRST, _LATER, _FIRST_MARCHED, _MARCHED = 'first', 'later', 'first, marched', 'later, marched'
+CALLS = (_FIRST, _LATER, _FIRST_MARCHED, _MARCHED)
+_STYLES = {_FIRST: ('#0072B2', 'o'), _LATER: ('#0072B2', '.'), _FIRST_MARCHED: ('#D55E00', 's'),
+           _MARCHED: ('#D55E00', '|')}     # Okabe-Ito
+
+
+@dataclass(frozen=True)
+class Row:
+    """A scene, the segments of its track, and the time of its ticks: the first and later ones, by map and by march."""
+
+    scene: str
+    handles: int
+    segments: int
+    timings: dict[str, Timing]
+
+    @property
+    def pays_from(self) -> float:
+        """The tick from which on the march has taken longer than the map, both from the first on; inf if none is."""
+        first, later, first_marched, marched = (self.timings[name].median_s for name in CALLS)
+        if first <= first_marched:
+            return 1
+        return 1 + ceil((first - first_marched) / (marched - later)) if marched > later else inf
+
+
+def measure(budget_s: float = 0.3) -> list[Row]:
+    """Measure every scene that the map serves; progress goes to standard error."""
+    scenes = {name: load_scene(name) for name in _NAMED}
+    scenes |= {case.name: case.scene for case in dances()}
+    served = {name: scene for name, scene in scenes.items()
+              if state(scene, scene.run.start_s).solver.startswith('table')}
+    return [_row(name, scene, budget_s) for name, scene in tqdm(served.items(), desc='cost first', unit='scene',
+                                                               disable=None)]
+
+
+def _row(name: str, scene: Scene, budget_s: float) -> Row:
+    marched = replace(scene, solver='march')
+    first, first_marched = (timed(partial(first_tick, one), budget_s) for one in (scene, marched))
+    later, later_marched = (timing.shared_by(_TICKS) for timing in timed_in_turn(
+        [partial(_later, one) for one in (scene, marched)], budget_s))
+    return Row(name, scene.dragon.benches + 1, len(compile_scene(scene).model.track.segments),
+               dict(zip(CALLS, (first, later, first_marched, later_marched), strict=True)))
+
+
+def first_tick(scene: Scene) -> object:
+    """Place all handles at the start of a run by a model of which nothing is kept: track, leader and table are new."""
+    fresh = replace(compile_scene(scene).model)
+    return fresh.placement.place(fresh.leader.place(scene.head.travelled_m(scene.run.start_s)))
+
+
+def _later(scene: Scene) -> None:
+    for k in range(_TICKS):
+        state(scene, scene.run.time_ns(k) / NS)
+
+
+def table(rows: list[Row]) -> str:
+    """Return the rows as a Markdown table with the circumstances above it."""
+    head = ('| scene | handles | segments | first tick (ms) | quartiles | later (µs) | first, marched (ms) | '
+            'later, marched (µs) | the map has paid from tick |\n|---|---:|---:|---:|---|---:|---:|---:|---:|')
+    return '\n'.join([f'{circumstances()}. Medians after the first call.', '', head, *map(_line, rows)])
+
+
+def _line(row: Row) -> str:
+    first, later, first_marched, marched = (row.timings[name] for name in CALLS)
+    pays = f'{row.pays_from:,.0f}' if row.pays_from < inf else '-'
+    return (f'| {row.scene} | {row.handles:,} | {row.segments} | {first.median_s * 1e3:.3g} | '
+            f'{first.low_s * 1e3:.3g} to {first.high_s * 1e3:.3g} | {later.median_s * 1e6:.3g} | '
+            f'{first_marched.median_s * 1e3:.3g} | {marched.median_s * 1e6:.4g} | {pays} |')
+
+
+def csv_text(rows: list[Row]) -> str:
+    """Return the rows as CSV, one line per timing, times in seconds."""
+    return csv_of(['scene', 'handles', 'segments', 'tick', *TIMES],
+                  [(row.scene, row.handles, row.segments, name, *timing.cells)
+                   for row in rows for name, timing in row.timings.items()])
+
+
+def picture(rows: list[Row]) -> Figure:
+    """Return one line a scene: its first tick and a later one, by the map and by the march."""
+    figure = Figure(figsize=(11, 0.34 * len(rows) + 2.4), layout='constrained')
+    axes, at = figure.subplots(), np.arange(len(rows))
+    for name, (colour, marker) in _STYLES.items():
+        axes.plot([row.timings[name].median_s * 1e3 for row in rows], at, marker, color=colour, markersize=9,
+                  label=name, linestyle='none')
+    for n, row in enumerate(rows):
+        axes.plot([row.timings[name].median_s * 1e3 for name in (_LATER, _FIRST)], [n, n], color='#0072B2',
+                  linewidth=0.8, zorder=0)
+    axes.set_xscale('log')
+    axes.set_yticks(at, [f'{row.scene}, {row.handles:,} handles' for row in rows])
+    axes.invert_yaxis()
+    axes.set_xlabel('time of a tick (ms)')
+    axes.set_title('The first tick builds the table of a stretch of track')
+    axes.grid(True, axis='x', linewidth=0.4)
+    axes.set_axisbelow(True)
+    legend_below(axes, len(CALLS))
+    figure.supxlabel(circumstances(), fontsize=7)
+    return figure
