@@ -70,6 +70,13 @@ def dances() -> tuple[Problem, ...]:
               Scene(dragon=Dragon(30), track=Spiral(0.55, 100000.1), head=Head(1.0, 'tail')), (0.0, 20.0)),
         _on('far-joined', 'a spiral 16 km from its centre, between a line and an arc',
             (Line(5.0), SpiralArc(0.55, 30000.3, 30000.2999), Arc(4.0, 700.0)), (3.0, 9.0, 20.0, 30.0)),
+        _like('a-year-of-rounds', 'the tail leads a million rounds backwards on a circle',
+              Scene(dragon=Dragon(30), track=Composite((Arc(49.5, 360.0), Line(2.0)), start_m=100.0),
+                    head=Head(10.0, 'tail')), (0.0, 86_400.0, 31_536_000.0)),
+        _like('after-a-long-way', 'joints behind 171 km of spiral, where a float for a distance is 29 pm coarse',
+              Scene(dragon=Dragon(30), track=Composite(
+                  (SpiralArc(0.62, 24.2, 297.8), Arc(1.6, 350.0), SpiralArc(1.1, 17.7, 12.2, 'right')),
+                  start_m=171_580.0)), (0.0, 15.0, 300.0, 580.0)),
         _like('mixed-by-the-tail', 'benches of six lengths behind their tail, links in reverse on a turn',
               Scene(dragon=MIXED, track=STurn(2.2, 12.0, 1.0, -40.0), head=Head(1.0, 'tail')), (0.0, 10.0, 45.0), 40),
         _like('turn-by-the-tail', 'the tail leads back through a turn that the head has left',

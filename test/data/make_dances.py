@@ -164,7 +164,7 @@ def polished(piece: Any, here: Number, u: Number, chord: Number) -> Number:
         step = (abs(link) ** 2 - chord * chord) / (2 * (mp.conj(link) * slope).real)
         u -= step
         assert abs(step) < mpf(10) ** -6 * chord / abs(slope), 'the root is not next to where it was seen'
-        if abs(step) <= mpf(10) ** (6 - mp.dps) * chord:
+        if abs(step) <= mpf(10) ** (6 - mp.dps) * (chord + abs(u)):
             return u
     raise AssertionError('no root')
 

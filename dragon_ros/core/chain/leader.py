@@ -91,7 +91,8 @@ class Leader:
         if self.track.may_lock and spiral:      # r^2 grows by at most 2 b a metre of track, and links are no longer
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
             return curve.b_m * (1 + hypot(curve.start.hi, sqrt(2 * (length_m - extent_m[0]) / curve.b_m)))
-        return self.track.far_m(*self.span_m(extent_m))
+        low_m, high_m = self.span_m(extent_m)
+        return max(self.track.far_m(low_m, high_m), self.track.laid_from_m(high_m))
 
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
         """Return the stretch of the track on which handles are while the leader goes between two distances.

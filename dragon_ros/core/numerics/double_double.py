@@ -20,7 +20,16 @@ class DoubleDouble(NamedTuple):
 @lru_cache(maxsize=1024)
 def from_turns(turns: float | Fraction) -> DoubleDouble:
     """Return 2 pi turns in radians, correct to 32 digits."""
-    exact = _TWO_PI * Fraction(turns)
+    return _rounded(_TWO_PI * Fraction(turns))
+
+
+@lru_cache(maxsize=1024)
+def per_radian(per_turn: float) -> DoubleDouble:
+    """Return per_turn / 2 pi, correct to 32 digits."""
+    return _rounded(Fraction(per_turn) / _TWO_PI)
+
+
+def _rounded(exact: Fraction) -> DoubleDouble:
     hi = float(exact)
     return DoubleDouble(hi, float(exact - Fraction(hi)))
 

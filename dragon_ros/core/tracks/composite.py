@@ -28,7 +28,7 @@ from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Seg
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TINY, SpiralCurve
 
-_HALF_ULP = 2.0**-53 # of a coordinate: what a float leaves out of it
+_ULPS = 2.0**-51     # of a coordinate: what floats of it, and of the way there, leave out
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
 _SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
 WIDEST_RAD = 1.3    # about what a link may span on a spiral from afar: further in it may come near its lock
@@ -57,11 +57,20 @@ def least_radius_m(links_m: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Segments in the order of the head's way; ``origins_m`` are the distances along the track at their anchors."""
+    """Segments in the order of the head's way; ``origins_m`` are the distances along the track at their anchors.
+
+    After a long way a float is coarser than the promise: ``origins_lo_m`` is what they leave out, where segments are
+    laid piece by piece.
+    """
 
     segments: tuple[Segment, ...]
     origins_m: tuple[float, ...]
     may_lock: bool = False
+    origins_lo_m: tuple[float, ...] = ()
+
+    @cached_property
+    def _origins_lo_m(self) -> tuple[float, ...]:
+        return self.origins_lo_m or (0.0,) * len(self.segments)
 
     @cached_property
     def bend(self) -> float:
@@ -111,8 +120,9 @@ class Track:
 
     def distance_of(self, place: Place) -> tuple[float, float]:
         """Return the distance of a place along the track, as (hi, lo)."""
-        segment, (u, lo) = self.segments[place.segment], place.u
-        return plus(segment.metres(u), segment.rate(u) * lo - segment.anchor_lo_m, self.origins_m[place.segment])
+        k, (u, lo) = place
+        segment = self.segments[k]
+        return plus(segment.metres(u), segment.metres_lo(u, lo) + self._origins_lo_m[k], self.origins_m[k])
 
     def check_links(self, links_m: Floats) -> None:
         """Refuse links that are too long for the tightest bend of a composite track."""
@@ -135,14 +145,14 @@ class Track:
                                     f'{self.end_m:.9g} m', distance_m=metres, limit_m=self.end_m)
         k = bisect_right(self.joints_m, metres)
         origin = self.origins_m[k]
-        here, here_lo = plus(metres, lo, -origin) if origin else (metres, lo)
+        here, here_lo = plus(metres, lo - self._origins_lo_m[k], -origin) if origin else (metres, lo)
         return Place(k, self.segments[k].after(here, here_lo))
 
     def places_at(self, metres: Floats, lo: Floats) -> Places:
         """Return ``place_at`` of many; all must be on the track."""
         number = np.searchsorted(np.array(self.joints_m), metres, side='right')
         u, u_lo = np.empty_like(metres), np.empty_like(metres)
-        here, here_lo = plus(metres, lo, -np.array(self.origins_m)[number])
+        here, here_lo = plus(metres, lo - np.array(self._origins_lo_m)[number], -np.array(self.origins_m)[number])
         for k in self.present(number):
             on = number == k
             u[on], u_lo[on] = self.segments[k].after_many(here[on], here_lo[on])
@@ -170,6 +180,14 @@ class Track:
     def far_m(self, low_m: float, high_m: float) -> float:
         """Return a bound on the distance from the origin between two distances along the track."""
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
+
+    def laid_from_m(self, metres: float) -> float:
+        """Return a bound on how far out the pieces go on which the one at a distance along the track is laid.
+
+        What rounding moves their ends by, it moves all that follows by.
+        """
+        before = self.segments[:self.place_at(metres).segment] if self.origins_lo_m else ()
+        return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
 
     def next(self, place: Place, chord_m: float, direction: int, tolerance: float) -> tuple[Place, int]:
         """Return the place of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
@@ -239,9 +257,9 @@ class Track:
 
     @cached_property
     def _joint_hair_m(self) -> float:
-        """How far a joint's coordinate may be from the joint by rounding."""
+        """How far from a joint rounding may put a place that is to be on it."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
-        return max((_HALF_ULP * abs(float(u * segment.rate(u))) for segment, u in ends), default=0.0)
+        return max((_ULPS * abs(float(u * segment.rate(u))) for segment, u in ends), default=0.0)
 
     def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int,
                     tolerance: float) -> tuple[Places, int]:
@@ -403,7 +421,7 @@ def spiral_track(spiral: Spiral, last_rad: float, may_lock: bool = False) -> Tra
 
 def _composite(spec: Composite) -> Track:
     segments: list[Segment] = []
-    origins = [0.0]
+    origins = [(0.0, 0.0)]
     first = spec.pieces[0]
     point, heading = complex(*(first.at_m or (0.0, 0.0))), cmath.rect(1.0, radians(first.heading_deg or 0.0))
     for k, piece in enumerate(spec.pieces):
@@ -411,9 +429,11 @@ def _composite(spec: Composite) -> Track:
         one = _segment(piece, point, heading, open_ended=k == 0)
         segments.append(one)
         end = from_turns(piece.to_turns) if isinstance(piece, SpiralArc) else DoubleDouble(one.last, 0.0)
-        origins.append(origins[-1] + one.metres(end.hi) + (one.rate(end.hi) * end.lo - one.anchor_lo_m))
+        origins.append(plus(*origins[-1], one.metres(end.hi)))
+        origins[-1] = plus(*origins[-1], one.metres_lo(*end))
         point, heading = complex(one.at(*end)), complex(one.heading(*end))
-    return Track(tuple(segments), tuple(origins[:-1]))
+    return Track(tuple(segments), tuple(metres for metres, _ in origins[:-1]),
+                 origins_lo_m=tuple(lo for _, lo in origins[:-1]))
 
 
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:

@@ -11,7 +11,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.numerics.double_double import DoubleDouble, plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.chord import (
     TIGHT,
@@ -76,11 +76,6 @@ class Segment(Protocol):
         """Largest curvature in 1/m."""
         ...
 
-    @property
-    def anchor_lo_m(self) -> float:
-        """How far the anchor is, in the head's way, from the coordinate that ``metres`` counts from, one float."""
-        ...
-
     def at(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the point."""
         ...
@@ -99,6 +94,10 @@ class Segment(Protocol):
 
     def metres(self, u: Any) -> Any:
         """Return the distance from the anchor to u, positive in the head's way."""
+        ...
+
+    def metres_lo(self, u: Any, lo: Any) -> Any:
+        """Return what the distance from the anchor to u + lo is more than ``metres(u)``, one float."""
         ...
 
     def metres_between(self, a: Any, b: float) -> Any:
@@ -163,7 +162,6 @@ class LineSegment:
     first: float
     last: float
     bend = 0.0
-    anchor_lo_m = 0.0
 
     def at(self, u: Any, lo: Any = 0.0) -> Any:
         """Return the point."""
@@ -184,6 +182,10 @@ class LineSegment:
     def metres(self, u: Any) -> Any:
         """Return the distance from the start to u."""
         return u
+
+    def metres_lo(self, u: Any, lo: Any) -> Any:
+        """Return what ``metres`` leaves out."""
+        return lo
 
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length between coordinates."""
@@ -242,7 +244,6 @@ class ArcSegment:
     side: int
     first: float
     last: float
-    anchor_lo_m = 0.0
 
     @property
     def bend(self) -> float:
@@ -273,6 +274,10 @@ class ArcSegment:
         """Return the distance from the start to u."""
         return self.radius_m * u
 
+    def metres_lo(self, u: Any, lo: Any) -> Any:
+        """Return what ``metres`` leaves out."""
+        return product(self.radius_m, u)[1] + self.radius_m * lo
+
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length between coordinates."""
         return self.radius_m * abs(a - b)
@@ -282,12 +287,17 @@ class ArcSegment:
         return np.full_like(u, self.side / self.radius_m)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u so many metres from the start."""
-        return DoubleDouble(*plus(metres / self.radius_m, lo / self.radius_m, 0.0))
+        """Return u so many metres from the start, with all digits however many rounds that is."""
+        return DoubleDouble(*self._after(metres, lo))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
         """Return ``after`` of many."""
-        return plus(metres / self.radius_m, lo / self.radius_m, 0.0)
+        return self._after(metres, lo)
+
+    def _after(self, metres: Any, lo: Any) -> tuple[Any, Any]:
+        u = metres / self.radius_m
+        near_m, less_m = product(u, self.radius_m)
+        return plus(u, ((metres - near_m) - less_m + lo) / self.radius_m, 0.0)
 
     def far_m(self, a: float, b: float) -> float:
         """Return a bound on the distance from the origin between two coordinates."""
@@ -361,12 +371,6 @@ class SpiralSegment:
         return (2 + theta * theta) / (self.curve.b_m * (1 + theta * theta) * sqrt(1 + theta * theta))
 
     @cached_property
-    def anchor_lo_m(self) -> float:
-        """How far ``curve.start`` is from its hi; far from the centre a distance in floats shows it."""
-        start, lo = self.curve.start
-        return float(self.rate(start) * lo)
-
-    @cached_property
     def _scaled(self) -> complex:
         return self.rotation * self.curve.b_m
 
@@ -403,6 +407,11 @@ class SpiralSegment:
         """Return the distance from the anchor to u."""
         start = self.curve.start.hi
         return -self.way * self.curve.b_m * arc_between(start, start - u)
+
+    def metres_lo(self, u: Any, lo: Any) -> Any:
+        """Return what ``metres`` leaves out."""
+        metres, more = self.curve.distance_of(u, lo)
+        return (-self.way * metres - self.metres(u)) - self.way * more
 
     def metres_between(self, a: Any, b: float) -> Any:
         """Return the length between coordinates, without cancellation."""

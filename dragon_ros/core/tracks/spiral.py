@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.core.errors import TrackEndError
-from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus, product
+from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, per_radian, plus, product
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spec import Spiral
@@ -112,6 +112,18 @@ class SpiralCurve:
     def distance_to(self, theta: float) -> float:
         """Return the arc length from the start inwards to polar angle ``theta``, in metres."""
         return float(self.b_m * arc_between(self.start.hi, self.start.hi - theta))
+
+    def distance_of(self, theta: float, lo: float) -> tuple[float, float]:
+        """Return the arc length from the start inwards to polar angle theta + lo in metres, as (hi, lo): ``inward``."""
+        (start, start_lo), (w_outer, rest), (b_m, b_lo_m) = self.start, self._outer, per_radian(self.pitch_m)
+        w_inner = sqrt(1 + theta * theta)
+        turned, turned_lo = plus(start, start_lo - lo, -theta)
+        both, both_lo = plus(start, start_lo + lo, theta)
+        squares, squares_lo = product(turned, both)
+        squares_lo += turned * both_lo + turned_lo * both + (rest - theta / (theta + w_inner))
+        squares_lo += asinh(turned * both / (start * w_inner + theta * w_outer + TINY))
+        metres, metres_lo = product(0.5 * squares, b_m)
+        return metres, metres_lo + 0.5 * (squares * b_lo_m + squares_lo * b_m)
 
     def _turned(self, arc: float) -> float:
         """Return the angle between the start and the place ``arc`` (in units of b) further in."""

@@ -37,5 +37,19 @@ def test_an_arc_heads_where_the_whole_coordinate_says(u, part, side):
     assert abs(complex(segment.heading(np.array([u]), np.array([lo]))[0]) - true) < 5e-16
 
 
+@given(st.floats(1e-3, 1e6), st.floats(1e-30, 1e9) | st.floats(-1e9, -1e-30), st.floats(-0.5, 0.5))
+def test_on_an_arc_a_distance_of_many_rounds_loses_no_digit_there_and_back(radius_m, metres, part):
+    segment = ArcSegment(0j, radius_m + 0j, radius_m, 1, -inf, inf)
+    lo = part * float(np.spacing(metres))
+    u = segment.after(metres, lo)
+    many = segment.after_many(np.array([metres]), np.array([lo]))
+    assert (many[0][0], many[1][0]) == u
+    with mpmath.workdps(60):
+        exact = (mpf(metres) + mpf(lo)) / mpf(radius_m)
+        assert abs(mpf(u.hi) + mpf(u.lo) - exact) <= 1e-31 * abs(exact)
+        back = mpf(segment.metres(u.hi)) + mpf(segment.metres_lo(*u))
+        assert abs(back - (mpf(metres) + mpf(lo))) <= 1e-31 * abs(mpf(metres))
+
+
 def test_a_line_heads_one_way():
     assert LineSegment(0j, 0.6 + 0.8j, 0.0, 9.0).heading(5.0, 1e-16) == pytest.approx(0.6 + 0.8j, abs=0)

@@ -87,3 +87,20 @@ def test_newton_on_the_arc_length_converges_quadratically():
         assert arc_between(100.0, 30.0) == pytest.approx(float(excess(mpmath.mpf(30))[0]) + 3000, rel=1e-14)
         iterates = newton_iterates(excess, mpmath.mpf(36), 7)
         assert order_of(errors_of(iterates[:-1], iterates[-1])) == pytest.approx(2.0, abs=0.05)
+
+
+@given(st.floats(1e-3, 1e5), st.floats(0.0, 1.0), st.floats(-0.5, 0.5))
+@example(1e5, 1.0, 0.5)
+def test_the_distance_of_a_place_has_more_digits_than_a_float(start_turns, share, ulps):
+    """From millions of kilometres a float would leave out tenths of a micrometre."""
+    spiral = SpiralCurve.of(Spiral(0.55, start_turns))
+    theta = spiral.start.hi * share
+    lo = float(ulps * np.spacing(theta))
+    with mpmath.workdps(50):
+        start, end = (mpmath.mpf(hi) + mpmath.mpf(low) for hi, low in (spiral.start, (theta, lo)))
+        b_m = mpmath.mpf(0.55) / (2 * mpmath.pi)
+        from_centre = [u * mpmath.sqrt(1 + u * u) + mpmath.asinh(u) for u in (start, end)]
+        exact = b_m / 2 * (from_centre[0] - from_centre[1])
+        metres, rest = spiral.distance_of(theta, lo)
+        off_m = abs(mpmath.mpf(metres) + mpmath.mpf(rest) - exact)
+    assert off_m <= 1e-15 * spiral.b_m * (1 + theta) + 1e-15 * min(float(abs(exact)), 1.0)
