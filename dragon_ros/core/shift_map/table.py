@@ -37,7 +37,8 @@ _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently 
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
 _FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, no less than its blocks
 _FEWEST_JOINED = 128        # that of a tile of a joined track, whose table has several parts, and half its blocks
-_STRETCH_LINKS = 32         # length of its stretches; when leaders get to one, the series of their own link are fitted
+_STRETCH_LINKS = 64         # length of its stretches; when leaders get to one, the series of their own link are fitted
+_STRETCH_JOINED = 32        # that of a joined track
 _SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
@@ -313,8 +314,9 @@ class ShiftMap:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._series_m = series_m
-        self._stretches = links_of_tile(links, len(track.segments)) // _STRETCH_LINKS    # of a tile
-        self._stretch_m, self._before_m = _STRETCH_LINKS * link_m, _BEFORE_LINKS * link_m
+        stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
+        self._stretches = links_of_tile(links, len(track.segments)) // stretch    # of a tile
+        self._stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._kept: deque[tuple[Entrance, int]] = deque()
         self._last: Entrance | None = None
@@ -395,7 +397,7 @@ class ShiftMap:
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
         """Return the number of the stretch of a place, or of its follower at a link: the boundaries decide."""
-        along_m = self.track.distance_of(place)[0] + self.direction * link_m
+        along_m = self.track.about_m(place) + self.direction * link_m
         number = floor((along_m + self._before_m) / self._stretch_m)
         while self._is_behind(place, number, link_m):
             number -= 1

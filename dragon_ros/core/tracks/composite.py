@@ -124,6 +124,10 @@ class Track:
         segment = self.segments[k]
         return plus(segment.metres(u), segment.metres_lo(u, lo) + self._origins_lo_m[k], self.origins_m[k])
 
+    def about_m(self, place: Place) -> float:
+        """Return about the distance of a place along the track."""
+        return self._distance(place.segment, place.u.hi)
+
     def check_links(self, links_m: Floats) -> None:
         """Refuse links that are too long for the tightest bend of a composite track."""
         least = least_radius_m(links_m)
