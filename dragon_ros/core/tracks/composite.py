@@ -28,7 +28,8 @@ from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Seg
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TINY, SpiralCurve
 
-_ULPS = 2.0**-51     # of a coordinate: what floats of it, and of the way there, leave out
+_FURTHEST = 1e9     # metres before a track, and radians on a circle: the low part of an angle is a small one there
+_ULPS = 2.0**-49     # of a coordinate and of the way there: what floats leave out, and sums of some
 _HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
 _SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
 WIDEST_RAD = 1.3    # about what a link may span on a spiral from afar: further in it may come near its lock
@@ -263,7 +264,8 @@ class Track:
     def _joint_hair_m(self) -> float:
         """How far from a joint rounding may put a place that is to be on it."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
-        return max((_ULPS * abs(float(u * segment.rate(u))) for segment, u in ends), default=0.0)
+        return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
+                           default=0.0)
 
     def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int,
                     tolerance: float) -> tuple[Places, int]:
@@ -414,7 +416,9 @@ def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
     if isinstance(spec, STurn):
         return Track(*s_turn_segments(spec))
     track = _composite(spec)
-    number('track.start_m', spec.start_m, high=track.end_m, low=max(track.begin_m, -1e9))
+    first = track.segments[0]
+    scale_m = min(1.0, first.radius_m) if isinstance(first, ArcSegment) else 1.0
+    number('track.start_m', spec.start_m, high=track.end_m, low=max(track.begin_m, -_FURTHEST * scale_m))
     return track
 
 

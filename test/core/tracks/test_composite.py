@@ -147,3 +147,9 @@ def test_at_the_end_of_a_track_in_a_piece_of_micrometres_there_is_a_state():
     track = Composite((SpiralArc(3.68, 162.6, 598.66, 'right'), Arc(49.5, -90.0), Arc(79.1, 180.0), Line(3.8e-6)))
     scene = Scene(dragon=Dragon(100, 2.2, 2.2), track=replace(track, start_m=3775002.0))
     assert state(scene, compile_scene(scene).end.t_s).worst[0] < compile_scene(scene).promise_m
+
+
+def test_a_dragon_starts_no_more_rounds_back_on_a_circle_than_two_floats_tell():
+    with pytest.raises(FieldError, match=r'track.start_m: -101.0 is not possible, the smallest is -100'):
+        track_of(Composite((Arc(1e-7, 90.0),), start_m=-101.0))
+    assert track_of(Composite((Arc(1e-7, 90.0),), start_m=-100.0)).place_at(-100.0).u.hi == pytest.approx(-1e9)
