@@ -20,8 +20,13 @@ from dragon_ros.verify.segments import HALF, ONE, TWO, ZERO, ArcSegment, LineSeg
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
-_HAIR = 1e-12                       # of a metre: a place may be so far beyond the track's end
+_HAIR = 1e-12                       # of a metre: a place may be so far beyond the track's end, and what a float of
+_ULPS = 2.0**-50                    # its distance rounds
 _NARROW = 1e-15                     # of a metre, or of the tightest radius: no place is so unsure next to a joint
+
+
+def _hair_m(end: arb) -> float:
+    return _HAIR + _ULPS * abs(float(end))
 
 
 class Place(NamedTuple):
@@ -59,7 +64,7 @@ class Track:
     def place_at(self, metres: arb) -> Place:
         """Return the place at a distance along the track. Raises Refused beyond its ends."""
         for end, sense in ((self.begin, -1), (self.end, 1)):
-            if end is not None and (metres - end) * sense > _HAIR:
+            if end is not None and (metres - end) * sense > _hair_m(end):
                 raise Refused(f'{float(metres):.12g} m along the track is beyond its end, at {float(end):.12g} m')
         k = bisect_left(self._joints, float(metres))
         while k < len(self.joints) and metres >= self.joints[k]:
@@ -99,7 +104,10 @@ class Track:
             return Place(k, u, place.loose)
         inside = (edge - u) * (segment.sense * way)
         if inside < 0:
-            return self._across(place, link, way)
+            end = self.end if way > 0 else self.begin       # the track's own, beyond which a float of it may be
+            if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
+                return self._across(place, link, way)
+            return Place(k, u, place.loose)
         if isinstance(segment, SpiralSegment) and way != segment.sense:
             self._within(segment.b * abs(place.u - u) * root_of(place.u))
         return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)), place.loose)
