@@ -380,8 +380,11 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
     left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
-    end = segment.after_many(segment.metres(near) + direction * left, np.zeros_like(gone))[0]
-    most = np.minimum(np.abs(end - near) + hair, abs(far - near))
+    if isinstance(segment, SpiralSegment):
+        along = np.abs(segment.after_many(segment.metres(near) + direction * left, np.zeros_like(gone))[0] - near)
+    else:
+        along = left / rate
+    most = np.minimum(along + hair, abs(far - near))
     low, high = np.full_like(gone, -hair), most
     x = np.clip(_guessed(segment, near, here, chord_m, direction) / rate, low, most)
     last, spent = most + hair, 0
