@@ -1,0 +1,78 @@
+"""Random joined tracks, long and short, near and far, against the walk of 60 digits that makes the reference data."""
+import importlib
+import sys
+from dataclasses import replace
+from math import exp, log
+from pathlib import Path
+from random import Random
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc
+
+SCENES, LATEST_S = 50, 1e5
+
+
+@pytest.fixture(scope='module')
+def walk():
+    sys.path.append(str(Path(__file__).parents[2] / 'data'))
+    yield importlib.import_module('make_dances')
+    sys.path.pop()
+
+
+def between(dice, low, high):
+    """Return a number between two, each order of magnitude as likely."""
+    return exp(log(low) + dice.random() * (log(high) - log(low)))
+
+
+def piece(dice, link_m):
+    """Return a line, an arc or a spiral of up to 10,000 turns."""
+    kind = dice.random()
+    if kind < 0.35:
+        return Line(between(dice, 1e-3, 30) * link_m)
+    if kind < 0.7:
+        turn = 1 if dice.random() < 0.5 else -1
+        return Arc(between(dice, 0.52, 1e4) * link_m, turn * between(dice, 1.0, 700.0))
+    return SpiralArc(between(dice, 0.1, 3) * link_m, between(dice, 2, 1e4), between(dice, 2, 1e4),
+                     'left' if dice.random() < 0.5 else 'right')
+
+
+def scene_of(seed):
+    """Return a dragon of 4 benches, or another size of one, at the end of a joined track or within it."""
+    dice = Random(seed)
+    size = 10.0**(3 * int(4 * dice.random()) - 3)
+    track = Composite(tuple(piece(dice, 1.65 * size) for _ in range(1 + int(4 * dice.random()))))
+    lead, share = 'head' if dice.random() < 0.6 else 'tail', 1.0 if dice.random() < 0.3 else dice.random()
+    dragon = Dragon(4, 2.2 * size, 2.2 * size, 0.3 * size, 0.275 * size)
+    return Scene(dragon=dragon, track=replace(track, start_m=share * track_of(track).end_m), head=Head(size, lead),
+                 run=Run(0, LATEST_S))
+
+
+@pytest.mark.parametrize('part', range(4))
+def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, part):
+    compared = 0
+    for seed in range(part * SCENES, (part + 1) * SCENES):
+        try:
+            scene = scene_of(seed)
+            end_s = min(compile_scene(scene).end.t_s, LATEST_S)
+        except FieldError:          # bends that are too tight, a start before the track
+            continue
+        for share in (0.0, 0.37, 1.0):
+            chain = state(scene, end_s * share)
+            with walk.mp.workdps(60):
+                try:
+                    points = [point for point, _ in walk.chain_at(scene, end_s * share)]
+                except (AssertionError, IndexError):      # the walk has no ends of tracks, and no roots that are double
+                    continue
+                off_m = [float(abs(walk.mpc(*p.tolist()) - point)) for p, point in zip(chain.p, points, strict=True)]
+            assert np.max(off_m) <= compile_scene(scene).promise_m, (seed, share)
+            compared += 1
+    assert compared > SCENES
