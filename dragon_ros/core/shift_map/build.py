@@ -348,7 +348,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
     So no more nodes are placed than one part has. None where the series do not end in them.
     """
-    nodes, matrix = transform(_SPAN_NODES)
+    nodes = transform(_SPAN_NODES)[0]
     low, high = np.argmin(begin), np.argmax(begin)
     length = (begin[high] - begin[low]) + (begin_lo[high] - begin_lo[low])
     found = placed(spiral, plus(begin[low], begin_lo[low], 0.5 * (1 + nodes) * length), chords) if length else None
@@ -356,7 +356,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
         return None
     u, lo = found[:2]
     centre = u[:, [_SPAN_NODES // 2]], lo[:, [_SPAN_NODES // 2]]
-    series = matrix @ ((u - centre[0]) + (lo - centre[1])).T
+    series = series_of(((u - centre[0]) + (lo - centre[1])).T)
     if np.any(np.abs(series[-2:]) > _SPAN_ENDS * np.abs(series[1])):
         return None
     at = 2 * (((begin - begin[low]) + (begin_lo - begin_lo[low])) / length) - 1
