@@ -14,7 +14,7 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state
+from dragon_ros.core.step import state, states
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc
 
@@ -65,14 +65,15 @@ def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, par
             end_s = min(compile_scene(scene).end.t_s, LATEST_S)
         except FieldError:          # bends that are too tight, a start before the track
             continue
-        for share in (0.0, 0.37, 1.0):
-            chain = state(scene, end_s * share)
+        times_s = [end_s * share for share in (0.0, 0.37, 1.0)]
+        for t_s, at_once in zip(times_s, states(scene, times_s).p, strict=True):
             with walk.mp.workdps(60):
                 try:
-                    points = [point for point, _ in walk.chain_at(scene, end_s * share)]
+                    points = [point for point, _ in walk.chain_at(scene, t_s)]
                 except (AssertionError, IndexError):      # the walk has no ends of tracks, and no roots that are double
                     continue
-                off_m = [float(abs(walk.mpc(*p.tolist()) - point)) for p, point in zip(chain.p, points, strict=True)]
-            assert np.max(off_m) <= compile_scene(scene).promise_m, (seed, share)
+                off_m = [float(abs(walk.mpc(*p.tolist()) - point)) for handles in (state(scene, t_s).p, at_once)
+                         for p, point in zip(handles, points, strict=True)]
+            assert np.max(off_m) <= compile_scene(scene).promise_m, (seed, t_s)
             compared += 1
     assert compared > SCENES
