@@ -8,6 +8,7 @@ from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property, partial
+from itertools import count
 from math import floor, inf, ulp
 from threading import Lock
 
@@ -33,6 +34,7 @@ from dragon_ros.core.tracks.spec import TrackSpec
 
 _LAST_FLOAT = 1.7976931348623157e308    # a time that is no end
 _MOST_SIMULATIONS = 64              # kept compiled
+_MOST_BYTES_AHEAD = 128_000_000     # of the shift maps of a model, when they are built before they are asked for
 _MOST_BYTES = 1_000_000_000         # of the shift maps of all models that are kept; the least recently used go first
 
 
@@ -319,6 +321,29 @@ class Simulation:
         chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))
         ends = [chain.track.distances(*chain.places[:2]) for chain in chains]
         return float(np.min(ends)), float(np.max(ends))
+
+    def build_tables(self, enough: Callable[[], bool]) -> None:
+        """Build the tables of the run from its start on, until ``enough()`` or they take too much memory.
+
+        What is left is built when the leader gets there: a place has the same bits either way.
+        """
+        maps = self.model.placement.maps.values()
+        if not maps or self.tier is PAPER:
+            return
+        (least, most), step = self.extent_m, 0.5 * min(shift.stretch_m for shift in maps)
+        here = 0.0 if self.scene.is_led else float(self.scene.head.travelled_m(self.scene.run.start_s)[0])
+        for sense, end in ((1, most), (-1, least)):
+            for n in count():
+                gone_m = here + sense * n * step
+                beyond = sense * (gone_m - end) >= 0
+                if enough() or self.model.memory_bytes > _MOST_BYTES_AHEAD:
+                    return
+                try:
+                    self.model.place((end if beyond else gone_m, 0.0))
+                except ModelEnd:
+                    break
+                if beyond:
+                    break
 
     def track_line(self, sag_m: float = SAG_M) -> Floats:
         """Return points (n, 2) in metres along the track, from the front to the rear of where any handle is in the run.

@@ -1,10 +1,20 @@
 """The frames of a run in order, with a current position: its ticks, then the contact's frame where it ends there."""
+from time import monotonic
+
 from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
-from dragon_ros.core.model import compile_scene
+from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import contact_frame, tick, ticks_before
+
+_AHEAD_S = 1.0      # at most, before the first frame: tables of a run along hundreds of joints take seconds
+
+
+def build_tables(simulation: Simulation) -> None:
+    """Build the tables of a run ahead of its frames, for a second at most."""
+    latest_s = monotonic() + _AHEAD_S
+    simulation.build_tables(lambda: monotonic() > latest_s)
 
 
 class Frames:
@@ -21,8 +31,9 @@ class Frames:
         self._ahead: tuple[int, Frame] | None = None
 
     def prepare(self) -> None:
-        """Compute the next frame ahead of its time: the first one builds the tables, which may take several ticks."""
+        """Compute the next frame ahead of its time, and the tables of the run, which may take several ticks."""
         self._ahead = self.k, self._frame(self.k)
+        build_tables(compile_scene(self._scene))
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end."""

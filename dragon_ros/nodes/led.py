@@ -15,6 +15,7 @@ from dragon_ros.core.model import Limit, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import led_tick
 from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.frames import build_tables
 
 TOPIC = 'cmd_vel'
 _DEPTH = 10
@@ -81,8 +82,9 @@ class LedFrames:
         self._stopped, self._brakes = '', False
 
     def prepare(self) -> None:
-        """Compute the first frame ahead of its time: it builds the tables, which may take several ticks."""
+        """Build the tables ahead of the first frame: they may take several ticks."""
         led_tick(self._simulation, walked_from(self._settings, self._scene.run.time_ns(0) / NS), 0)
+        build_tables(self._simulation)
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end, and after a contact that stops it."""

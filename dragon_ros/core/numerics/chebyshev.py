@@ -7,7 +7,7 @@ from numpy.polynomial import chebyshev
 from dragon_ros.core.numerics.types import Floats
 
 _ENOUGH = 1e-12        # a Newton step, of the interval: the next error is smaller by four digits at least
-_NOTHING = 2e-17       # of the interval: terms that no sum of doubles shows
+_NOTHING = 5e-16       # of the interval: values of series at nodes are rounded by about as much
 _NEWTON_STEPS = 6       # from within a tenth of the interval: three reach the last digit
 _WORK = 200_000         # multiplications of one product: BLAS shares larger ones among threads, and on a busy machine
                         # these wait for each other for longer than one alone takes

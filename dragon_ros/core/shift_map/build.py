@@ -17,10 +17,10 @@ from dragon_ros.core.tracks.chord import TIGHT, reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Segment, SpiralSegment
 
-NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in two
+NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in three
 _MOST_STEPS = 40_000        # from joints to their places in the span
 _MOST_BYTES = 256_000_000   # of the series of one table
-_ROUNDS = 5                 # of cutting parts in two
+_ROUNDS = 5                 # of cutting parts in three
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
 _SPAN_NODES = 16            # of a whole span on a spiral, which is as smooth as a line
 _SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in its last terms
@@ -194,14 +194,16 @@ def _part(track: Track, fore: Place, rear: Place) -> _Part:
     return _Part(k, *(np.array(end) for end in ends))
 
 
-def _halves(part: _Part) -> list[_Part]:
-    middle = np.array(plus(part.fore[0], part.fore[1], 0.5 * (part.rear[0] - part.fore[0])))
-    return [_Part(part.segment, part.fore, middle), _Part(part.segment, middle, part.rear)]
+def _thirds(part: _Part) -> list[_Part]:
+    """Return three parts for one: halves need another round more often, which costs more than a third part."""
+    third = (part.rear[0] - part.fore[0]) / 3
+    cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
+    return [_Part(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
 
 
 def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
            series_m: Callable[[Floats], Floats]) -> Table | None:
-    """Return the table, once all series end; parts whose do not are cut in two."""
+    """Return the table, once all series end; parts whose do not are cut in three."""
     pieces: list[tuple[_Part, _Pushed | None, float]] = [(part, None, inf) for part in parts]   # and left of the whole
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
@@ -219,9 +221,9 @@ def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch:
             return _table(rows, (x, middle, scale), inverse, link_m)
         before, pieces = pieces, []
         for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
-            if over > NOISE and over >= 0.5 * whole:        # it is rounding, which halves have as well
+            if over > NOISE and over >= 0.5 * whole:        # it is rounding, which thirds have as well
                 return None
-            pieces += [(part, one, inf)] if over <= NOISE else [(half, None, over) for half in _halves(part)]
+            pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in _thirds(part)]
     return None
 
 

@@ -36,7 +36,7 @@ _MOST_CELLS = 64            # that a shift map keeps for single states, at most 
 _MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
 _MOST_TILES = 4096          # of one shift map, those where no table serves among them
 _FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, no less than its blocks
-_FEWEST_JOINED = 128        # that of a tile of a joined track, whose table has several parts, and half its blocks
+_FEWEST_JOINED = 64         # that of a tile of a joined track, whose table has several parts, and half its blocks
 _STRETCH_LINKS = 64         # length of its stretches; when leaders get to one, the series of their own link are fitted
 _STRETCH_JOINED = 32        # that of a joined track
 _SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
@@ -316,7 +316,7 @@ class ShiftMap:
         self._series_m = series_m
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
         self._stretches = links_of_tile(links, len(track.segments)) // stretch    # of a tile
-        self._stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
+        self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
         self._tiles: OrderedDict[int, Tile | None] = OrderedDict()
         self._kept: deque[tuple[Entrance, int]] = deque()
         self._last: Entrance | None = None
@@ -398,7 +398,7 @@ class ShiftMap:
     def _number(self, place: Place, link_m: float = 0.0) -> int:
         """Return the number of the stretch of a place, or of its follower at a link: the boundaries decide."""
         along_m = self.track.about_m(place) + self.direction * link_m
-        number = floor((along_m + self._before_m) / self._stretch_m)
+        number = floor((along_m + self._before_m) / self.stretch_m)
         while self._is_behind(place, number, link_m):
             number -= 1
         while not self._is_behind(place, number + 1, link_m):
@@ -438,7 +438,7 @@ class ShiftMap:
 
     def _stretch_of(self, number: int, stretches: int) -> tuple[float, float]:
         """Return from where to where along the track some stretches are, in metres."""
-        return number * self._stretch_m - self._before_m, (number + stretches) * self._stretch_m - self._before_m
+        return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
 
     def _tile(self, number: int) -> Tile | None:
         """Return a tile, built when it is first asked for; None where no table serves."""

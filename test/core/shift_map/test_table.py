@@ -89,7 +89,7 @@ def test_series_that_end_in_their_rounding_are_not_cut_on_and_on(monkeypatch):
     scene = next(problem.scene for problem in dances() if problem.name == 'far-joined')
     series, rounds = build._series, []
     monkeypatch.setattr(build, '_series', lambda *given: rounds.append(given) or series(*given))
-    assert state(replace(scene, dragon=replace(scene.dragon, width_m=0.29)), scene.run.start_s).solver == 'march'
+    assert state(replace(scene, dragon=replace(scene.dragon, width_m=0.29)), scene.run.stop_s).solver == 'march'
     assert len(rounds) == 2
 
 
