@@ -3,7 +3,9 @@ import time
 
 from dragon_ros.core.errors import FieldError
 
-_MADE_UP_NS = 50_000_000
+_AT_ONCE_NS = 50_000_000            # of a delay: ticks follow immediately until it is made up for
+_FASTER = 0.1                       # than the pace, while a longer one is made up for
+_MOST_BEHIND_NS = 1_000_000_000     # that is made up for: a machine that is too slow does not end in a long race
 
 
 class Pacer:
@@ -11,7 +13,7 @@ class Pacer:
 
     After a late tick the next ones follow immediately until they are on time again, so that a short stall does not
     lower the rate. A tick that starts after its successor was due, and more than 50 ms late, is an overrun. It is
-    counted, and pacing continues from there at the steady rate, without a burst.
+    counted, and pacing continues from there without a burst: a tenth faster, until up to a second is made up for.
     """
 
     def __init__(self, scale: float) -> None:
@@ -22,6 +24,7 @@ class Pacer:
         self.late_ns = 0            # delay of the start of the last tick
         self.overruns = 0
         self.worst_late_s = 0.0
+        self._behind_ns = 0         # what is left to be made up for
 
     @property
     def scale(self) -> float:
@@ -36,7 +39,7 @@ class Pacer:
 
     def rest(self) -> None:
         """Reset the pace: the next tick is due one step after the last one, counted from the first request for it."""
-        self._origin = None
+        self._origin, self._behind_ns = None, 0
 
     def delay_ns(self, t_ns: int) -> int:
         """Return the wall time in ns until ``t_ns`` is due; 0 if it is."""
@@ -49,10 +52,15 @@ class Pacer:
         if not self._scale:
             return
         self.late_ns = late = max(0, self._late_ns(t_ns))
-        if step_ns > 0 and late > max(step_ns / self._scale, _MADE_UP_NS):
+        if step_ns > 0 and late > max(step_ns / self._scale, _AT_ONCE_NS):
             self.overruns += 1
             self.worst_late_s = max(self.worst_late_s, late / 1e9)
+            self._behind_ns = min(_MOST_BEHIND_NS, self._behind_ns + late)
             self._origin = time.monotonic_ns(), t_ns
+        elif step_ns > 0 and self._behind_ns and self._origin:
+            sooner_ns = min(self._behind_ns, round(_FASTER * step_ns / self._scale))
+            self._behind_ns -= sooner_ns
+            self._origin = self._origin[0] - sooner_ns, self._origin[1]
 
     def _late_ns(self, t_ns: int) -> int:
         now = time.monotonic_ns()

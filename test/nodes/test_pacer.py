@@ -1,4 +1,4 @@
-"""Pacing follows a steady clock: no drift, no burst, overruns counted."""
+"""Pacing follows a steady clock: no drift, no burst, overruns counted and made up for."""
 from itertools import pairwise
 
 import pytest
@@ -35,17 +35,61 @@ def test_ticks_are_due_at_the_scaled_time_without_drift(monkeypatch, scale):
     assert paced.overruns == 0
 
 
-def test_a_late_tick_is_an_overrun_and_no_burst_follows(monkeypatch):
-    clock, paced = Clock(monkeypatch), Pacer(1.0)
+def steps_around(monkeypatch, scale, stall_ms):
+    """Return how far apart 1,000 ticks of 20 ms start, in ms, of which the third takes long; and the pacer."""
+    clock, paced = Clock(monkeypatch), Pacer(scale)
     started = []
-    for k in range(6):
+    for k in range(1000):
         clock.play(paced, k * 20 * MS)
         started.append(clock.now_ns)
-        clock.now_ns += (130 if k == 2 else 3) * MS
-    steps = [after - before for before, after in pairwise(started)]
-    assert steps == [20 * MS, 20 * MS, 130 * MS, 20 * MS, 20 * MS]
+        clock.now_ns += (stall_ms if k == 2 else 3) * MS
+    return [(after - before) / MS for before, after in pairwise(started)], paced
+
+
+@pytest.mark.parametrize('scale', [0.5, 1.0, 4.0])
+def test_a_late_tick_is_an_overrun_that_is_made_up_for_without_a_burst(monkeypatch, scale):
+    steps, paced = steps_around(monkeypatch, scale, 130)
+    step, late = 20 / scale, 130 - 20 / scale
+    assert steps[:4] == pytest.approx([step, step, 130, step])
+    faster = steps[4:4 + int(late / (0.1 * step))]
+    assert faster == pytest.approx([0.9 * step] * len(faster), abs=1e-5)
+    assert steps[-100:] == pytest.approx([step] * 100, abs=1e-5)
+    assert sum(steps) == pytest.approx(999 * step, abs=1e-5)
     assert paced.overruns == 1
-    assert paced.worst_late_s == pytest.approx(0.11)
+    assert paced.worst_late_s == pytest.approx(late / 1e3)
+
+
+def test_more_than_a_second_is_not_made_up_for(monkeypatch):
+    steps, paced = steps_around(monkeypatch, 1.0, 5_020)
+    assert steps[4] == pytest.approx(18)
+    assert sum(steps) == pytest.approx(999 * 20 + 4_000)
+    assert paced.overruns == 1
+
+
+def test_a_machine_that_is_too_slow_goes_on_at_its_own_pace_and_then_races_for_ten_seconds(monkeypatch):
+    clock, paced = Clock(monkeypatch), Pacer(1.0)
+    started = []
+    for k in range(2000):
+        clock.play(paced, k * 20 * MS)
+        started.append(clock.now_ns)
+        clock.now_ns += (25 if k < 1000 else 3) * MS
+    steps = [(after - before) / MS for before, after in pairwise(started)]
+    assert steps[10:900] == [25] * 890
+    assert min(steps[1010:]) >= 18 - 1e-5
+    assert steps[-400:] == pytest.approx([20] * 400)
+
+
+def test_a_pause_is_not_made_up_for(monkeypatch):
+    clock, paced = Clock(monkeypatch), Pacer(1.0)
+    clock.play(paced, 0)
+    clock.now_ns += 500 * MS
+    clock.play(paced, 20 * MS)
+    paced.rest()
+    clock.play(paced, 40 * MS)
+    before = clock.now_ns
+    clock.play(paced, 60 * MS)
+    assert paced.overruns == 1
+    assert clock.now_ns - before == 20 * MS
 
 
 def test_a_short_stall_is_made_up_for_at_once(monkeypatch):
