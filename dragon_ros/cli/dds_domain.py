@@ -2,15 +2,38 @@
 import os
 import random
 import socket
+from collections import deque
 from collections.abc import Sequence
 
 _PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first one, and how many a domain has
+_MOST_KEPT = 16         # domains that a process keeps; participants have ports of the older ones, if they are used
+_KEPT: deque[socket.socket] = deque()
 
 
 def free_domain(among: Sequence[int] = range(1, 102)) -> int:
-    """Return a domain of which no participant of this host has a port; any, where there is none."""
+    """Return a domain of which no participant of this host has a port; any, where there is none.
+
+    It is kept for this process: a port that only a 120th participant would take is bound, so that whoever else looks
+    for one before the first participant is there takes another.
+    """
     domains = random.SystemRandom().sample(among, len(among))
-    return next((domain for domain in domains if _is_free(domain)), domains[0])
+    return next((domain for domain in domains if _is_free(domain) and _keep(domain)), domains[0])
+
+
+def give_up_domains() -> None:
+    """Let others have the domains that this process keeps."""
+    while _KEPT:
+        _KEPT.popleft().close()
+
+
+def _keep(domain: int) -> bool:
+    """Bind the last port of a domain; return whether that was possible."""
+    last = _bound(_PORTS[0] + _PORTS[1] * (domain + 1) - 1)
+    if last:
+        _KEPT.append(last)
+        if len(_KEPT) > _MOST_KEPT:
+            _KEPT.popleft().close()
+    return last is not None
 
 
 def local_environment(domain: int) -> dict[str, str]:
@@ -21,13 +44,20 @@ def local_environment(domain: int) -> dict[str, str]:
 def _is_free(domain: int) -> bool:
     """Return whether nobody has a port of a domain; the participant that came first may have left before others."""
     base, count = _PORTS
-    return all(map(_can_be_bound, range(base + count * domain, base + count * (domain + 1))))
-
-
-def _can_be_bound(port: int) -> bool:
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
-        try:
-            probe.bind(('', port))
-        except OSError:
+    for port in range(base + count * domain, base + count * (domain + 1)):
+        probe = _bound(port)
+        if probe is None:
             return False
+        probe.close()
     return True
+
+
+def _bound(port: int) -> socket.socket | None:
+    """Return a socket on a port of all interfaces; None where somebody has it."""
+    probe = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+    try:
+        probe.bind(('', port))
+    except OSError:
+        probe.close()
+        return None
+    return probe

@@ -6,10 +6,11 @@ import threading
 import time
 from contextlib import contextmanager
 
+import psutil
 import pytest
 from processes import Forked, Started
 
-from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.cli.dds_domain import free_domain, give_up_domains, local_environment
 
 pytest.importorskip('rclpy')
 
@@ -68,8 +69,10 @@ class Process:
         return self._child.pid
 
     def kill(self):
+        """Kill the process and what it has started: a demo that hangs has nodes, which would go on."""
         if self._child.poll() is None:
-            self._child.kill()
+            for process in [*psutil.Process(self.pid).children(recursive=True), self._child]:
+                process.kill()
         self._child.wait()
         self._reader.join(timeout=PATIENCE_S)
         self._child.stdout.close()
@@ -82,7 +85,8 @@ def domain(monkeypatch):
     number = free_domain(range(1 + int(worker.removeprefix('gw')), 102, int(workers)))
     for key, value in local_environment(number).items():
         monkeypatch.setenv(key, value)
-    return number
+    yield number
+    give_up_domains()
 
 
 @pytest.fixture
