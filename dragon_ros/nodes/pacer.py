@@ -4,6 +4,7 @@ import time
 from dragon_ros.core.errors import FieldError
 
 _AT_ONCE_NS = 50_000_000            # of a delay: ticks follow immediately until it is made up for
+_ON_TIME_NS = 5_000_000             # of a delay: a run that is no later can go faster
 _FASTER = 0.1                       # than the pace, while a longer one is made up for
 _MOST_BEHIND_NS = 1_000_000_000     # that is made up for: a machine that is too slow does not end in a long race
 
@@ -13,7 +14,8 @@ class Pacer:
 
     After a late tick the next ones follow immediately until they are on time again, so that a short stall does not
     lower the rate. A tick that starts after its successor was due, and more than 50 ms late, is an overrun. It is
-    counted, and pacing continues from there without a burst: a tenth faster, until up to a second is made up for.
+    counted, and pacing continues from there without a burst: a tenth faster where ticks are on time then, until up to a
+    second is made up for.
     """
 
     def __init__(self, scale: float) -> None:
@@ -57,7 +59,7 @@ class Pacer:
             self.worst_late_s = max(self.worst_late_s, late / 1e9)
             self._behind_ns = min(_MOST_BEHIND_NS, self._behind_ns + late)
             self._origin = time.monotonic_ns(), t_ns
-        elif step_ns > 0 and self._behind_ns and self._origin:
+        elif step_ns > 0 and self._behind_ns and late < _ON_TIME_NS and self._origin:
             sooner_ns = min(self._behind_ns, round(_FASTER * step_ns / self._scale))
             self._behind_ns -= sooner_ns
             self._origin = self._origin[0] - sooner_ns, self._origin[1]

@@ -79,6 +79,17 @@ def test_a_machine_that_is_too_slow_goes_on_at_its_own_pace_and_then_races_for_t
     assert steps[-400:] == pytest.approx([20] * 400)
 
 
+def test_a_machine_that_can_go_a_little_faster_makes_up_for_a_stall_without_another_overrun(monkeypatch):
+    clock, paced = Clock(monkeypatch), Pacer(1.0)
+    started = []
+    for k in range(1000):
+        clock.play(paced, k * 20 * MS)
+        started.append(clock.now_ns)
+        clock.now_ns += (320 if k == 2 else 19) * MS
+    assert paced.overruns == 1
+    assert started[-1] - started[0] == pytest.approx(999 * 20 * MS, abs=6 * MS)
+
+
 def test_a_pause_is_not_made_up_for(monkeypatch):
     clock, paced = Clock(monkeypatch), Pacer(1.0)
     clock.play(paced, 0)
