@@ -109,8 +109,9 @@ class TabulatedStates:
         """Fill in coordinates, or motions times a scale for each instant, (S, links + 1, 2)."""
         for rows, spots in self.spots:
             one = spots if scales is None else spots._replace(basis=spots.basis * scales[rows][:, None])
-            if len(self.spots) == 1:
-                spots.tile.fill_many(one, self._first(spots), out, motions)
+            first, last = rows[[0, -1]].tolist()
+            if last - first + 1 == rows.size:       # instants in a row, as those of a run are
+                spots.tile.fill_many(one, self._first(spots), out[first:last + 1], motions)
                 continue
             some = np.empty((rows.size, *out.shape[1:]))
             spots.tile.fill_many(one, self._first(spots), some, motions)

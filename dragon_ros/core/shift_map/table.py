@@ -40,6 +40,7 @@ _FEWEST_JOINED = 64         # that of a tile of a joined track, whose table has 
 _STRETCH_LINKS = 64         # length of its stretches; when leaders get to one, the series of their own link are fitted
 _STRETCH_JOINED = 32        # that of a joined track
 _SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
+_NEAR = 1e-9                # of a stretch, and of the way there: which of two a place is on takes more than a float
 _BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
 
 
@@ -370,13 +371,12 @@ class ShiftMap:
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
         """Return the tiles of many places: which places each has, and where; None where any is in no table."""
         segment, u, lo = places
-        number = np.array([self._number(Place.of(*place)) // self._stretches for place in self._ends(places)])
-        if number.size and number.min() == number.max():
-            each = [(np.arange(segment.size), int(number[0]))]
-        else:
-            numbers = np.array([self._number(Place.of(*place)) // self._stretches
-                                for place in zip(segment, u, lo, strict=True)], dtype=np.int64)
-            each = [(np.flatnonzero(numbers == one), one) for one in np.unique(numbers).tolist()]
+        numbers = self._numbers(places)
+        if numbers is None:
+            return None
+        numbers //= self._stretches
+        tiles = np.unique(numbers).tolist()
+        each = [(np.flatnonzero(numbers == one) if len(tiles) > 1 else np.arange(segment.size), one) for one in tiles]
         out = []
         for rows, one in each:
             tile = self._tile(one)
@@ -388,12 +388,15 @@ class ShiftMap:
             out.append((rows, spots))
         return out
 
-    def _ends(self, places: Places) -> list[tuple[int, float, float]]:
-        """Return the first and the last of many places along the track."""
-        if not places[0].size:
-            return []
-        along = self.track.distances(*places[:2])
-        return [tuple(float(value[n]) for value in places) for n in (np.argmin(along), np.argmax(along))]  # type: ignore[misc]
+    def _numbers(self, places: Places) -> Ints | None:
+        """Return the numbers of the stretches of many places; None so far out that floats cannot tell links."""
+        share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
+        if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
+            return None
+        number: Ints = np.floor(share).astype(np.int64)
+        for n in np.flatnonzero(np.abs(share - np.rint(share)) <= _NEAR * (1 + np.abs(share))).tolist():
+            number[n] = self._number(Place.of(*(values[n] for values in places)))
+        return number
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
         """Return the number of the stretch of a place, or of its follower at a link: the boundaries decide."""
