@@ -18,6 +18,7 @@ import numpy as np
 from dragon_ros.core.checks import Settings, number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.double_double import product
+from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 from dragon_ros.core.numerics.roots import bracketed_newton
 
 LEADERS = ('head', 'tail')
@@ -125,21 +126,33 @@ class Profile(Settings):
         return self._gone(t_s)
 
     def _gone(self, t_s: float) -> tuple[float, float]:
-        n, since, length, change = self._part(t_s)
-        gone = self._reached[n] + Fraction(self.knots[n][1]) * since
-        if change:
-            x = since / length
-            gone += change * length * (x * x / 2 if self.ramps == 'linear' else x**3 * (1 - x / 2))
-        hi = float(gone)
-        return hi, float(gone - Fraction(hi))
+        return self._polynomials_at(t_s)[0].halves_at(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
         """Return the leader's speed; at a jump, the one after it."""
-        n, since, length, change = self._part(t_s)
-        if not change:
-            return self.knots[n][1]
-        x = since / length
-        return float(Fraction(self.knots[n][1]) + change * (x if self.ramps == 'linear' else x * x * (3 - 2 * x)))
+        return self._polynomials_at(t_s)[1].at(t_s)
+
+    def _polynomials_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
+        """Return distance, speed and acceleration by time, from the knot before ``t_s`` to the next."""
+        n = bisect_right(self._times, t_s) - 1
+        return self._polynomials.get(n) or self._polynomials_from(n)
+
+    @cached_property
+    def _polynomials(self) -> dict[int, tuple[ExactPolynomial, ...]]:
+        return {}
+
+    def _polynomials_from(self, n: int) -> tuple[ExactPolynomial, ...]:
+        t_s, speed = self.knots[n]
+        _, _, length, change = self._part(t_s)
+        rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first on
+        if change:
+            rise = ([change / length] if self.ramps == 'linear' else
+                    [Fraction(0), 3 * change / length**2, -2 * change / length**3])
+        speeds = [Fraction(speed), *rise]
+        way = [self._reached[n], *(one / power for power, one in enumerate(speeds, 1))]
+        rates = [power * one for power, one in enumerate(rise, 1)] or [Fraction(0)]
+        out = self._polynomials[n] = tuple(ExactPolynomial(t_s, values) for values in (way, speeds, rates))
+        return out
 
     def speed_before_m_s(self, t_s: float) -> float:
         """Return the leader's speed just before a time: at a jump, the one before it."""
@@ -148,8 +161,7 @@ class Profile(Settings):
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
         """Return the rate of the leader's speed in m/s^2; at a knot, the one just after it."""
-        _, since, length, change = self._part(t_s)
-        return self._rate(since, length, change) if change else 0.0
+        return self._polynomials_at(t_s)[2].at(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the least and the greatest rate of the leader's speed between two times without a knot in between."""

@@ -375,7 +375,7 @@ class ShiftMap:
         if numbers is None:
             return None
         numbers //= self._stretches
-        tiles = np.unique(numbers).tolist()
+        tiles = sorted(set(numbers.tolist()))       # np.unique imports masked arrays
         each = [(np.flatnonzero(numbers == one) if len(tiles) > 1 else np.arange(segment.size), one) for one in tiles]
         out = []
         for rows, one in each:

@@ -19,6 +19,7 @@ from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state, states, tick
+from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.cost.dances import dances
@@ -244,3 +245,19 @@ def test_a_run_of_any_length_keeps_the_series_of_a_few_cells(dragon):
         most = max(most, kept(scene))
     assert 50 < most <= 64 * len(compile_scene(scene).model.placement.maps)
     assert tick(scene, 0).chain.p.tobytes() == first
+
+
+@pytest.mark.parametrize('name', ['wiggle', 'spirals', 'after-a-long-way', 'mixed-by-the-tail'])
+def test_many_places_are_on_the_stretches_where_each_is_to_the_last_bit(name):
+    scene = next(case.scene for case in dances() if case.name == name)
+    model = compile_scene(scene).model
+    low_m, high_m = compile_scene(scene).span_m
+    for shift in model.placement.maps.values():
+        first, last = (shift._number(model.track.place_at(metres)) for metres in (low_m, high_m))
+        begins = [place for number in range(first, last + 2) if (place := shift._boundary(number))]
+        nearby = [Place.of(place.segment, u, 0.0) for place in begins
+                  for u in (np.nextafter(place.u.hi, -np.inf), place.u.hi, np.nextafter(place.u.hi, np.inf))]
+        places = [*nearby, *(model.track.place_at(metres) for metres in np.linspace(low_m, high_m, 200).tolist())]
+        segment, u, lo = (np.array(values) for values in zip(*((k, *u) for k, u in places), strict=True))
+        assert begins
+        assert shift._numbers((segment, u, lo)).tolist() == [shift._number(place) for place in places]

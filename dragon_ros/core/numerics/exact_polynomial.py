@@ -1,0 +1,42 @@
+"""Polynomials with rational coefficients at floats: exact, and rounded once.
+
+All is done in integers over one denominator: rational numbers would look for common factors after each operation, which
+takes ten times as long as the rest.
+"""
+from collections.abc import Sequence
+from fractions import Fraction
+from math import lcm
+
+
+class ExactPolynomial:
+    """A polynomial in t - origin, from its coefficients, the lowest power first."""
+
+    def __init__(self, origin: float, coefficients: Sequence[Fraction]) -> None:
+        """Bring the coefficients to one denominator."""
+        self._origin = origin.as_integer_ratio()
+        self._denominator = lcm(*(one.denominator for one in coefficients))
+        highest, *others = [one.numerator * (self._denominator // one.denominator) for one in reversed(coefficients)]
+        self._highest, self._others = highest, others
+
+    def at(self, t: float) -> float:
+        """Return the value at t, rounded. Raises OverflowError where no float is so large."""
+        value, under = self._exactly(t)
+        return value / under        # of integers: rounded correctly
+
+    def halves_at(self, t: float) -> tuple[float, float]:
+        """Return the value at t as (hi, lo): rounded, and what that leaves out, rounded."""
+        value, under = self._exactly(t)
+        high = value / under
+        number, below = high.as_integer_ratio()
+        return high, (value * below - number * under) / (under * below)
+
+    def _exactly(self, t: float) -> tuple[int, int]:
+        """Return numerator and denominator of the value, by Horner's rule on numerators alone."""
+        (number, below), (start, under) = t.as_integer_ratio(), self._origin
+        unit = max(below, under)        # both are powers of two
+        since = number * (unit // below) - start * (unit // under)
+        value, power = self._highest, 1
+        for one in self._others:
+            power *= unit
+            value = value * since + one * power
+        return value, power * self._denominator
