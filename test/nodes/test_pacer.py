@@ -23,32 +23,32 @@ class Clock:
         paced.start(t_ns)
 
 
+def played(monkeypatch, work_ms, count=1000, scale=1.0, tick_ms=20):
+    """Return when ticks start, in ms, each of which takes ``work_ms(k)``; and the pacer."""
+    clock, paced = Clock(monkeypatch), Pacer(scale)
+    started = []
+    for k in range(count):
+        clock.play(paced, k * tick_ms * MS)
+        started.append(clock.now_ns / MS)
+        clock.now_ns += work_ms(k) * MS
+    return started, paced
+
+
+def steps_of(started):
+    return [after - before for before, after in pairwise(started)]
+
+
 @pytest.mark.parametrize('scale', [0.5, 1.0, 4.0])
 def test_ticks_are_due_at_the_scaled_time_without_drift(monkeypatch, scale):
-    clock, paced = Clock(monkeypatch), Pacer(scale)
-    started = []
-    for k in range(100):
-        clock.play(paced, k * 20 * MS)
-        started.append(clock.now_ns)
-        clock.now_ns += 3 * MS
-    assert started[-1] - started[0] == pytest.approx(99 * 20 * MS / scale, abs=100)
+    started, paced = played(monkeypatch, lambda k: 3, 100, scale)
+    assert started[-1] - started[0] == pytest.approx(99 * 20 / scale, abs=1e-4)
     assert paced.overruns == 0
-
-
-def steps_around(monkeypatch, scale, stall_ms):
-    """Return how far apart 1,000 ticks of 20 ms start, in ms, of which the third takes long; and the pacer."""
-    clock, paced = Clock(monkeypatch), Pacer(scale)
-    started = []
-    for k in range(1000):
-        clock.play(paced, k * 20 * MS)
-        started.append(clock.now_ns)
-        clock.now_ns += (stall_ms if k == 2 else 3) * MS
-    return [(after - before) / MS for before, after in pairwise(started)], paced
 
 
 @pytest.mark.parametrize('scale', [0.5, 1.0, 4.0])
 def test_a_late_tick_is_an_overrun_that_is_made_up_for_without_a_burst(monkeypatch, scale):
-    steps, paced = steps_around(monkeypatch, scale, 130)
+    started, paced = played(monkeypatch, lambda k: 130 if k == 2 else 3, scale=scale)
+    steps = steps_of(started)
     step, late = 20 / scale, 130 - 20 / scale
     assert steps[:4] == pytest.approx([step, step, 130, step])
     faster = steps[4:4 + int(late / (0.1 * step))]
@@ -60,34 +60,24 @@ def test_a_late_tick_is_an_overrun_that_is_made_up_for_without_a_burst(monkeypat
 
 
 def test_more_than_a_second_is_not_made_up_for(monkeypatch):
-    steps, paced = steps_around(monkeypatch, 1.0, 5_020)
+    started, paced = played(monkeypatch, lambda k: 5_020 if k == 2 else 3)
+    steps = steps_of(started)
     assert steps[4] == pytest.approx(18)
     assert sum(steps) == pytest.approx(999 * 20 + 4_000)
     assert paced.overruns == 1
 
 
 def test_a_machine_that_is_too_slow_goes_on_at_its_own_pace_and_then_races_for_ten_seconds(monkeypatch):
-    clock, paced = Clock(monkeypatch), Pacer(1.0)
-    started = []
-    for k in range(2000):
-        clock.play(paced, k * 20 * MS)
-        started.append(clock.now_ns)
-        clock.now_ns += (25 if k < 1000 else 3) * MS
-    steps = [(after - before) / MS for before, after in pairwise(started)]
+    steps = steps_of(played(monkeypatch, lambda k: 25 if k < 1000 else 3, 2000)[0])
     assert steps[10:900] == [25] * 890
     assert min(steps[1010:]) >= 18 - 1e-5
     assert steps[-400:] == pytest.approx([20] * 400)
 
 
 def test_a_machine_that_can_go_a_little_faster_makes_up_for_a_stall_without_another_overrun(monkeypatch):
-    clock, paced = Clock(monkeypatch), Pacer(1.0)
-    started = []
-    for k in range(1000):
-        clock.play(paced, k * 20 * MS)
-        started.append(clock.now_ns)
-        clock.now_ns += (320 if k == 2 else 19) * MS
+    started, paced = played(monkeypatch, lambda k: 320 if k == 2 else 19)
     assert paced.overruns == 1
-    assert started[-1] - started[0] == pytest.approx(999 * 20 * MS, abs=6 * MS)
+    assert started[-1] - started[0] == pytest.approx(999 * 20, abs=6)
 
 
 def test_a_pause_is_not_made_up_for(monkeypatch):
@@ -104,15 +94,10 @@ def test_a_pause_is_not_made_up_for(monkeypatch):
 
 
 def test_a_short_stall_is_made_up_for_at_once(monkeypatch):
-    clock, paced = Clock(monkeypatch), Pacer(1.0)
-    started = []
-    for k in range(100):
-        clock.play(paced, k * MS)
-        started.append(clock.now_ns)
-        clock.now_ns += (30 if k == 10 else 0.1) * MS
+    started, paced = played(monkeypatch, lambda k: 30 if k == 10 else 0.1, 100, tick_ms=1)
     assert paced.overruns == 0
-    assert started[11] - started[10] == 30 * MS
-    assert started[-1] - started[0] == 99 * MS
+    assert started[11] - started[10] == 30
+    assert started[-1] - started[0] == 99
 
 
 def test_scale_zero_never_waits(monkeypatch):

@@ -109,14 +109,15 @@ class Profile(Settings):
             out.append(out[-1] + (Fraction(t1) - Fraction(t0)) * (Fraction(v0) + Fraction(v1)) / 2)
         return out
 
-    def _part(self, t_s: float) -> tuple[int, Fraction, Fraction, Fraction]:
-        """Return (knot before, time since, length of its ramp or 0, change of speed on it)."""
-        n = bisect_right(self._times, t_s) - 1
-        since = Fraction(t_s) - Fraction(self._times[n])
+    def _knot_before(self, t_s: float) -> int:
+        return bisect_right(self._times, t_s) - 1
+
+    def _ramp(self, n: int) -> tuple[Fraction, Fraction]:
+        """Return the length of the ramp after a knot, and the change of speed on it; 0 after the last."""
         if n + 1 == len(self.knots):
-            return n, since, Fraction(0), Fraction(0)
+            return Fraction(0), Fraction(0)
         (t0, v0), (t1, v1) = self.knots[n], self.knots[n + 1]
-        return n, since, Fraction(t1) - Fraction(t0), Fraction(v1) - Fraction(v0)
+        return Fraction(t1) - Fraction(t0), Fraction(v1) - Fraction(v0)
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
         """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
@@ -134,7 +135,7 @@ class Profile(Settings):
 
     def _polynomials_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
         """Return distance, speed and acceleration by time, from the knot before ``t_s`` to the next."""
-        n = bisect_right(self._times, t_s) - 1
+        n = self._knot_before(t_s)
         return self._polynomials.get(n) or self._polynomials_from(n)
 
     @cached_property
@@ -142,8 +143,7 @@ class Profile(Settings):
         return {}
 
     def _polynomials_from(self, n: int) -> tuple[ExactPolynomial, ...]:
-        t_s, speed = self.knots[n]
-        _, _, length, change = self._part(t_s)
+        (t_s, speed), (length, change) = self.knots[n], self._ramp(n)
         rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first on
         if change:
             rise = ([change / length] if self.ramps == 'linear' else
@@ -165,18 +165,14 @@ class Profile(Settings):
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the least and the greatest rate of the leader's speed between two times without a knot in between."""
-        _, since, length, change = self._part(start_s)
-        if not change:
-            return 0.0, 0.0
-        until = since + Fraction(stop_s) - Fraction(start_s)
-        rates = [self._rate(part, length, change) for part in (since, until)]
-        if since < length / 2 < until:      # the steepest place of a smooth ramp
-            rates.append(self._rate(length / 2, length, change))
+        n = self._knot_before(start_s)
+        middle = Fraction(self.knots[n][0]) + self._ramp(n)[0] / 2     # the steepest place of a smooth ramp
+        times: list[float | Fraction] = [start_s, stop_s]
+        if start_s < middle < stop_s:
+            times.append(middle)
+        rate = self._polynomials_at(start_s)[2]
+        rates = [rate.at(t_s) for t_s in times]
         return min(rates), max(rates)
-
-    def _rate(self, since: Fraction, length: Fraction, change: Fraction) -> float:
-        x = since / length
-        return float(change / length * (1 if self.ramps == 'linear' else 6 * x * (1 - x)))
 
     @cached_property
     def breaks_s(self) -> list[float]:

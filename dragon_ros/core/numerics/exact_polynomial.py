@@ -1,4 +1,4 @@
-"""Polynomials with rational coefficients at floats: exact, and rounded once.
+"""Polynomials with rational coefficients at floats, and at what lies half way between two: exact, and rounded once.
 
 All is done in integers over one denominator: rational numbers would look for common factors after each operation, which
 takes ten times as long as the rest.
@@ -18,7 +18,7 @@ class ExactPolynomial:
         highest, *others = [one.numerator * (self._denominator // one.denominator) for one in reversed(coefficients)]
         self._highest, self._others = highest, others
 
-    def at(self, t: float) -> float:
+    def at(self, t: float | Fraction) -> float:
         """Return the value at t, rounded. Raises OverflowError where no float is so large."""
         value, under = self._exactly(t)
         return value / under        # of integers: rounded correctly
@@ -30,7 +30,7 @@ class ExactPolynomial:
         number, below = high.as_integer_ratio()
         return high, (value * below - number * under) / (under * below)
 
-    def _exactly(self, t: float) -> tuple[int, int]:
+    def _exactly(self, t: float | Fraction) -> tuple[int, int]:
         """Return numerator and denominator of the value, by Horner's rule on numerators alone."""
         (number, below), (start, under) = t.as_integer_ratio(), self._origin
         unit = max(below, under)        # both are powers of two
