@@ -1,4 +1,5 @@
 """A free ROS domain, so that concurrent runs do not hear each other."""
+import atexit
 import os
 import random
 import socket
@@ -20,6 +21,7 @@ def free_domain(among: Sequence[int] = range(1, 102)) -> int:
     return next((domain for domain in domains if _is_free(domain) and _keep(domain)), domains[0])
 
 
+@atexit.register
 def give_up_domains() -> None:
     """Let others have the domains that this process keeps."""
     while _KEPT:
