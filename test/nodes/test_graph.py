@@ -55,7 +55,7 @@ def test_sim_monitor_and_recorder_as_processes_lose_and_change_no_tick(start, no
                 '-p', f'time_scale:={scale}', anew=True)
     assert sim.end() == 0, sim.text
     monitor.wait_for('contact of benches 0 and 8')
-    node.until(lambda: events)
+    node.until(lambda: events and node.count_subscribers('collision') == 2)     # the recorder listens to it as well
     assert record.stop() == 0, record.text
     assert monitor.stop() == 0, monitor.text
     with BagReader(bag) as run:
