@@ -24,6 +24,7 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
+from dragon_ros.bags.write.page_cache import PageCache
 from dragon_ros.core.errors import DiskError, MissingError
 from dragon_ros.version import __version__
 
@@ -283,6 +284,7 @@ class McapWriter:
         self._compression = '' if compression == 'none' else compression
         self._compress = compressor(compression)
         self._file = _create(path, overwrite)
+        self._cache = PageCache(self._file.fileno())
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
@@ -392,6 +394,7 @@ class McapWriter:
                 self._sync()
         finally:
             self._thread.close()
+            self._cache.close()
             with suppress(OSError):
                 self._file.close()
 
@@ -423,6 +426,7 @@ class McapWriter:
                             ) from None
         start = self._end
         self._end += sum(map(len, data))
+        self._cache.grown(self._end)
         return start
 
     def _write(self, data: list[_Bytes]) -> None:
