@@ -2,6 +2,7 @@
 import errno
 import os
 import threading
+from concurrent.futures import ThreadPoolExecutor
 
 import pytest
 
@@ -76,16 +77,25 @@ def test_a_system_without_the_call_is_written_all_the_same(tmp_path, monkeypatch
     write(tmp_path / 'a.mcap')
 
 
-def test_a_large_bag_lets_go_of_its_start_and_can_be_read(tmp_path):
-    path = tmp_path / 'a.mcap'
+def test_a_bag_is_written_where_no_thread_can_be_started(tmp_path, monkeypatch):
+    def refuse(*_):
+        raise RuntimeError("can't start new thread")
+    monkeypatch.setattr(ThreadPoolExecutor, 'submit', refuse)
+    write(tmp_path / 'a.mcap', threaded=False)
+
+
+def test_a_large_bag_asks_for_its_start_and_can_be_read(tmp_path, monkeypatch):
+    path, advise, parts = tmp_path / 'a.mcap', os.posix_fadvise, []
+    monkeypatch.setattr(os, 'posix_fadvise', lambda *part: (parts.append(part[1:3]), advise(*part)))
     write(path)
+    assert parts[0] == (0, KEPT_BYTES)
     with BagReader(path) as reader:
         assert [len(message.data) for message in reader.messages()] == [MB] * 100
 
 
-def write(path):
+def write(path, threaded=True):
     """Write a bag of 100 MB."""
-    file, data = McapWriter(path, compression='none'), os.urandom(MB)
+    file, data = McapWriter(path, compression='none', threaded=threaded), os.urandom(MB)
     channel = file.add_channel('/x', file.add_schema('std_msgs/msg/String', b'string data'), {})
     for k in range(100):
         file.add_message(channel, data, k, k, k)

@@ -30,7 +30,8 @@ class PageCache:
         if end < KEPT_BYTES or end <= self._asked or busy or not hasattr(os, 'posix_fadvise'):
             return
         first, self._asked = max(0, self._asked - KEPT_BYTES), end
-        self._job = self._pool.submit(_let_go, self._file, first, end - first)
+        with suppress(RuntimeError):        # no thread is left for what is advice only
+            self._job = self._pool.submit(_let_go, self._file, first, end - first)
 
     def close(self) -> None:
         """Wait for the last request."""
