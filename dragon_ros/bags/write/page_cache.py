@@ -12,7 +12,7 @@ class PageCache:
 
     Left alone, the system keeps all of it, writes it in large bursts, and makes the writer wait once a fifth of its
     memory is not on the disk. Memory that was not in use costs more, too: on a virtual machine, 2,000 benches at 700 Hz
-    take 0.8 of a core to record without this, 0.55 with it. Files below 64 MB stay in memory for who reads them next.
+    take 0.8 of a core to record without this, 0.55 with it. Files below 64 MiB stay in memory for who reads them next.
 
     The disk is waited for on a thread. While it is slower than the writer, the file grows as it would without this.
     """
