@@ -17,13 +17,13 @@ import numpy as np
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of, scene_of_bag
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import batches, state, states, tick, velocity_of
 from dragon_ros.scenes.load import changed_scene
 
@@ -246,20 +246,20 @@ class _Design:
 
     @staticmethod
     def min_pitch(dragon: Any = None, **options: Any) -> Any:
-        """Return the smallest pitch at which the head reaches a circle without contact (``core.design.min_pitch``)."""
-        from dragon_ros.core.design.min_pitch import min_pitch
+        """Return the smallest pitch at which the head reaches a circle without contact (``core.search.min_pitch``)."""
+        from dragon_ros.core.search.min_pitch import min_pitch
         return min_pitch(dragon.dragon if isinstance(dragon, Scene) else dragon, **options)
 
     @staticmethod
     def fit(scene: Scene, **options: Any) -> Any:
-        """Return how far the benches reach in a run (``core.design.bounding_box``)."""
-        from dragon_ros.core.design.bounding_box import bounding_box
+        """Return how far the benches reach in a run (``core.search.bounding_box``)."""
+        from dragon_ros.core.search.bounding_box import bounding_box
         return bounding_box(scene, **options)
 
     @staticmethod
     def max_speed(scene: Scene, **options: Any) -> Any:
-        """Return the fastest handle of a run, over the leader's largest speed (``core.design.max_speed``)."""
-        from dragon_ros.core.design.max_speed import max_speed
+        """Return the fastest handle of a run, over the leader's largest speed (``core.search.max_speed``)."""
+        from dragon_ros.core.search.max_speed import max_speed
         return max_speed(scene, **options)
 
 

@@ -23,8 +23,8 @@ ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': (*BELOW_NODES, 'studies'), 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
 # The rooms and modules of the core, from the bottom: each may import those before it.
-CORE = ('numerics', 'tracks', 'chain', 'shift_map', 'model', 'contact', 'effects', 'step')
-CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'design': CORE[:CORE.index('contact') + 1]}
+CORE = ('numerics', 'tracks', 'chain', 'geometry', 'enclosures', 'shift_map', 'model', 'effects', 'step')
+CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'search': CORE[:CORE.index('model') + 1]}
 CORE_IS_IN_ROOMS = (PACKAGE / 'core' / 'tracks').is_dir()
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(), 'scenes': {'numpy', 'yaml'},
              'messages': {'numpy'},
@@ -126,7 +126,7 @@ def test_only_one_module_below_the_commands_imports_a_library_of_the_screen(libr
 def test_the_core_runs_where_there_is_no_ros():
     code = ('import sys\nfor name in ("rclpy", "yaml", "mcap", "matplotlib"): sys.modules[name] = None\n'
             'from dragon_ros.core.scene import Scene\nfrom dragon_ros.core.step import tick\n'
-            'from dragon_ros.core.contact.first_contact import first_contact\n'
+            'from dragon_ros.core.search.first_contact import first_contact\n'
             'print(len(tick(Scene(), 0).chain.p), first_contact(Scene()).benches)')
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     assert done.stdout.split() == ['224', '(0,', '8)']

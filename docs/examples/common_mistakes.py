@@ -10,8 +10,8 @@ from math import asinh, atan, ceil, cos, inf, log, pi, sin, sqrt
 import numpy as np
 
 import dragon_ros as dr
-from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import gaps
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
 FOLLOWING = 25          # handles that the head can touch the benches of

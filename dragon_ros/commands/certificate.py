@@ -3,9 +3,9 @@ from collections.abc import Sequence
 from math import ceil
 from typing import Any
 
-from dragon_ros.core.contact.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.scenes.load import scene_values
 
 _MOST = 20_000      # rows of a certificate: hints where to cut

@@ -14,8 +14,8 @@ from dragon_ros.cli.progress import Progress
 from dragon_ros.core.errors import InputError
 
 if TYPE_CHECKING:       # --verify starts without the solver
-    from dragon_ros.core.contact.certificate import Contact, NoContact
     from dragon_ros.core.scene import Scene
+    from dragon_ros.core.search.certificate import Contact, NoContact
 
 
 def main(argv: list[str]) -> int:
@@ -55,7 +55,7 @@ def _run(arguments: Namespace) -> int:
     _check(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.output)
-    from dragon_ros.core.contact.first_contact import first_contact
+    from dragon_ros.core.search.first_contact import first_contact
     scene = _scene_of(arguments)
     start = time.perf_counter()
     with Progress('contact', 'states') as bar:
@@ -63,7 +63,7 @@ def _run(arguments: Namespace) -> int:
     values = values_of(found)
     values['stats'] = {'elapsed_s': time.perf_counter() - start, 'states': found.states}
     if arguments.near_misses is not None:
-        from dragon_ros.core.contact.near_misses import near_misses
+        from dragon_ros.core.search.near_misses import near_misses
         with Progress('near misses', 'states') as bar:
             near = near_misses(scene, found, arguments.near_misses, bar.update)
         values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 't_s': miss.t_s,
@@ -108,7 +108,7 @@ def _verify(certificate_file: Path, output: Path | None) -> int:
 
 def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
     """Return the result as plain values."""
-    from dragon_ros.core.contact.certificate import NoContact
+    from dragon_ros.core.search.certificate import NoContact
     if isinstance(found, NoContact):
         end = found.end
         return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link,

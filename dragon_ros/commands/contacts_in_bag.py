@@ -7,12 +7,12 @@ from typing import Any
 from dragon_ros.bags.read.frames import BagFrame, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
-from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.near_pairs import NearPairs
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.limits import SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagnostics
 
 

@@ -75,10 +75,10 @@ def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
     from dataclasses import replace
 
     from dragon_ros.core.chain.head_law import Head
-    from dragon_ros.core.contact.certificate import Contact
-    from dragon_ros.core.contact.first_contact import first_contact
     from dragon_ros.core.model import compile_scene
     from dragon_ros.core.scene import Run
+    from dragon_ros.core.search.certificate import Contact
+    from dragon_ros.core.search.first_contact import first_contact
     from dragon_ros.core.tracks.spec import STurn
     turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
     run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
@@ -141,7 +141,7 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the leader's largest speed, and which handle reaches the limit, and where; a profile is scaled."""
     from dataclasses import asdict
 
-    from dragon_ros.core.design.max_speed import max_speed
+    from dragon_ros.core.search.max_speed import max_speed
     limit = number('--limit', arguments.limit, above=0.0, high=1e9)
     scene = command_line.scene_from(arguments)
     with Progress('max-speed', 'places') as bar:
@@ -174,7 +174,7 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the bracket of the smallest pitch; only the scene's dragon and track.start_turns are used."""
     from dataclasses import asdict
 
-    from dragon_ros.core.design.min_pitch import min_pitch
+    from dragon_ros.core.search.min_pitch import min_pitch
     scene = command_line.scene_from(arguments)
     with Progress('min-pitch', 'states') as bar:
         try:
@@ -208,7 +208,7 @@ def _fit_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the smallest squares, what touches the centred one, and whether the run fits into the given one."""
     from dataclasses import asdict
 
-    from dragon_ros.core.design.bounding_box import bounding_box, fits
+    from dragon_ros.core.search.bounding_box import bounding_box, fits
     scene = command_line.scene_from(arguments)
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
     with Progress('fit', 'looks') as bar:

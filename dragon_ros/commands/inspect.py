@@ -22,10 +22,10 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in, searched
-from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
+from dragon_ros.core.search.certificate import Contact
 from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD

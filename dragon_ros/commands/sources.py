@@ -12,8 +12,8 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from dragon_ros.cli import command_line
-from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.limits import PICTURE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -22,8 +22,8 @@ from dragon_ros.core.step import states, velocity_of
 
 if TYPE_CHECKING:       # a picture of a scene starts without bags, and one without contacts without their search
     from dragon_ros.bags.read.reader import BagReader
-    from dragon_ros.core.contact.signed_distance import Witness
-    from dragon_ros.core.frame import Observation
+    from dragon_ros.core.geometry.contacts import Observation
+    from dragon_ros.core.geometry.signed_distance import Witness
 
 _AT_ONCE = 64               # states that are computed together
 _SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
@@ -117,8 +117,8 @@ class SceneSource:
 
     def first_touch(self, progress: Progress = iter) -> Touch | None:
         """Return the first contact of the run, exactly."""
-        from dragon_ros.core.contact.certificate import Contact
-        from dragon_ros.core.contact.first_contact import first_contact
+        from dragon_ros.core.search.certificate import Contact
+        from dragon_ros.core.search.first_contact import first_contact
         steps = iter(progress(count()))
         found = first_contact(self.scene, lambda _: next(steps))
         return Touch(found.t_s, found.benches, found.point_m, found.witness) if isinstance(found, Contact) else None
@@ -157,7 +157,7 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:
     """Return times (T,) and the smallest signed gap in m at each (T,), nan where no two benches are near."""
-    from dragon_ros.core.contact.near_pairs import NearPairs  # few pictures ask
+    from dragon_ros.core.geometry.near_pairs import NearPairs  # few pictures ask
     near = NearPairs()
     rows = np.array([(one.t_s, near.look(one.p, one.benches).clearance_m)
                      for one in progress(source.moments(times_s))]).reshape(-1, 2)
@@ -173,7 +173,7 @@ def thinned(first: int, last: int, most: int) -> Ints:
 
 def witness_at(moment: Moment, pair: tuple[int, int]) -> 'Witness':
     """Return how two benches meet at a moment."""
-    from dragon_ros.core.contact.signed_distance import witness
+    from dragon_ros.core.geometry.signed_distance import witness
     return witness(moment.benches, *pair)
 
 
@@ -245,7 +245,7 @@ class BagSource:
 
     def first_touch(self, progress: Progress) -> Touch | None:
         """Return the first contact that a monitor finds in the bag, at the interpolated time of its bracket."""
-        from dragon_ros.core.contact.tracker import ContactTracker
+        from dragon_ros.core.geometry.tracker import ContactTracker
         tracker = ContactTracker()
         for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
             for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
@@ -256,7 +256,7 @@ class BagSource:
     def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:
         """Yield observations and speeds of the ticks logged between two times, in order."""
         from dragon_ros.bags.read.frames import frames
-        from dragon_ros.core.frame import Observation
+        from dragon_ros.core.geometry.contacts import Observation
         for frame in frames(self.bag, self.namespace, first_ns, last_ns + 1):
             if frame.benches is not None:
                 speeds = None if frame.velocity_m_s is None else np.hypot(*frame.velocity_m_s.T)

@@ -15,10 +15,10 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, stack
 from dragon_ros.core.chain.commanded import Walked
-from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.frame import Frame
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene

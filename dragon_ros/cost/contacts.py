@@ -11,12 +11,12 @@ from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.contact.broad_phase import candidates
-from dragon_ros.core.contact.certificate import Contact
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.geometry.broad_phase import candidates
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import Contact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state
 from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cost.measure import TIMES, circumstances, timed

@@ -9,11 +9,11 @@ from matplotlib.axes import Axes
 
 from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.contact.broad_phase import box_pairs, candidates, default_reach_m
-from dragon_ros.core.contact.signed_distance import gaps
-from dragon_ros.core.contact.tracker import ContactTracker
-from dragon_ros.core.frame import Observation
+from dragon_ros.core.geometry.broad_phase import box_pairs, candidates, default_reach_m
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state

@@ -19,8 +19,8 @@ from dragon_ros.bags.write.mcap import compressor
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import LINES
-from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.contact.near_pairs import NearPairs
+from dragon_ros.core.geometry.near_pairs import NearPairs
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.chebyshev import columns_of
 from dragon_ros.core.scene import Run, Scene

@@ -5,8 +5,8 @@ from dataclasses import dataclass, replace
 from itertools import cycle
 from statistics import median, quantiles
 
-from dragon_ros.core.chain.rectangles import axes_of
 from dragon_ros.core.flags import NEEDS, Effect, known
+from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, plan, state, tick

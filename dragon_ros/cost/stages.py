@@ -3,8 +3,8 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import cycle
 
-from dragon_ros.core.chain.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.contact.near_pairs import NearPairs
+from dragon_ros.core.geometry.near_pairs import NearPairs
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene

@@ -1,8 +1,8 @@
 """What the monitor shows of a tick, as bytes: the deepest contacts, the clearance as a label and as a vector."""
 import numpy as np
 
-from dragon_ros.core.contact.signed_distance import shortest_vector, witness
-from dragon_ros.core.contact.tracker import Report
+from dragon_ros.core.geometry.signed_distance import shortest_vector, witness
+from dragon_ros.core.geometry.tracker import Report
 from dragon_ros.messages.cdr import Writer
 from dragon_ros.messages.markers import (
     BENCH_HEIGHT_M,

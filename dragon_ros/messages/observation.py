@@ -6,8 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dragon_ros.core.chain.rectangles import Benches
-from dragon_ros.core.frame import Observation
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array

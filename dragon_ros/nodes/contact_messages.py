@@ -6,7 +6,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped
 from std_msgs.msg import Header
 
-from dragon_ros.core.contact.tracker import NS, EpisodeEnd, Event, Report
+from dragon_ros.core.geometry.tracker import NS, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
 
 

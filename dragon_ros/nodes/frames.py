@@ -1,11 +1,11 @@
 """The frames of a run in order, with a current position: its ticks, then the contact's frame where it ends there."""
 from time import monotonic
 
-from dragon_ros.core.contact.certificate import Contact
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
 
 _AHEAD_S = 1.0      # at most, before the first frame: tables of a run along hundreds of joints take seconds

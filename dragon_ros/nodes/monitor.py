@@ -10,8 +10,8 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from std_msgs.msg import Bool
 
-from dragon_ros.core.contact.tracker import NS, ContactTracker, Report
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.tracker import NS, ContactTracker, Report
 from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels

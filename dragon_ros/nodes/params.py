@@ -1,7 +1,7 @@
 """Parameters of the nodes, each declared once: name, default, limits and text. Imports little to keep --help quick."""
 from typing import Any, NamedTuple
 
-# A test keeps these equal to those of core.scene and core.contact.tracker, which are slow to import.
+# A test keeps these equal to those of core.scene and core.geometry.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
 DISCOVERY_S = 4.0       # nodes/publisher_queue.py says why

@@ -9,12 +9,12 @@ from rclpy.publisher import Publisher
 from dragon_ros.bags.read.frames import keep_s
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.commanded import Commanded
-from dragon_ros.core.contact.certificate import Contact
-from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.search.certificate import Contact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

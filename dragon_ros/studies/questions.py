@@ -14,18 +14,18 @@ import numpy as np
 
 from dragon_ros.core.chain.dragon import AnyDragon, is_even
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.checks import number
-from dragon_ros.core.contact.certificate import Contact, NoContact
-from dragon_ros.core.contact.first_contact import first_contact, head_passes
-from dragon_ros.core.contact.near_misses import near_misses
-from dragon_ros.core.contact.near_pairs import closeness
-from dragon_ros.core.design.bounding_box import bounding_box, fits
-from dragon_ros.core.design.max_speed import max_speed
-from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.geometry.near_pairs import closeness
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.bounding_box import bounding_box, fits
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact, head_passes
+from dragon_ros.core.search.max_speed import max_speed
+from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 

@@ -6,9 +6,9 @@ import pytest
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
-from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

@@ -2,7 +2,7 @@
 import numpy as np
 import shapely
 
-from dragon_ros.core.chain.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.step import state
 
 

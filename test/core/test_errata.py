@@ -4,9 +4,9 @@ from math import cos, hypot, pi, sin, sqrt
 import numpy as np
 import pytest
 
-from dragon_ros.core.chain.rectangles import axes_of, benches_of
-from dragon_ros.core.contact.broad_phase import adjacent_layer_windows
-from dragon_ros.core.contact.signed_distance import gaps
+from dragon_ros.core.geometry.broad_phase import adjacent_layer_windows
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spiral import arc_between

@@ -5,7 +5,7 @@
 It needs mpmath and a few seconds, and shares nothing with the package. At that pitch a corner of the head touches the
 inner side of bench 19 and slips past: as a function of the head's radius r their separation f has a minimum of zero
 there. Solved are f = 0 and f' = 0 for the pitch and r, with handles by the law of cosines, twice with unlike digits.
-That no larger pitch has a contact is not shown here; ``dragon_ros.core.design.min_pitch`` does that.
+That no larger pitch has a contact is not shown here; ``dragon_ros.core.search.min_pitch`` does that.
 """
 import json
 from itertools import product

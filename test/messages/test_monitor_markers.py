@@ -1,8 +1,8 @@
 """The monitor's markers: red benches, the point, a label, read back by the real serialiser."""
 import pytest
 
-from dragon_ros.core.contact.tracker import ContactTracker, Report
-from dragon_ros.core.frame import Observation
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.tracker import ContactTracker, Report
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_marker_array

@@ -3,7 +3,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.contact.tracker import ContactTracker
+from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import PoseArrayTemplate

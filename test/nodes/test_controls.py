@@ -14,7 +14,7 @@ from rosgraph_msgs.msg import Clock
 from std_srvs.srv import Trigger
 
 from dragon_ros.core import scene
-from dragon_ros.core.contact import tracker
+from dragon_ros.core.geometry import tracker
 from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.nodes import params
 from dragon_ros.nodes.params import SIM

@@ -102,7 +102,7 @@ def test_a_composite_track_is_published_as_the_model_says(start, tmp_path, scene
 def recorded(tmp_path_factory):
     """A short bag with a contact, made offline; the live ones are equal to it by the test above."""
     from dragon_ros.bags.write.writer import BagWriter
-    from dragon_ros.core.contact.tracker import ContactTracker
+    from dragon_ros.core.geometry.tracker import ContactTracker
     from dragon_ros.core.step import tick
     from dragon_ros.messages.encode import encoders
     from dragon_ros.messages.observation import observation_of, read_benches, read_handles

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.contact.first_contact import first_contact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics, read_pose_array

@@ -2,13 +2,13 @@
 import pytest
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.near_misses import near_misses
-from dragon_ros.core.design.bounding_box import bounding_box
-from dragon_ros.core.design.max_speed import max_speed
-from dragon_ros.core.design.min_pitch import min_pitch
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.bounding_box import bounding_box
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.max_speed import max_speed
+from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.yaml import Document

@@ -10,12 +10,14 @@ from certificates import proved, refusal, written
 from dragon_ros.core import model
 from dragon_ros.core.chain import dragon as dragon_module
 from dragon_ros.core.chain import head_law as head_module
-from dragon_ros.core.chain import rectangles as benches_module
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.contact import conservative_advancement, narrow_phase, search_domain, second_order_bounds
+from dragon_ros.core.enclosures import on_spiral
+from dragon_ros.core.geometry import narrow_phase
+from dragon_ros.core.geometry import rectangles as benches_module
 from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search import conservative_advancement, search_domain
 from dragon_ros.core.tracks import composite, s_turn
 from dragon_ros.core.tracks.segments import AHEAD
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
@@ -134,8 +136,8 @@ def sizes(patch, length_m, width_m):
 
 def constant_of_the_second_order_bound(patch):
     """B h^2 / 8000 in place of B h^2 / 8."""
-    true = second_order_bounds._sag
-    patch.setattr(second_order_bounds, '_sag', lambda *given: 1e-3 * true(*given))
+    true = on_spiral._sag
+    patch.setattr(on_spiral, '_sag', lambda *given: 1e-3 * true(*given))
 
 
 def constant_of_the_lipschitz_bound(patch):

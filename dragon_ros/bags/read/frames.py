@@ -9,9 +9,9 @@ import numpy as np
 
 from dragon_ros.bags.read.reader import END_OF_TIME_NS, BagReader, Message
 from dragon_ros.core.chain.commanded import Commanded, Walked, profile_of, walked_from
-from dragon_ros.core.chain.rectangles import Benches
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
+from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.limits import LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
@@ -48,7 +48,7 @@ class BagFrame:
         """Smallest signed gap of benches that are not neighbours, in m; inf where all are, None without benches."""
         if self.benches is None:
             return None
-        from dragon_ros.core.contact.near_pairs import closeness  # few readers ask
+        from dragon_ros.core.geometry.near_pairs import closeness  # few readers ask
         return closeness(self.handles_m, self.benches).clearance_m
 
 

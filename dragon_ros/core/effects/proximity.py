@@ -3,10 +3,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dragon_ros.core.chain.rectangles import benches_of
-from dragon_ros.core.contact.near_pairs import NearPairs
-from dragon_ros.core.contact.signed_distance import witnesses
-from dragon_ros.core.frame import Closeness, Contacts, Frame
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.geometry.contacts import Closeness, Contacts
+from dragon_ros.core.geometry.near_pairs import NearPairs
+from dragon_ros.core.geometry.rectangles import benches_of
+from dragon_ros.core.geometry.signed_distance import witnesses
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.numerics.types import Floats
 

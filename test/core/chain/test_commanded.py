@@ -10,11 +10,11 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.chain.commanded import SHORT_M, Commanded, Walked, next_speed_m_s, profile_of, walked_from
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.contact.first_contact import first_contact
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import led_tick, tick
 
 FREE = (float('inf'), float('inf'))

@@ -11,9 +11,9 @@ from properties import examples
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.lock import follower, head_lock_angle
-from dragon_ros.core.chain.rectangles import axes_of, benches_of
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.flags import Effect
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, tick

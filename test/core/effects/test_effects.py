@@ -13,16 +13,16 @@ import pytest
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.contact.first_contact import first_contact
-from dragon_ros.core.contact.signed_distance import gaps, witness
-from dragon_ros.core.contact.tracker import ContactTracker
 from dragon_ros.core.effects.noise import normal
 from dragon_ros.core.effects.proximity import closeness
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_needs, effects_of, known
-from dragon_ros.core.frame import Observation
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.signed_distance import gaps, witness
+from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import frame_of, state, tick, ticks, velocity_of
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
@@ -120,8 +120,8 @@ def test_what_is_off_is_not_even_imported():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
     for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
-                 'core.effects.health', 'core.effects.leading', 'core.contact', 'core.contact.broad_phase',
-                 'core.contact.tracker', 'messages.encode_effects', 'messages.monitor_markers'):
+                 'core.effects.health', 'core.effects.leading', 'core.geometry.near_pairs', 'core.geometry.broad_phase',
+                 'core.geometry.tracker', 'messages.encode_effects', 'messages.monitor_markers'):
         assert find_spec(f'dragon_ros.{name}')
         assert f'dragon_ros.{name}' not in loaded
 

@@ -15,8 +15,8 @@ from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.forward import blocks_of, forward, next_places
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.chain.rectangles import axes_of
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
+from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene

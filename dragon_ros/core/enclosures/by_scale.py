@@ -1,0 +1,86 @@
+"""How far corners of benches can leave straight lines while a spiral's pitch changes and the head's radius does not.
+
+In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at
+theta = scale r. A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0,
+and the leading handle has p = theta' = theta, a = theta'' = 0. With m = theta - p, 0 for the leading handle,
+F = c^2 / 2 gives
+
+    delta'  = (delta^2 + (1 - cos delta) (theta delta + (2 theta + delta) m)) / F_delta,
+    m_next  = (1 + d1) m + theta (theta + delta) delta sin delta / F_delta,
+    delta'' = d1 a + (delta^2 + 2 (1 - cos delta) (theta delta + m (2 theta - m)) - 2 F_td p delta' - F_dd delta'^2)
+              / F_delta,
+
+where nothing large cancels: c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
+``on_spiral``
+
+    psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
+    psi'' = delta'' / 2 + (N' - 2 N) / c^2.
+
+Handles turn by p = theta_0 + the sum of delta' before them: theta_0 is common to all and left out of differences.
+
+What theta and delta lie between. Let all curvature times each link be below 2, so that 1 + d1 > 0 and delta < pi. Each
+theta grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows
+with the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is least at
+the lowest of both and greatest at the highest; delta is least at the largest r and lowest scale, greatest opposite.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, side_by_side
+from dragon_ros.core.enclosures.on_spiral import Motion, Spans, corners, spans
+from dragon_ros.core.numerics.types import Floats
+
+
+def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
+    """Return bounds (M, K-2, 2) as ``bend`` does, in units of b, of scale^2 times second derivatives by the scale."""
+    with np.errstate(all='ignore'):
+        return corners(_motion(theta, delta, chord), arm, growth=1.0)
+
+
+@dataclass(frozen=True)
+class _Growth:
+    """Of handles (M, K+1): m, and a. Of links (M, K): delta' and delta''."""
+
+    m: Ball
+    a: Ball
+    delta_1: Ball
+    delta_2: Ball
+
+
+def _growth(link: Spans) -> _Growth:
+    theta, delta, both = link.theta, link.delta, link.both
+    ratio = 1 + link.delta_1
+    m = _carried(ratio, link.area * delta * link.sin * link.inverse)
+    late = m[:, :-1]
+    one = (delta.squared() + link.less * (theta * delta + both * late)) * link.inverse
+    mixed, square = link.less + both * link.sin, 1 + 2 * theta * link.sin + link.area * link.cos
+    pull = (delta.squared() + 2 * link.less * (theta * delta + late * (2 * theta - late))
+            - 2 * mixed * (theta - late) * one - square * one.squared()) * link.inverse
+    a = _carried(ratio, pull)
+    return _Growth(m, a, one, link.delta_1 * a[:, :-1] + pull)
+
+
+def _carried(ratio: Ball, added: Ball) -> Ball:
+    """Return y (M, K+1) with y[0] = 0 and y[m+1] = ratio[m] y[m] + added[m]."""
+    after = ratio.running_product()
+    return _from_nothing(after * (added * after.inverse()).running_sum())
+
+
+def _from_nothing(ball: Ball) -> Ball:
+    none = np.zeros_like(ball.mid[:, :1])
+    return side_by_side([Ball(none, none), ball])
+
+
+def _motion(theta: Ball, delta: Ball, chord: Ball) -> Motion:
+    link = spans(theta, delta)
+    grown = _growth(link)
+    late, one, two = grown.m[:, :-1], grown.delta_1, grown.delta_2
+    p, half, rest = link.theta - late, 0.5 * link.both, link.theta * (delta - one) - delta * late
+    turns = link.sin * rest + half * delta * one
+    rate = (link.cos * one * rest + link.sin * (delta * grown.a[:, :-1] - link.theta * two)
+            + (p + 0.5 * one) * delta * one + half * (one.squared() + delta * two))
+    share, turned = chord.squared().inverse(), _from_nothing(one.running_sum())
+    w = turned[:, :-1] + 0.5 * one + share * turns
+    return Motion(theta, theta - grown.m, grown.a, turned, w,
+                  grown.a[:, :-1] + 0.5 * two + share * (rate - 2 * turns))

@@ -1,0 +1,313 @@
+"""How near a bench and those behind it can come between two places of its front handle on a spiral segment.
+
+On an interval of length h (in the polar angle of the leading handle) the corners of a bench, seen in the frame of
+another, leave the straight lines between their places at its ends by at most B h^2 / 8, B a bound on their second
+derivative there. Along straight lines the separation from a fixed edge is concave, so it is nowhere less than the
+smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one edge and one side of it,
+that smaller value exceeds B h^2 / 8.
+
+Close to a lock, where no such B exists, what counts is how far the handles of both benches go at all. Benches further
+out are cleared by the circle about the centre that parts them. All this takes handles that move one way on an interval:
+it must not contain the place where one turns back.
+
+B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs.
+A prime is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at
+theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
+
+    d1 = d delta / d theta = -F_theta / F_delta <= 0,    d2 = -(F_tt + 2 F_td d1 + F_dd d1^2) / F_delta,
+
+and handles follow each other by p_next = p (1 + d1), a_next = a (1 + d1) + p^2 d2 (p and a: first and second
+derivative of theta). The link's direction is theta + psi with
+
+    psi1 = d1 / 2 + (sin delta (delta - theta d1) + (theta + delta / 2) delta d1) / c^2.
+
+In the frame of a bench that turns by w, the handle b theta exp(i theta) has the acceleration, with v = p - w,
+
+    b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
+
+Benches of adjacent layers turn almost alike, so v is small and nothing large cancels. delta and, on either side of the
+place where the follower turns back, theta lie between their values at the ends: every formula is evaluated once, for
+all that they may be, and by as much more as positions may err.
+
+All is rounded outwards: balls by themselves (``ball_arithmetic``), separations by ``signed_distance.rounding_m``, and
+the formulas that put bounds together, sums and products of a few dozen positive numbers, by the factor ABOVE.
+"""
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
+from dragon_ros.core.geometry.narrow_phase import BenchSamples, Sizes, beyond, further, separations
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+
+ABOVE = 1 + 2.0**-40    # of bounds: more than eight thousand roundings of positive numbers take away
+_SETTLED = 0.5      # of a gap: a first-order bound that is as near to it will do
+_SURE = 8           # times the position error: more than any tolerance
+_STRAIGHT_M = 1e-200    # corners may not leave straight lines at all
+_STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves by more than positions may err
+
+
+At = tuple[Any, Any]    # rows and columns
+
+
+class _Pairs(NamedTuple):
+    """Where leading benches' front and rear handles stand among handles (M, K+1), and those of others.
+
+    A bench's link has the number of its front handle.
+    """
+
+    lead: At
+    lead_rear: At
+    other: At
+    other_rear: At
+
+
+def _all_pairs(count: int) -> _Pairs:
+    """Return the pairs of bench 0 with benches 2 to ``count`` - 1 of all rows."""
+    lead, other = slice(0, 1), slice(2, count)
+    return _Pairs(*((slice(None), handles) for handles in (lead, slice(1, 2), other, slice(3, count + 1))))
+
+
+def _some_pairs(row: Ints, bench: Ints) -> _Pairs:
+    """Return pairs (P,) of bench 0 with others."""
+    first = np.zeros_like(row)
+    return _Pairs((row, first), (row, first + 1), (row, bench), (row, bench + 1))
+
+
+@dataclass(frozen=True)
+class _Slopes:
+    """First and second derivatives of delta and psi by theta, each (M, K)."""
+
+    delta_1: Ball
+    delta_2: Ball
+    psi_1: Ball
+    psi_2: Ball
+
+
+@dataclass(frozen=True)
+class Spans:
+    """Links (M, K): handles at theta and outer, what is between them, F_delta's inverse, and ratio = 1 + d1."""
+
+    theta: Ball
+    delta: Ball
+    outer: Ball
+    sin: Ball
+    cos: Ball
+    less: Ball
+    inverse: Ball
+
+    @property
+    def both(self) -> Ball:
+        """2 theta + delta."""
+        return self.theta + self.outer
+
+    @property
+    def area(self) -> Ball:
+        """Theta (theta + delta)."""
+        return self.theta * self.outer
+
+    @property
+    def delta_1(self) -> Ball:
+        """d1, of a chord that does not change."""
+        return -(self.both * self.less * self.inverse)
+
+
+@dataclass(frozen=True)
+class Motion:
+    """Handles (M, K+1): angle, p, a, and ``turned``: p less what is common to all; links (M, K): turning and its rate.
+
+    What is common to all is left out of the links' turning too: only differences count there.
+    """
+
+    theta: Ball
+    p: Ball
+    a: Ball
+    turned: Ball
+    w: Ball
+    w_rate: Ball
+
+
+def spans(theta: Ball, delta: Ball) -> Spans:
+    """Return links between handles (M, K+1) that span delta (M, K)."""
+    (sin, cos), less = delta.sin_cos(), delta.versine()
+    theta, outer = theta[:, :-1], theta[:, 1:]
+    return Spans(theta, delta, outer, sin, cos, less, (delta + theta * less + theta * outer * sin).inverse())
+
+
+def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | None = None) -> Floats:
+    """Return bounds (M, K-2, 2) of second derivatives on M intervals, in units of b per square radian.
+
+    ``theta`` (M, K+1) are all angles that handles have on an interval, ``delta`` (M, K) all that links span, ``chord``
+    and ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of
+    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; of some pairs
+    alone they are (P, 2). Infinite where nothing is known: close to a lock.
+    """
+    with np.errstate(all='ignore'):
+        return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
+
+
+def corners(moving: Motion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
+    """Return bounds as ``bend`` does, or (P, 2) of some pairs; arms grow by ``growth`` of their length a unit."""
+    pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
+    with np.errstate(all='ignore'):
+        (lead, lead_rate), (other, other_rate) = ((moving.w[at], moving.w_rate[at]) for at in (pairs.lead, pairs.other))
+        dw, dw_rate = other - lead, other_rate - lead_rate
+        spin = np.hypot(dw_rate.most, dw.most**2) + 2 * growth * dw.most
+        in_lead, in_other = _middles(moving, pairs, lead, lead_rate), _middles(moving, pairs, other, other_rate)
+        out: Floats = ABOVE * np.stack((in_lead + arm[pairs.other] * spin, in_other + arm[pairs.lead] * spin), axis=-1)
+    return np.where(np.isfinite(out), out, np.inf)
+
+
+def _middles(moving: Motion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
+    """Return bounds of how middles of benches accelerate as seen from those of leading ones, in frames that turn."""
+    one, two, three, four = (_acceleration(moving, at, w, w_rate) for at in pairs)
+    return 0.5 * (one + two + three + four)
+
+
+def _acceleration(moving: Motion, handle: At, w: Ball, w_rate: Ball) -> Floats:
+    theta, p, a = moving.theta[handle], moving.p[handle], moving.a[handle]
+    v = moving.turned[handle] - w
+    outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - w_rate)
+    return np.hypot(outwards.most, across.most)
+
+
+def _motion(theta: Ball, slopes: _Slopes) -> Motion:
+    p, a = _handles(slopes)
+    turned = slopes.psi_1 + 1
+    return Motion(theta, p, a, p, p[:, :-1] * turned, a[:, :-1] * turned + p[:, :-1].squared() * slopes.psi_2)
+
+
+def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
+    """Differentiate F = c^2 / 2 and the link's direction."""
+    link = spans(theta, delta)
+    theta, sin, cos, less, both, one = link.theta, link.sin, link.cos, link.less, link.both, link.delta_1
+    two = -((2 * less + 2 * (less + both * sin) * one + (1 + 2 * theta * sin + link.area * cos) * one.squared())
+            * link.inverse)
+    rest = delta - theta * one
+    psi_1 = sin * rest + 0.5 * both * delta * one
+    psi_2 = (cos * one * rest - theta * sin * two + 0.5 * (2 + one) * delta * one
+             + 0.5 * both * (one.squared() + delta * two))
+    share, joined = chord.squared().inverse(), chord.most == 0
+    slopes = _Slopes(one, two, 0.5 * one + share * psi_1, 0.5 * two + share * psi_2)
+    return _with_joined(slopes, theta, joined) if np.any(joined) else slopes
+
+
+def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
+    """Return the slopes with those of links of no length, which lie along the track."""
+    none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
+    flat = (1 + theta.squared()).inverse()
+    along = none, none, flat, -2 * theta * flat.squared()
+    kept = slopes.delta_1, slopes.delta_2, slopes.psi_1, slopes.psi_2
+    return _Slopes(*(Ball(np.where(joined, a.mid, b.mid), np.where(joined, a.rad, b.rad))
+                     for a, b in zip(along, kept, strict=True)))
+
+
+def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
+    """Return p and a of all handles: those behind the third first by its angle, a / p being a sum along the chain.
+
+    The second and third handle may turn back, where such a quotient says nothing.
+    """
+    ratio, rate = 1 + slopes.delta_1, slopes.delta_2
+    none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
+    p, a = [none + 1.0], [none]
+    for link in (slice(0, 1), slice(1, 2)):
+        a.append(a[-1] * ratio[:, link] + p[-1].squared() * rate[:, link])
+        p.append(p[-1] * ratio[:, link])
+    after = ratio[:, 2:].running_product()
+    bent = after * (side_by_side([p[0], after[:, :-1]]) * rate[:, 2:] * ratio[:, 2:].inverse()).running_sum()
+    return (side_by_side([*p, after * p[-1]]),
+            side_by_side([*a, bent * p[-1].squared() + after * a[-1]]))
+
+
+def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
+    """Return lower bounds (M,) of the gaps on intervals between samples a and b, and room; not positive: not cleared.
+
+    Room is how many times as long an interval might have been, no more than once. Only the next ``behind`` (M,) benches
+    count. Pairs that the ways of benches, or the circle, show to keep most of their gap are not looked at more closely.
+    """
+    sizes = sizes.of(a.lead)
+    circle, one, two = beyond(a, b, sizes), a.apart, b.apart
+    off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
+    low = np.maximum(np.maximum(one, two) - _way(a, b, sizes) - off[:, None], circle)
+    there = np.arange(2, circle.shape[1] + 2) <= behind[:, None]
+    row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.error_m)))
+    room = np.ones(behind.size)
+    if row.size:
+        bent, enough = _bent(a, b, sizes, row, other)
+        low[row, other] = np.maximum(low[row, other], bent - off[row])
+        np.minimum.at(room, row, enough)
+    out: Floats = np.min(low, axis=1, where=there, initial=np.inf)
+    unseen = (behind > circle.shape[1] + 1) & (further(a, b, sizes, circle)[:, -1] <= 0)
+    return np.where(unseen | _turns_back(a, b), -np.inf, out), room
+
+
+def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints) -> tuple[Floats, Floats]:
+    """Return second-order bounds (P,) of the gaps of pairs, numbered from the second bench behind on, and room."""
+    sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
+    half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
+    ends = [separations((each.centre[row, 0], each.centre[row, other + 2]),
+                        (each.axis[row, 0], each.axis[row, other + 2]), half_length_m, sizes.half_width_m)
+            for each in (a, b)]
+    along = [np.maximum(*(np.minimum(*side) for side in zip(*sides, strict=True))) for sides in zip(*ends, strict=True)]
+    sag = _sag(a, b, sizes, row, other + 2)
+    ahead, aside = np.maximum(*along[:2]), np.maximum(*along[2:])
+    share = [np.maximum(each, 0.0) / np.maximum(bent, _STRAIGHT_M)
+             for each, bent in zip((ahead, aside), sag.T, strict=True)]
+    room = np.sqrt(np.maximum(*share))
+    return np.maximum(ahead - sag[:, 0], aside - sag[:, 1]), room
+
+
+def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
+    """Return how far corners leave straight lines, (P, 2) in metres: in leading benches' frames, and in others'.
+
+    Chains are followed as far as the last of these benches, in the rows in which there is one.
+    """
+    used, row = np.unique(row, return_inverse=True)
+    count = int(np.max(bench)) + 1
+    one, two = (each.theta[used, :count + 1] for each in (a, b))
+    off = sizes.angle_errors(np.minimum(one, two))
+    links, half_length = (each[used if each.shape[0] > 1 else slice(None), :count]
+                          for each in (sizes.links_m, sizes.half_length_m))
+    theta = between(one, two, off)
+    delta = between(a.delta[used, :count], b.delta[used, :count], 2 * off[:, :-1])
+    chord, arm = links / sizes.b_m, np.hypot(half_length, sizes.half_width_m) / sizes.b_m
+    most = bend(theta, delta, between(chord, chord), arm, _some_pairs(row, bench))
+    length = (a.places - b.places)[used][row, None]
+    out: Floats = most * (sizes.b_m * length * length / 8)
+    return out
+
+
+def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
+    """Return how far corners of pairs (M, K-2) go at most in metres, both together: the smaller of two bounds.
+
+    A corner goes as far as a handle, times the bench's lever. Handles go along their track; or, seen from a frame that
+    turns about the centre as the leading one does, inwards by b times what their angle changes, and around by as much
+    as all spans from the leading one on change. Each of these changes one way.
+    """
+    outer = np.maximum(a.theta, b.theta)
+    inwards = sizes.b_m * np.abs(a.theta - b.theta)
+    along = ABOVE * (inwards * np.sqrt(1 + outer * outer) + 4 * sizes.error_m)
+    off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
+    around = np.cumsum(np.abs(a.delta - b.delta) + 4 * off, axis=1)
+    around = (1 + 2.0**-52 * around.shape[1]) * np.concatenate((np.zeros_like(around[:, :1]), around), axis=1)
+    turned = ABOVE * (inwards + sizes.b_m * outer * around + 4 * sizes.error_m)
+    overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
+    lever = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
+    ways = [lever * np.maximum(handle[:, :-1], handle[:, 1:]) for handle in (along, turned)]
+    out: Floats = np.minimum(*(way[:, :1] + way[:, 2:] for way in ways))
+    return out
+
+
+def _turns_back(a: BenchSamples, b: BenchSamples) -> Array:
+    """Return where the second or third handle comes in at one end of an interval and goes out at the other."""
+    one, two = (comes_in(each.theta[:, :3], each.delta[:, :2]) for each in (a, b))
+    out: Array = np.any((np.minimum(one, two) < -_STILL) & (np.maximum(one, two) > _STILL), axis=1)
+    return out
+
+
+def comes_in(theta: Floats, delta: Floats) -> Floats:
+    """Return numbers that are positive where a link's rear handle follows its front handle inwards."""
+    inner, outer = theta[..., :-1], theta[..., 1:]
+    out: Floats = delta * np.cos(delta) + inner * (outer * np.sin(delta) - 2 * np.sin(0.5 * delta) ** 2)
+    return out

@@ -1,0 +1,224 @@
+"""Which benches can touch: the adjacent layer of a dragon that winds about the origin, else a broad phase for all.
+
+The paper looks, for each bench, where the lines from the centre through its two handles meet the next layer out, at
+theta + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points.
+That is complete only where a bench reaches no further than its neighbours on the next layer, and no bench meets its
+own layer or the next but one: ``adjacent_layer_windows``. ``candidates`` asks instead which benches share a direction
+and a distance from the origin, turn by turn, which is complete wherever the benches are, and the same few benches
+where the paper is right.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.errors import CrowdError
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+
+_TOGETHER = 4   # steps of a chain whose boxes are looked up together
+_AT_ONCE = 256
+_MOST_PAIRS = 1_000_000     # or, if that is more,
+_MOST_EACH = 16             # for each bench
+_MOST_TURNS = 8         # of layers that a bench can reach; boxes find more than that faster
+_HAIR = 1e-9            # rad and parts of the size: far above what rounding moves
+
+
+@dataclass(frozen=True)
+class _Sectors:
+    """The part of the plane about the origin that each bench lies in: directions [low, high] and distances."""
+
+    low: Floats
+    high: Floats
+    inner: Floats
+    outer: Floats
+
+
+def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
+    """Return pairs (i, j), j >= i + 2, in order, with every pair that touches or is within ``reach_m`` of it.
+
+    ``p`` are the handles (N+1, 2) in metres about the centre; ``reach_m`` is the largest width (or a twentieth of the
+    largest length) unless given. So the smallest gap of the candidates is that of all pairs if it is at most
+    ``reach_m``; if it is larger, so is that of all pairs. |i - j| = 2 and 3 are always among them, and so are the
+    benches of the next layer in the same directions, however far.
+
+    It takes O(N) where the handles wind outwards about the origin: the directions of the benches grow (or shrink) to
+    the tail, no bench goes back over half a turn, and few layers are within reach of each other. Where a bench reaches
+    more layers, or its own, its candidates are those layers too. A bench over the origin meets every direction. All
+    of it is checked; where it does not hold the candidates are those of ``box_pairs``, complete for any layout.
+    """
+    reach = default_reach_m(benches) if reach_m is None else reach_m
+    sectors = _sectors(p, benches, reach)
+    pairs = _polar_pairs(sectors) if sectors else None
+    return box_pairs(benches, reach) if pairs is None else pairs
+
+
+def default_reach_m(benches: Benches) -> float:
+    """Return the gap in metres up to which ``candidates`` finds every pair unless told otherwise."""
+    return float(2 * np.max(np.maximum(benches.half_width, 0.05 * benches.half_length)))
+
+
+def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
+    """Return the sectors of the benches grown by half the reach; None if their directions cannot be put in order.
+
+    Directions are those of the centres, each within half a turn of the middle of its two handles, unwrapped.
+    """
+    centre, axis = benches.centre, benches.axis
+    size = float(np.max(np.abs(centre))) + float(np.max(benches.half_length + benches.half_width))
+    x, y, c, s = centre[:, 0], centre[:, 1], axis[:, 0], axis[:, 1]
+    hair = 0.5 * reach + _HAIR * size
+    half, side = benches.half_length + hair, benches.half_width + hair
+    along, aside = x * c + y * s, y * c - x * s
+    far_along, far_aside = np.abs(along) + half, np.abs(aside) + side
+    near_along, near_aside = np.maximum(np.abs(along) - half, 0), np.maximum(np.abs(aside) - side, 0)
+    inner, outer = np.hypot(near_along, near_aside), np.hypot(far_along, far_aside)
+    low, high = _spread(along, aside, half, side)
+    over = inner <= 0
+    low, high = np.where(over, -np.pi, low - _HAIR), np.where(over, np.pi, high + _HAIR)
+    middle = _directions(p, x, y)
+    if middle[-1] < middle[0]:
+        middle, low, high = -middle, -high, -low
+    low, high = middle + low, middle + high
+    low = np.minimum.accumulate(low[::-1])[::-1]
+    return None if np.any(low < high - 2 * np.pi - 0.5 * _HAIR) else _Sectors(low, high, inner, outer)
+
+
+def _directions(p: Floats, x: Floats, y: Floats) -> Floats:
+    """Return the directions (N,) of the centres, unwrapped along the handles (N+1, 2)."""
+    handle = np.arctan2(p[:, 1], p[:, 0])
+    turns = np.zeros(handle.size)
+    np.cumsum(np.rint(np.diff(handle) / (2 * np.pi)), out=turns[1:])
+    handle -= 2 * np.pi * turns
+    direction = np.arctan2(y, x)
+    out: Floats = direction + 2 * np.pi * np.rint((0.5 * (handle[1:] + handle[:-1]) - direction) / (2 * np.pi))
+    return out
+
+
+def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[Floats, Floats]:
+    """Return the smallest and largest direction of each bench's corners, from that of its centre.
+
+    ``along`` and ``aside`` are the centre in the bench's axes; a convex figure clear of the origin spans less than a
+    half turn.
+    """
+    square = along * along + aside * aside
+    cross = np.stack((along * side - aside * half, along * side + aside * half))
+    dot = np.stack((along * half + aside * side, aside * side - along * half))
+    # Opposite corners lie at cross, dot and at their negatives.
+    angles = np.concatenate((np.arctan2(cross, square + dot), np.arctan2(-cross, square - dot)))
+    return angles.min(axis=0), angles.max(axis=0)
+
+
+def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
+    """Return the pairs whose sectors meet, window by window and turn by turn; None where those are too many.
+
+    ``low`` grows; with ``high`` replaced by the largest so far the benches that share a direction with bench i after
+    k turns are one window. Where all that follows is further out than bench i, its windows end; the first turn's is
+    kept whole.
+    """
+    low, high, count = sectors.low, sectors.high, sectors.low.size
+    highest = np.maximum.accumulate(high)
+    further = np.minimum.accumulate(sectors.inner[::-1])[::-1]
+    stop = np.searchsorted(further, sectors.outer, side='right')
+    own = np.arange(count)
+    own_layer = np.minimum(np.searchsorted(low, high, side='right'), stop)
+    starts, ends = [own + 2], [np.minimum(np.maximum(own + 4, own_layer), count)]
+    for turn in range(1, _MOST_TURNS + 2):
+        limit = count if turn == 1 else stop
+        start = np.maximum(np.searchsorted(highest, low + turn * 2 * np.pi), ends[-1])
+        if np.all(start >= limit):
+            break
+        end = np.minimum(np.searchsorted(low, high + turn * 2 * np.pi, side='right'), limit)
+        starts.append(start)
+        ends.append(np.maximum(start, end))
+    else:
+        return None
+    start, size = np.stack(starts, 1), np.maximum(np.stack(ends, 1) - np.stack(starts, 1), 0)
+    return None if np.sum(size) > max(_MOST_PAIRS, _MOST_EACH * count) else _spelt(start, size)
+
+
+def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
+    """Return pairs (i, j) from windows (N, K) of j for each i."""
+    i = np.repeat(np.arange(start.shape[0]), size.sum(axis=1))
+    ends = np.cumsum(size)
+    j = np.arange(i.size) + np.repeat(start.ravel() - ends + size.ravel(), size.ravel())
+    return i, j
+
+
+def adjacent_layer_windows(angle: Floats) -> tuple[Ints, Ints]:
+    """Return the paper's first and last candidate (N,) in the next layer out, corrected, from handle angles (N+1,).
+
+    ``candidates`` does not use it: no bench may reach further than the three of them.
+    """
+    count = angle.size - 1
+    over: Ints = np.searchsorted(angle, angle + 2 * np.pi, side='right') - 1
+    first, last = over[:-1] - 1, over[1:] + 1
+    beyond = first >= count
+    return np.where(beyond, count, first), np.where(beyond, count - 1, np.minimum(last, count - 1))
+
+
+def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
+    """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (shapely STRtree).
+
+    Pairs with |i - j| = 2 and 3 are always among them. Raises CrowdError where they would fill the memory.
+    """
+    return swept_pairs(benches.corners[None], reach_m)
+
+
+def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
+    """Return every pair whose boxes about all corners (M, N, 4, 2) of each come within ``reach_m``, as ``box_pairs``.
+
+    The gaps of all other pairs exceed it at each of the M states.
+    """
+    (found,) = pairs_on_steps(corners.min(axis=(0, 2))[None], corners.max(axis=(0, 2))[None], np.array([reach_m]))
+    return found
+
+
+def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
+    """Yield for each of M steps the pairs whose boxes come within a reach (M,), as ``swept_pairs`` does for one.
+
+    ``low`` and ``high`` (M, N, 2) are the corners of the boxes. Those of some steps are looked up together, unless they
+    would fill the memory so.
+    """
+    hair = (0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high)))))[:, None, None]
+    low, high = low - hair, high + hair
+    for start in range(0, reach_m.size, _TOGETHER):
+        some = low[start:start + _TOGETHER], high[start:start + _TOGETHER]
+        try:
+            yield from _on_steps(*some)
+        except CrowdError:
+            for one in zip(*some, strict=True):
+                yield from _on_steps(*(each[None] for each in one))
+
+
+def _on_steps(low: Floats, high: Floats) -> list[tuple[Ints, Ints]]:
+    """Return the pairs whose boxes (M, N, 2) meet on each of M steps."""
+    i, j = np.divmod(_meeting(np.min(low, axis=0), np.max(high, axis=0)), low.shape[1])
+    beside = j - i <= 3
+    kept = (beside | _meet(one, other, i, j) for one, other in zip(low, high, strict=True))
+    return [(i[keep], j[keep]) for keep in kept]
+
+
+def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
+    """Return whether boxes (N, 2) i and j meet, one coordinate after the other: numpy is slow along short axes."""
+    meet: Array = np.ones(i.size, dtype=bool)
+    for one, other in zip(low.T.copy(), high.T.copy(), strict=True):
+        meet &= one[i] <= other[j]
+        meet &= one[j] <= other[i]
+    return meet
+
+
+def _meeting(low: Floats, high: Floats) -> Ints:
+    """Return the pairs i, j of boxes (N, 2) that meet, and those with |i - j| = 2 and 3, as sorted numbers i N + j."""
+    import shapely  # most dragons wind about the origin, and never ask
+    count = low.shape[0]
+    boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
+    tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)
+    found = [own * count + own + step for step in (2, 3) for own in [np.arange(max(0, count - step))]]
+    for start in range(0, count, _AT_ONCE):
+        i, j = tree.query(boxes[start:start + _AT_ONCE])
+        keep = j >= i + start + 4
+        found.append((i[keep] + start) * count + j[keep])
+        if (total := total + int(np.sum(keep))) > most:
+            raise CrowdError(f'{count} benches lie so close that more than {most:,} pairs may touch; '
+                             'spread them out, or use fewer', benches=count, limit=most)
+    return np.sort(np.concatenate(found))

@@ -1,0 +1,374 @@
+"""The closest two benches and all that touch, look by look: near pairs are kept from one look to the next.
+
+``closeness`` searches from nothing. ``NearPairs`` answers the same, to the last bit, from what the last looks left: a
+list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how their gaps, and all others, have changed since.
+What it keeps decides how long a look takes and nothing else.
+
+Three bounds carry it. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all directions
+n, where h are their support functions, and a support function changes by no more than the farthest point moves. So
+
+1. The gap of a pair is at least its separation along any one direction. A listed pair has one, the axis of one of its
+   two benches that parted them best when the list was measured; it turns with its bench. Benches of neighbouring layers
+   slide along each other, which leaves that separation as it is, and tells at once most pairs that are not closest.
+2. The gap of a pair changes by no more than its points move, in any frame, that of a third bench k too: with centres c
+   and turns w since then (unit complex numbers), the points of a bench whose half diagonal is r move by no more than
+   m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by 2 max m at most. Where all move as one,
+   m is 0. So as long as the pairs that were not listed had gaps larger by that, none of them is closest or touches.
+3. In a large dragon the inner layers turn much faster than the outer ones. It is cut in parts, and the pairs of each
+   with its own benches and those that follow, up to an end, have a list of their own, with a bench k of their own. All
+   pairs across an end differ in their distance from the origin, and turned back about it by its own turn no point of a
+   bench moves by more than e = |c conj(w) - c'|: turning about the origin changes no distance from it.
+
+The last look's closest pair, where it is now, bounds the clearance from above. Only pairs that these bounds do not
+clear of it are computed, and of all of them those are closest or touch that say so. Where rounding could make a
+difference, a bound is lowered by ``_HAIR`` of coordinates and sizes: 64 times what a gap is off by (``rounding_m``).
+"""
+from dataclasses import dataclass, replace
+from math import inf, isfinite, sqrt
+from typing import NamedTuple
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dragon_ros.core.errors import CrowdError
+from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
+from dragon_ros.core.geometry.contacts import Closeness
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import gap_of, gaps
+from dragon_ros.core.numerics.types import Floats, Ints
+
+TOUCH_M = 1e-10         # positions are right to 2e-12 m: a smaller gap is a contact
+_SKIN = 0.45            # of the mean half length: a longer list serves longer, and takes longer
+_HAIR = 2.0**-40        # of coordinates and sizes
+_MOST_EACH = 32         # listed pairs for each bench: a crowd is searched from nothing
+_FEW = 8                # pairs that are computed one by one; more are computed as arrays
+_FIRST_PART = 512       # benches of the innermost part; each further one reaches twice as far
+_OVERLAP = 2.5          # benches of all parts with those that follow, for each bench: more is not worth its while
+_WORTH = 0.02           # of the skin: nearer than this to the closest, a part is measured at each look
+
+Complexes = NDArray[np.complex128]
+_NONE: Ints = np.empty(0, dtype=np.int64)
+_NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
+
+
+def closeness(p: Floats, benches: Benches) -> Closeness:
+    """Return the closest two benches and all that touch, from a search from nothing; ``p`` are the handles (N+1, 2).
+
+    Raises CrowdError where too many benches lie in one place.
+    """
+    reach = default_reach_m(benches)
+    i, j = candidates(p, benches, reach)
+    gap_m = gaps(benches, i, j)
+    if i.size and float(np.min(gap_m)) > reach:     # a smaller gap may have been out of reach
+        i, j = candidates(p, benches, float(np.min(gap_m)))
+        gap_m = gaps(benches, i, j)
+    return _of(i, j, gap_m)
+
+
+def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
+    """Return the closeness of pairs in order that have the closest and all that touch among them."""
+    if not i.size:
+        return _NOTHING
+    gap_m = gap_m + 0.0         # zero has no sign
+    least = int(np.argmin(gap_m))
+    closest = int(i[least]), int(j[least])
+    if gap_m[least] > TOUCH_M:
+        return Closeness(float(gap_m[least]), closest, _NONE, _NONE, _NOTHING.gap_m)
+    rows = np.flatnonzero(gap_m <= TOUCH_M)
+    rows = rows[np.argsort(gap_m[rows], kind='stable')]
+    return Closeness(float(gap_m[least]), closest, i[rows], j[rows], gap_m[rows])
+
+
+class _Sight(NamedTuple):
+    """The benches of one look as complex numbers (N,): centres, axes, and axes conjugated; and half diagonals."""
+
+    centre: Complexes
+    axis: Complexes
+    back: Complexes
+    far: Floats
+
+
+class _Measured(NamedTuple):
+    """Pairs (P,), and for each the axis that parts it best: whose it is, of which other bench, and how to read it.
+
+    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` the owner's half
+    size along it, ``sizes`` (P, 2) the half sizes of the other.
+    """
+
+    owner: Ints
+    other: Ints
+    towards: Complexes
+    extent: Floats
+    sizes: Floats
+
+    def separations(self, sight: _Sight) -> Floats:
+        """Return how far each pair is apart along its axis; no more than its gap."""
+        towards = sight.back.take(self.owner)
+        towards *= self.towards
+        offset = sight.centre.take(self.other)
+        offset -= sight.centre.take(self.owner)
+        offset *= towards
+        towards *= sight.axis.take(self.other)
+        reach = np.abs(towards.view(np.float64)).reshape(-1, 2)
+        reach *= self.sizes
+        out: Floats = offset.real - self.extent
+        out -= reach[:, 0]
+        out -= reach[:, 1]
+        return out
+
+    def rows(self, index: Ints) -> '_Measured':
+        """Return some of the pairs."""
+        return _Measured(self.owner[index], self.other[index], self.towards[index], self.extent[index],
+                         self.sizes[index])
+
+    @property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """The pairs (i, j), i < j."""
+        return np.minimum(self.owner, self.other), np.maximum(self.owner, self.other)
+
+
+def _measured(sight: _Sight, benches: Benches, i: Ints, j: Ints) -> tuple[_Measured, Floats]:
+    """Return pairs with the axes that part them best, and how far."""
+    half, side = benches.half_length, benches.half_width
+    (a_i, b_i), (a_j, b_j) = ((half.take(n), side.take(n)) for n in (i, j))
+    x = (sight.centre.take(j) - sight.centre.take(i)) * sight.back.take(i)      # j as seen from i
+    turn = sight.axis.take(j) * sight.back.take(i)
+    y = -x * np.conj(turn)                                                      # i as seen from j
+    cos, sin = np.abs(turn.real), np.abs(turn.imag)
+    apart = np.stack((np.abs(x.real) - (a_i + a_j * cos + b_j * sin), np.abs(x.imag) - (b_i + a_j * sin + b_j * cos),
+                      np.abs(y.real) - (a_j + a_i * cos + b_i * sin), np.abs(y.imag) - (b_j + a_i * sin + b_i * cos)))
+    best = np.argmax(apart, axis=0)
+    ahead, aside = best < 2, best % 2 == 1
+    seen = np.where(ahead, x, y)
+    towards = np.where(aside, np.where(seen.imag < 0, 1j, -1j), np.where(seen.real < 0, -1.0, 1.0))
+    owner, other = np.where(ahead, i, j), np.where(ahead, j, i)
+    return (_Measured(owner, other, towards, np.where(aside, side.take(owner), half.take(owner)),
+                      np.stack((half.take(other), side.take(other)), axis=1)),
+            apart[best, np.arange(best.size)])
+
+
+@dataclass(frozen=True, slots=True)
+class _Part:
+    """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and where these were.
+
+    ``held`` is the bench that is held fast, ``from_held`` the others' centres (M,) seen from its own, ``turned_back``
+    their axes (M,), conjugated. Up to there gaps had changed by ``spent_m`` at most since pairs with gaps larger than
+    ``beyond_m`` were left out; there no listed pair was nearer than ``nearest_m``. When the list was last measured
+    ``close`` pairs had to be computed.
+    """
+
+    first: int
+    stop: int
+    end: int
+    held: int
+    from_held: Complexes
+    turned_back: Complexes
+    spent_m: float
+    beyond_m: float
+    nearest_m: float
+    close: int
+    list: _Measured
+
+    def change_m(self, sight: _Sight) -> float:
+        """Return by how much gaps have changed since at most: bound 2 of the module."""
+        turn = sight.axis[self.first:self.end] * self.turned_back
+        held = sight.centre.item(self.held)
+        turn_held = turn.item(self.held - self.first)
+        back = turn_held.conjugate()
+        moved = sight.centre[self.first:self.end] * back
+        moved -= self.from_held
+        moved -= held * back
+        turn -= turn_held
+        away: Floats = np.abs(turn)
+        away *= sight.far[self.first:self.end]
+        away += np.abs(moved)
+        return 2 * float(np.maximum.reduce(away))
+
+    def moved(self, sight: _Sight, spent_m: float, nearest_m: float) -> '_Part':
+        """Return the part as it is now."""
+        centre = sight.centre[self.first:self.end]
+        return replace(self, from_held=centre - sight.centre[self.held],
+                       turned_back=sight.back[self.first:self.end].copy(), spent_m=spent_m, nearest_m=nearest_m)
+
+
+def _listed(sight: _Sight, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
+            above_m: float) -> tuple[_Part, Floats] | None:
+    """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for a crowd.
+
+    ``above_m`` is no less than the clearance.
+    """
+    first, stop, end = part
+    own = slice(first, end)
+    try:
+        i, j = candidates(p[first:end + 1], Benches(benches.centre[own], benches.axis[own], benches.half_length[own],
+                                                    benches.half_width[own]), reach_m)
+    except CrowdError:
+        return None
+    i, j = i + first, j + first
+    if end > stop:
+        i, j = i[i < stop], j[i < stop]
+    found, apart = _measured(sight, benches, i, j)
+    near = np.flatnonzero(apart <= reach_m)
+    if near.size > _MOST_EACH * (stop - first):
+        return None
+    found, apart = found.rows(near), apart[near]
+    close = int(np.count_nonzero(apart <= above_m))
+    blank = _Part(first, stop, end, _middle(sight, first, end), sight.centre, sight.back, 0.0, reach_m, -inf, close,
+                  found)
+    return blank.moved(sight, 0.0, float(np.min(apart, initial=inf))), apart
+
+
+def _middle(sight: _Sight, first: int, end: int) -> int:
+    """Return the bench that is held fast: halfway between the nearest to the origin and the farthest of a part."""
+    radius = np.abs(sight.centre[first:end])
+    return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
+
+
+def _seen_part(part: _Part, sight: _Sight, p: Floats, benches: Benches, limit_m: float,
+               skin_m: float) -> tuple[_Part, Ints] | None:
+    """Return a part as one more look leaves it, and which of its pairs may be within a limit; None for a crowd."""
+    change_m = part.change_m(sight)
+    if not part.beyond_m - part.spent_m - change_m > limit_m:
+        listed = _listed(sight, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
+        return None if listed is None else (listed[0], np.flatnonzero(listed[1] <= limit_m))
+    if part.nearest_m - change_m > limit_m:
+        return part, _NONE
+    apart = part.list.separations(sight)
+    rows = (apart <= limit_m).nonzero()[0]
+    if rows.size > 2 * part.close + _FEW:       # by now other axes part the pairs better
+        found, apart = _measured(sight, benches, *part.list.pairs)
+        rows = np.flatnonzero(apart <= limit_m)
+        part = replace(part, list=found, close=rows.size)
+    if not rows.size and (nearest_m := float(np.min(apart, initial=inf))) > limit_m + _WORTH * skin_m:
+        part = part.moved(sight, part.spent_m + change_m, nearest_m)
+    return part, rows
+
+
+def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list[tuple[int, int]]) -> Closeness:
+    """Return the closeness of pairs that have the closest and all that touch among them; the gap of one is known."""
+    if len(pairs) > _FEW:
+        i, j = np.array(pairs).T
+        return _of(i, j, gaps(benches, i, j))
+    gap_m = [(known[1] if pair == known[0] else gap_of(benches, *pair)) + 0.0 for pair in pairs]
+    least_m = min(gap_m)
+    if least_m > TOUCH_M:
+        return Closeness(least_m, pairs[gap_m.index(least_m)], _NONE, _NONE, _NOTHING.gap_m)
+    i, j = np.array(pairs).T
+    return _of(i, j, np.array(gap_m))
+
+
+@dataclass(frozen=True, slots=True)
+class _Kept:
+    """What the last look leaves for the next: the parts, the closest pair, and the ``sizes`` of the benches.
+
+    Pairs across the ends of parts were ``apart_m`` apart when benches had these centres (N,), and axes, conjugated.
+    """
+
+    sizes: bytes
+    far: Floats
+    skin_m: float
+    clearance_m: float
+    closest: tuple[int, int]
+    parts: tuple[_Part, ...]
+    apart_m: float
+    centre: Complexes
+    turned_back: Complexes
+
+    def across_m(self, sight: _Sight) -> float:
+        """Return how far pairs across the ends of parts are apart at least: bound 3 of the module."""
+        if len(self.parts) == 1:
+            return inf
+        moved = sight.axis * self.turned_back
+        moved *= self.centre
+        moved -= sight.centre
+        return self.apart_m - 2 * float(np.maximum.reduce(np.abs(moved)))
+
+
+def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
+    """Return what a look from nothing leaves; None for a crowd."""
+    assert found.closest
+    skin_m = _SKIN * float(np.mean(benches.half_length))
+    sight = _sight(benches, np.hypot(benches.half_length, benches.half_width))
+    reach_m = max(found.clearance_m, 0.0) + skin_m
+    parts = list[_Part]()
+    for part in _cuts(sight, reach_m + skin_m):
+        listed = _listed(sight, p, benches, part, reach_m, found.clearance_m)
+        if listed is None:
+            return None
+        parts.append(listed[0])
+    return _Kept(_sizes(benches), sight.far, skin_m, found.clearance_m, found.closest, tuple(parts), reach_m + skin_m,
+                 sight.centre.copy(), sight.back)
+
+
+def _cuts(sight: _Sight, apart_m: float) -> list[tuple[int, int, int]]:
+    """Return the first, stop and end of each part; pairs across an end differ in distance from the origin by so much.
+
+    It is a single one unless the dragon is large and winds about the origin.
+    """
+    count, radius = sight.far.size, np.abs(sight.centre)
+    stops = [*(_FIRST_PART << n for n in range((count // _FIRST_PART).bit_length() - 1)), count]
+    if radius[0] > radius[-1]:
+        radius, stops = -radius, [*(count - stop for stop in stops[-2::-1]), count]
+    within = np.maximum.accumulate(radius + sight.far)[np.array(stops) - 1]
+    beyond = np.minimum.accumulate((radius - sight.far)[::-1])[::-1]
+    ends: list[int] = np.searchsorted(beyond, within + apart_m, side='right').tolist()
+    firsts = [0, *stops[:-1]]
+    if sum(ends) - sum(firsts) > _OVERLAP * count:
+        return [(0, count, count)]
+    return list(zip(firsts, stops, ends, strict=True))
+
+
+def _sight(benches: Benches, far: Floats) -> _Sight:
+    centre, axis = (np.ascontiguousarray(values).view(np.complex128)[:, 0] for values in (benches.centre, benches.axis))
+    return _Sight(centre, axis, axis.conjugate(), far)
+
+
+def _sizes(benches: Benches) -> bytes:
+    return benches.half_length.tobytes() + benches.half_width.tobytes()
+
+
+class NearPairs:
+    """Looks at one dragon after the other, as ``closeness`` does, faster where the last one was much like it.
+
+    What a look leaves is replaced as a whole: looks of several threads may cross, and have the same answers.
+    """
+
+    def __init__(self) -> None:
+        """Start having seen nothing."""
+        self._kept: _Kept | None = None
+
+    def look(self, p: Floats, benches: Benches) -> Closeness:
+        """Return the closest two benches and all that touch, of handles ``p`` (N+1, 2).
+
+        Raises CrowdError where too many benches lie in one place.
+        """
+        kept = self._kept
+        if kept and kept.sizes == _sizes(benches):
+            found = self._again(kept, p, benches)
+            if found:
+                return found
+        self._kept, found = None, closeness(p, benches)
+        if found.closest and isfinite(found.clearance_m):
+            self._kept = _first_kept(p, benches, found)
+        return found
+
+    def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
+        """Return what a look finds with what the last one left; None where that does not help."""
+        above_m, sight = gap_of(benches, *kept.closest), _sight(benches, kept.far)
+        size_m = sqrt(np.vdot(sight.centre, sight.centre).real)     # no less than the largest, at the price of one call
+        limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
+        if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(sight) > limit_m):
+            return None
+        parts, pairs = list[_Part](), {kept.closest}
+        for part in kept.parts:
+            seen = _seen_part(part, sight, p, benches, limit_m, kept.skin_m)
+            if seen is None:
+                return None
+            parts.append(seen[0])
+            if seen[1].size:
+                owner, other = (values[seen[1]].tolist() for values in seen[0].list[:2])
+                pairs.update((i, j) if i < j else (j, i) for i, j in zip(owner, other, strict=True))
+        found = _decided(benches, (kept.closest, above_m), sorted(pairs))
+        assert found.closest
+        self._kept = replace(kept, clearance_m=found.clearance_m, closest=found.closest, parts=tuple(parts))
+        return found

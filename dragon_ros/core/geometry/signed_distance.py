@@ -1,0 +1,270 @@
+"""The signed gap of two rectangles: their distance when apart, minus the smallest parting translation when not.
+
+The parting translation of two convex polygons is normal to an edge, so the separating-axis value gives it; when they
+are apart that value is only a lower bound and the nearest corner decides.
+
+What rounding does, for handles that are given as floats: let no coordinate of one exceed S, no half length and half
+width of a bench together L, and u = 2^-53. A centre is off by u S, a bench's axis, the quotient of a difference and
+its length, by 4 u, a vector between centres, no longer than D <= 2.9 S, by 2.9 u S; its parts along an axis by 2.9 u S
++ 9 u D, and turned into the other bench's axes by 1.5 times that and 14 u D: 80 u S in all. The extent of a rectangle
+along an axis is off by 20 u L, and the root of a sum of squares by 1.5 times what its terms are. So no separation or
+gap of two benches is off by more than 128 u (S + L).
+"""
+from dataclasses import dataclass
+from math import sqrt
+
+import numpy as np
+
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
+
+CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
+EDGES = ('front', 'rear', 'left', 'right')
+_ROUNDED = 2.0**-46 # of coordinates and sizes: what rounding makes of a separation or gap at most
+_AT_ONCE = 4096     # pairs, so that what is between fits the cache
+_SAME = 1e-12       # of the sizes: what is nearer than this is a tie
+_ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
+_ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Pairs of rectangles A and B; B seen from A: centre (x, y), axis (cos, sin), and half sizes."""
+
+    x: Floats
+    y: Floats
+    cos: Floats
+    sin: Floats
+    a: tuple[Floats, Floats]
+    b: tuple[Floats, Floats]
+
+    def mirrored(self) -> 'Placement':
+        """Return A seen from B."""
+        return Placement(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
+                         self.cos, -self.sin, self.b, self.a)
+
+    def from_edges(self) -> list[Floats]:
+        """Return how far all of B lies beyond each of A's edges (front, rear, left, right); negative if it does not."""
+        (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
+        along, aside = a_x + half * c + side * s, a_y + half * s + side * c
+        return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
+
+    def separations(self) -> tuple[Floats, Floats]:
+        """Return the larger separation along A's two axes (negative where both overlap), and B's distance squared.
+
+        The distance is that of A from the nearer of B's two leading corners. With B turned over until its centre has
+        x, y >= 0, those are the corners with the smallest x and with the smallest y: the edge between them hides the
+        other two, which can be as near but never nearer than everything on it.
+        """
+        x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
+        (a_x, a_y), (half, side) = self.a, self.b
+        along_x, along_y, across_x, across_y = half * c, half * s, side * s, side * c
+        tilt = np.where((self.cos < 0) ^ (self.sin < 0) ^ (self.x < 0) ^ (self.y < 0), -1.0, 1.0)
+        x_1, y_2 = x - along_x - across_x, y - along_y - across_y
+        y_1, x_2 = np.abs(y - tilt * (along_y - across_y)), np.abs(x - tilt * (along_x - across_x))
+        axis: Floats = np.maximum(x_1 - a_x, y_2 - a_y)
+        first = np.maximum(np.abs(x_1) - a_x, 0) ** 2 + np.maximum(y_1 - a_y, 0) ** 2
+        second = np.maximum(x_2 - a_x, 0) ** 2 + np.maximum(np.abs(y_2) - a_y, 0) ** 2
+        near: Floats = np.minimum(first, second)
+        return axis, near
+
+
+def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
+    """Return what separations and gaps are off by at most, of handles whose coordinates no number ``far_m`` exceeds.
+
+    ``half_m`` is the largest sum of a bench's half length and half width.
+    """
+    return _ROUNDED * (far_m + half_m)
+
+
+def placement(benches: Benches, i: Index, j: Index) -> Placement:
+    """Return benches j as seen from benches i; the last axes but one are benches, i and j may be any indices."""
+    offset = _at(benches.centre, j) - _at(benches.centre, i)
+    u, w = _at(benches.axis, i), _at(benches.axis, j)
+    x, y, u_x, u_y, w_x, w_y = offset[..., 0], offset[..., 1], u[..., 0], u[..., 1], w[..., 0], w[..., 1]
+    return Placement(x * u_x + y * u_y, y * u_x - x * u_y, u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x,
+                     (_at(benches.half_length, i), _at(benches.half_width, i)),
+                     (_at(benches.half_length, j), _at(benches.half_width, j)))
+
+
+def signed_gap(pairs: Placement) -> Floats:
+    """Return the signed gap of each pair in metres."""
+    axis_a, near_a = pairs.separations()
+    axis_b, near_b = pairs.mirrored().separations()
+    gap = np.maximum(axis_a, axis_b)
+    out: Floats = np.where(gap > 0, np.maximum(np.sqrt(np.minimum(near_a, near_b)), gap), gap)
+    return out
+
+
+def gaps(benches: Benches, i: Index, j: Index) -> Floats:
+    """Return the signed gaps of benches i and j in metres."""
+    if isinstance(i, tuple) or isinstance(j, tuple) or i.ndim != 1 or i.shape != j.shape or i.size <= _AT_ONCE:
+        return signed_gap(placement(benches, i, j))
+    parts = range(0, i.size, _AT_ONCE)
+    return np.concatenate([signed_gap(placement(benches, i[n:n + _AT_ONCE], j[n:n + _AT_ONCE])) for n in parts])
+
+
+def gap_of(benches: Benches, i: int, j: int) -> float:
+    """Return the signed gap of benches i and j in metres, with the bits of ``gaps``: the same operations on floats.
+
+    A pair takes a tenth of what arrays of one pair take.
+    """
+    (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), benches.centre[j].tolist()
+    (u_x, u_y), (w_x, w_y) = benches.axis[i].tolist(), benches.axis[j].tolist()
+    a, b = ((benches.half_length.item(n), benches.half_width.item(n)) for n in (i, j))
+    offset_x, offset_y = x_j - x_i, y_j - y_i
+    x, y = offset_x * u_x + offset_y * u_y, offset_y * u_x - offset_x * u_y
+    cos, sin = u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x
+    axis_a, near_a = _separation(x, y, cos, sin, a, b)
+    axis_b, near_b = _separation(-x * cos - y * sin, x * sin - y * cos, cos, -sin, b, a)
+    gap = max(axis_a, axis_b)
+    return max(sqrt(min(near_a, near_b)), gap) if gap > 0 else gap
+
+
+def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, float],
+                b: tuple[float, float]) -> tuple[float, float]:
+    """Return what ``Placement.separations`` does, of one pair."""
+    turned = (cos < 0) ^ (sin < 0) ^ (x < 0) ^ (y < 0)
+    x, y, c, s = abs(x), abs(y), abs(cos), abs(sin)
+    (a_x, a_y), (half, side) = a, b
+    along_x, along_y, across_x, across_y = half * c, half * s, side * s, side * c
+    tilt = -1.0 if turned else 1.0
+    x_1, y_2 = x - along_x - across_x, y - along_y - across_y
+    y_1, x_2 = abs(y - tilt * (along_y - across_y)), abs(x - tilt * (along_x - across_x))
+    first_x, first_y = max(abs(x_1) - a_x, 0.0), max(y_1 - a_y, 0.0)
+    second_x, second_y = max(x_2 - a_x, 0.0), max(abs(y_2) - a_y, 0.0)
+    return max(x_1 - a_x, y_2 - a_y), min(first_x * first_x + first_y * first_y,
+                                          second_x * second_x + second_y * second_y)
+
+
+def _at(array: Array, index: Index) -> Floats:
+    """Return ``array[index]``; ``take`` is the faster where one array of indices says it all."""
+    out: Floats = array[index] if isinstance(index, tuple) else array.take(index, axis=0)
+    return out
+
+
+@dataclass(frozen=True)
+class Witness:
+    """The nearest features of two benches: ``corner`` of bench ``owner`` and ``edge`` of bench ``other``.
+
+    ``point_m`` is halfway between the corner and the edge, ``gap_m`` the signed gap (negative for overlap). Where
+    benches cross, the corner is the one that has to leave through the edge for the smallest parting translation.
+    """
+
+    point_m: tuple[float, float]
+    gap_m: float
+    owner: int
+    corner: str
+    other: int
+    edge: str
+
+
+@dataclass(frozen=True)
+class Witnesses:
+    """Witnesses of M pairs: points (M, 2), gaps (M,), benches (M,), and indices into CORNERS and EDGES (M,)."""
+
+    point_m: Floats
+    gap_m: Floats
+    owner: Ints
+    corner: Ints
+    other: Ints
+    edge: Ints
+
+    def __getitem__(self, n: int) -> Witness:
+        """Return one of them."""
+        x, y = self.point_m[n].tolist()
+        return Witness((x, y), float(self.gap_m[n]), int(self.owner[n]), CORNERS[self.corner[n]], int(self.other[n]),
+                       EDGES[self.edge[n]])
+
+
+@dataclass(frozen=True)
+class _Side:
+    """Corners of the owners against edges of the others: separation, how far past the edge's ends, and what is it."""
+
+    separation: Floats
+    past: Floats
+    corner: Ints
+    edge: Ints
+    middle: Floats
+
+
+def witness(benches: Benches, i: int, j: int) -> Witness:
+    """Return the witness of benches i and j. Where both have such a corner it is bench i's."""
+    return witnesses(benches, np.array([i]), np.array([j]))[0]
+
+
+def shortest_vector(benches: Benches, i: int, j: int) -> tuple[float, float]:
+    """Return the vector in metres from bench i to bench j where they are nearest; its length is the gap.
+
+    Where they overlap it is the parting translation: the shortest move of bench j that ends the overlap.
+    """
+    seen = witness(benches, i, j)
+    sense = 1.0 if seen.owner == j else -1.0
+    corner = benches.corners[seen.owner][CORNERS.index(seen.corner)]
+    if seen.gap_m > 0:
+        x, y = (2 * sense * (corner - np.array(seen.point_m))).tolist()
+        return x, y
+    along, edge = benches.axis[seen.other], EDGES.index(seen.edge)
+    outwards = (1 - 2 * (edge % 2)) * (along if edge < 2 else np.array([-along[1], along[0]]))
+    x, y = (-sense * seen.gap_m * outwards).tolist()
+    return x, y
+
+
+def witnesses(benches: Benches, i: Ints, j: Ints) -> Witnesses:
+    """Return the witnesses of benches i (M,) and j (M,)."""
+    gap = gaps(benches, i, j)
+    one, two = _side(benches, i, j, gap), _side(benches, j, i, gap)
+    same = _SAME * (benches.half_length[i] + benches.half_width[i] + benches.half_length[j] + benches.half_width[j])
+    nearer = np.where(gap > 0, one.separation - two.separation, two.separation - one.separation)
+    second = (nearer > same) | ((np.abs(nearer) <= same) & (two.past < one.past - same))
+    other = np.where(second, i, j)
+    axis, middle = benches.axis[other], np.where(second[:, None], two.middle, one.middle)
+    point = benches.centre[other] + middle[:, :1] * axis + middle[:, 1:] * _left_of(axis)
+    return Witnesses(point, gap, np.where(second, j, i), np.where(second, two.corner, one.corner), other,
+                     np.where(second, two.edge, one.edge))
+
+
+def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _Side:
+    """Return each owner's corner that decides, as seen from the other bench."""
+    view = placement(benches, other, owner)
+    half, side = view.b
+    corners = np.stack((view.x + _ALONG * half * view.cos - _ASIDE * side * view.sin,
+                        view.y + _ALONG * half * view.sin + _ASIDE * side * view.cos))
+    size = np.stack(view.a)
+    apart, inside = _apart(corners, size), _overlapping(corners, size, np.stack((view.x, view.y)))
+    chosen = [np.where(gap > 0, a, b) for a, b in zip(apart, inside, strict=True)]
+    separation, past, corner, edge, x, y = chosen
+    return _Side(separation, past, corner, edge, np.stack((x, y), axis=-1))
+
+
+def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:
+    """Return distance, 0, corner, edge and the middle x, y for corners (2, 4, M) and half sizes (2, M)."""
+    outside = np.abs(corners) - size[:, None]
+    distance = np.hypot(*np.maximum(outside, 0))
+    corner = np.argmin(distance, axis=0)
+    pick = np.arange(corner.size)
+    place, over = corners[:, corner, pick], outside[:, corner, pick]
+    edge = np.where(over[0] > over[1], place[0] < 0, 2 + (place[1] < 0))
+    middle = 0.5 * (place + np.clip(place, -size, size))
+    return distance[corner, pick], np.zeros(corner.size), corner, edge, *middle
+
+
+def _overlapping(corners: Floats, size: Floats, centre: Floats) -> tuple[Array, ...]:
+    """Return separation (negative), how far past the edge, corner, edge and the middle x, y; shapes as in _apart."""
+    sign = np.where(centre < 0, -1.0, 1.0)
+    depth = sign[:, None] * corners - size[:, None]
+    deepest = depth.min(axis=1)
+    aside = (deepest[1] >= deepest[0]).astype(np.int64)
+    pick = np.arange(aside.size)
+    past = np.maximum(np.abs(corners) - size[:, None], 0)[1 - aside, :, pick].T
+    own = depth[aside, :, pick].T
+    tied = own <= deepest[aside, pick] + _SAME * size.sum(axis=0)
+    corner = np.argmin(np.where(tied, past, np.inf), axis=0)
+    place = corners[:, corner, pick]
+    place[aside, pick] = sign[aside, pick] * (size[aside, pick] + 0.5 * own[corner, pick])
+    middle = np.clip(place, -size, size)
+    return deepest[aside, pick], past[corner, pick], corner, 2 * aside + (sign[aside, pick] < 0), *middle
+
+
+def _left_of(axis: Floats) -> Floats:
+    return np.stack((-axis[..., 1], axis[..., 0]), axis=-1)

@@ -1,0 +1,280 @@
+"""Track the contacts of a dragon tick by tick, each with its bracket: the pure part of the monitor.
+
+A tracker gets ticks only. It reports the last tick without contact, the first one with it, and between them the time
+at which the signed gap, interpolated through the last ticks, vanishes. Each pair has its episodes: begin, deepest, end.
+
+Observations come late, twice or from a run that started again: ``ReorderBuffer`` passes them on in order. ``Episodes``
+are the open contacts of all pairs at once, as arrays: which pairs touch, how deep and when, and which were reported.
+"""
+from collections import deque
+from dataclasses import dataclass
+from math import nan
+from typing import Generic, Protocol, TypeVar
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dragon_ros.core.geometry.contacts import Closeness, Observation
+from dragon_ros.core.geometry.near_pairs import NearPairs
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import gap_of, witness
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
+
+NS = 10**9
+NEAR_M = 0.02           # a smaller clearance deserves a warning
+MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
+_SHOWN = 8
+_UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
+
+Pair = tuple[int, int]
+_LAST = 8           # an observation that is not older than the last so many may just be late
+_LATE_NS = 10**9    # by no more than this
+_IN_A_ROW = 3       # so many late ones in a row are a run that started again
+
+Bools = NDArray[np.bool_]
+
+
+@dataclass(frozen=True)
+class Event:
+    """A contact began: benches (inner first), the bracket in ns, the interpolated time, the point, and the gap in m.
+
+    ``before_ns`` is None where the first tick that was seen already had the contact. ``gap_m`` is the signed gap at
+    ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
+    """
+
+    benches: Pair
+    before_ns: int | None
+    after_ns: int
+    t_contact_s: float
+    point_m: tuple[float, float]
+    gap_m: float
+    approach_m_s: float
+    frame_id: str = ''
+
+
+@dataclass(frozen=True)
+class EpisodeEnd:
+    """A contact ended: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
+
+    ``parted`` is False where time started afresh instead; ``t_end_s`` is then the last tick that was seen.
+    """
+
+    benches: Pair
+    after_ns: int
+    deepest_gap_m: float
+    deepest_ns: int
+    t_end_s: float
+    parted: bool
+    frame_id: str = ''
+
+
+@dataclass(frozen=True)
+class Report:
+    """What follows from one observation.
+
+    ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf without any), ``closest`` its
+    benches; ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts
+    contacts that began beyond the ``MOST_REPORTED``.
+    """
+
+    observation: Observation
+    clearance_m: float
+    closest: Pair | None
+    touching: tuple[Pair, ...] = ()
+    count: int = 0
+    begins: tuple[Event, ...] = ()
+    ends: tuple[EpisodeEnd, ...] = ()
+    more: int = 0
+
+
+class _Timed(Protocol):
+    @property
+    def t_ns(self) -> int: ...
+
+    @property
+    def p(self) -> Floats: ...
+
+
+T = TypeVar('T', bound=_Timed)
+
+
+class ReorderBuffer(Generic[T]):
+    """Passes observations on by growing time: late or repeated ones are dropped, time that goes back starts afresh."""
+
+    def __init__(self) -> None:
+        """Start having seen nothing."""
+        self._times: deque[int] = deque(maxlen=_LAST)
+        self._shape: tuple[int, ...] = ()
+        self._late: list[T] = []
+
+    def take(self, observation: T) -> tuple[bool, list[T]]:
+        """Return whether time starts afresh, and the observations to examine now, in order.
+
+        It starts afresh with another number of handles, with a time before the last few or more than a second back,
+        and with a few late observations in a row; those are then passed on, so that nothing of a run that started
+        again is lost.
+        """
+        if not self._times or observation.p.shape != self._shape:
+            return self._pass(bool(self._times), [observation])
+        if observation.t_ns > self._times[-1]:
+            return self._pass(False, [observation])
+        if observation.t_ns < max(self._times[0], self._times[-1] - _LATE_NS):
+            return self._pass(True, [observation])
+        return self._hold(observation)
+
+    def _hold(self, observation: T) -> tuple[bool, list[T]]:
+        repeated = observation.t_ns == self._times[-1] or (self._late and observation.t_ns == self._late[-1].t_ns)
+        if not repeated:
+            grows = self._late and observation.t_ns > self._late[-1].t_ns
+            self._late = [*self._late, observation] if grows else [observation]
+        return self._pass(True, self._late) if len(self._late) >= _IN_A_ROW else (False, [])
+
+    def _pass(self, afresh: bool, observations: list[T]) -> tuple[bool, list[T]]:
+        if afresh:
+            self._times.clear()
+        self._times.extend(observation.t_ns for observation in observations)
+        self._shape, self._late = observations[-1].p.shape, []
+        return afresh, observations
+
+
+@dataclass(frozen=True)
+class Episodes:
+    """Pairs that touch, by growing ``key`` (M,); the deepest gap in m and its time in ns; whether each was reported."""
+
+    key: Ints
+    deepest_m: Floats
+    deepest_ns: Ints
+    reported: Bools
+
+    def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
+        """Return the episodes at ``t_ns``, which of them are new, and which of these here have ended.
+
+        ``key`` (K,) are the pairs that touch now, growing, each once; ``gap_m`` (K,) their gaps.
+        """
+        if np.array_equal(key, self.key):
+            deeper, none = gap_m < self.deepest_m, np.zeros(key.size, bool)
+            return Episodes(key, np.where(deeper, gap_m, self.deepest_m), np.where(deeper, t_ns, self.deepest_ns),
+                            self.reported), none, none
+        _, old, now = np.intersect1d(self.key, key, assume_unique=True, return_indices=True)
+        deepest, times = gap_m.copy(), np.full(key.size, t_ns, dtype=np.int64)
+        reported, new, ended = np.zeros(key.size, bool), np.ones(key.size, bool), np.ones(self.key.size, bool)
+        keep = self.deepest_m[old] <= gap_m[now]
+        deepest[now[keep]], times[now[keep]] = self.deepest_m[old[keep]], self.deepest_ns[old[keep]]
+        reported[now], new[now], ended[old] = self.reported[old], False, False
+        return Episodes(key, deepest, times, reported), new, ended
+
+
+def no_episodes() -> Episodes:
+    """Return the state in which nothing touches."""
+    none = np.empty(0, np.int64)
+    return Episodes(none, np.empty(0), none, np.empty(0, bool))
+
+
+class ContactTracker:
+    """Examines observations in the order of their times; reports each contact of a pair when it begins and ends."""
+
+    def __init__(self) -> None:
+        """Start having seen nothing."""
+        self._near = NearPairs()
+        self._buffer: ReorderBuffer[Observation] = ReorderBuffer()
+        self._restart()
+        self._ended: tuple[EpisodeEnd, ...] = ()
+
+    def add(self, observation: Observation) -> list[Report]:
+        """Return the reports of an observation; a repeated or late one has none.
+
+        Time going back, or another dragon, starts afresh. Raises CrowdError where too many benches lie in one place.
+        """
+        afresh, observations = self._buffer.take(observation)
+        if afresh:
+            self._ended += self._ends(self._seen[-1], self._open.reported, False) if self._seen else ()
+            self._restart()
+        return [self._report_on(each) for each in observations]
+
+    def _restart(self) -> None:
+        self._seen: list[Observation] = []
+        self._open = no_episodes()
+
+    def _report_on(self, observation: Observation) -> Report:
+        found = self._near.look(observation.p, observation.benches)
+        if self._open.key.size or found.i.size:
+            report = self._episodes(observation, found)
+        else:
+            report = Report(observation, found.clearance_m, found.closest, ends=self._ended)
+        self._ended, self._seen = (), [*self._seen[-2:], observation]
+        return report
+
+    def _episodes(self, observation: Observation, found: Closeness) -> Report:
+        """Carry the episodes on with the pairs that touch now."""
+        key = found.i * len(observation.benches.centre) + found.j
+        order = np.argsort(key)
+        now, new, ended = self._open.advance(observation.t_ns, key[order], found.gap_m[order])
+        touching = self._pairs(key[:_SHOWN], observation)
+        if not (np.any(new) or np.any(ended)):
+            self._open = now
+            return Report(observation, found.clearance_m, found.closest, touching, key.size, ends=self._ended)
+        ends = self._ends(observation, ended & self._open.reported, True)
+        deepest = np.argsort(order)
+        begun = deepest[new[deepest]]
+        room = max(0, MOST_REPORTED - int(np.sum(now.reported)))
+        begins = tuple(self._event(observation, pair, float(found.gap_m[order[n]])) for n, pair in
+                       zip(begun[:room], self._pairs(now.key[begun[:room]], observation), strict=True))
+        reported = now.reported.copy()
+        reported[begun[:room]] = True
+        self._open = Episodes(now.key, now.deepest_m, now.deepest_ns, reported)
+        return Report(observation, found.clearance_m, found.closest, touching, key.size, begins,
+                      (*self._ended, *ends), max(0, begun.size - room))
+
+    @staticmethod
+    def _pairs(key: Ints, observation: Observation) -> tuple[Pair, ...]:
+        benches = len(observation.benches.centre)
+        return tuple((k // benches, k % benches) for k in key.tolist())
+
+    def _ends(self, observation: Observation, which: Bools, parted: bool) -> tuple[EpisodeEnd, ...]:
+        """Return the ends of open episodes; ``observation`` is the first without contact, or the last one."""
+        rows, open_ = np.flatnonzero(which), self._open
+        return tuple(EpisodeEnd(
+            pair, observation.t_ns, float(open_.deepest_m[n]), int(open_.deepest_ns[n]),
+            self._crossing(observation, pair)[0] if parted else observation.t_ns / NS, parted, observation.frame_id)
+            for n, pair in zip(rows, self._pairs(open_.key[rows], observation), strict=True))
+
+    def _event(self, observation: Observation, pair: Pair, gap: float) -> Event:
+        before = self._seen[-1] if self._seen else None
+        t_s, slope = self._crossing(observation, pair)
+        point = witness(_between(before, observation, t_s), *pair).point_m
+        return Event(pair, before.t_ns if before else None, observation.t_ns, t_s, point, gap, -slope,
+                     observation.frame_id)
+
+    def _crossing(self, observation: Observation, pair: Pair) -> tuple[float, float]:
+        """Return when the gap of a pair vanished since the last tick, and its slope there in m/s (nan if unknown)."""
+        if not self._seen:
+            return observation.t_ns / NS, nan
+        known = [*self._even(observation), observation]
+        gap = [gap_of(one.benches, *pair) for one in known]
+        origin = self._seen[-1].t_ns
+        span = [(one.t_ns - origin) / NS for one in known]
+        curve = np.poly1d(np.polyfit(span, gap, len(known) - 1))
+        crosses = (gap[-2] > 0) != (gap[-1] > 0)
+        root = illinois(lambda t: float(curve(t)), 0.0, span[-1], gap[-2], gap[-1]) if crosses and gap[-1] else span[-1]
+        return origin / NS + root, float(curve.deriv()(root))
+
+    def _even(self, observation: Observation) -> list[Observation]:
+        """Return the last observations, as many as are about as far apart in time as the last one and this."""
+        out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
+        for one in reversed(self._seen[:-1]):
+            if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:
+                break
+            out.insert(0, one)
+        return out
+
+
+def _between(before: Observation | None, after: Observation, t_s: float) -> Benches:
+    """Return the benches at a time between two observations, each moved along a line and turned evenly."""
+    if before is None:
+        return after.benches
+    share = (t_s - before.t_ns / NS) * NS / (after.t_ns - before.t_ns)
+    a, b = before.benches, after.benches
+    axis = (1 - share) * a.axis + share * b.axis
+    return Benches((1 - share) * a.centre + share * b.centre, axis / np.hypot(axis[:, 0], axis[:, 1])[:, None],
+                   b.half_length, b.half_width)

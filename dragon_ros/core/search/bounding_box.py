@@ -1,0 +1,413 @@
+"""How much room a run takes: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
+
+Where a bench lies depends on its length and on where its front handle is, whoever leads, whichever bench it is and
+whenever. So a few intervals of the track are searched by branch and bound: those that the head's front handle passes,
+and those that the front handles of all other benches of one length pass together. Intervals whose bound exceeds the
+largest value met so far are cut.
+
+The bound of an interval. Let s and t be the ways of a bench's front and rear handle, q and r their places, h and l the
+ways that they go from one end to the other. A corner, at the complex lever a from the bench's middle (a real: along the
+link), is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link: a coordinate of it has the derivative by s
+
+    g' = (A q') + (B r') cos alpha / cos beta,
+
+alpha and beta the link's angles with the track's tangents. What goes from x0 to x1 and by X at most on its way is never
+further than X / 2 from their mean. With k the largest curvature between the rear handle's first place and the front
+handle's last, tangents turn by k h and k l at most, and the link by ``swing_rad``. All factors of g' therefore lie in
+balls, and so does g': |g'| <= G. So the coordinate goes by V = min(G h, |A| h + |B| l) at most, and is nowhere above
+the mean of its values at the two ends plus V / 2. As intervals shrink that comes down with the square of their length,
+and where a handle passes a joint, so that a curvature jumps, with it. The rear handle must go one way
+(``motion_bounds``).
+
+A link of no length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain, marched
+from dragon_ros.core.chain.forward import next_places
+from dragon_ros.core.enclosures.ball_arithmetic import Ball
+from dragon_ros.core.enclosures.motion_bounds import (
+    TOLERANCE,
+    curvatures_between,
+    divisible,
+    swing_rad,
+    turning_back_m,
+    turning_back_of_m,
+)
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import CORNERS
+from dragon_ros.core.model import Model, compile_scene
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.composite import Place, Places, Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+
+SIDES = ('x', '-x', 'y', '-y')
+_TOWARDS = np.array([1, -1, 1j, -1j])
+_AT_ONCE = 128      # intervals
+_SAME = 1e-13       # of a distance along the track: nearer places are the same
+_MOST = 200_000     # benches that are placed
+
+
+@dataclass(frozen=True)
+class Reach:
+    """The farthest corner on one side: ``low_m`` at ``t_s``, and nowhere in the run above ``high_m``."""
+
+    side: str
+    low_m: float
+    high_m: float
+    bench: int
+    corner: str
+    t_s: float
+    point_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class BoundingBox:
+    """The reaches on the four sides, in the order of SIDES; ``looks`` counts the benches that were placed."""
+
+    reaches: tuple[Reach, ...]
+    looks: int
+
+    @property
+    def centred_m(self) -> tuple[float, float]:
+        """Bounds on the side of the smallest square about the origin, along the axes, that holds the run."""
+        return 2 * max(reach.low_m for reach in self.reaches), 2 * max(reach.high_m for reach in self.reaches)
+
+    @property
+    def free_m(self) -> tuple[float, float]:
+        """Bounds on the side of the smallest square along the axes that holds the run, wherever its centre is."""
+        low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
+        return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
+
+    @property
+    def touching(self) -> Reach:
+        """The reach that makes the centred square as large as it is."""
+        return max(self.reaches, key=lambda reach: reach.low_m)
+
+
+def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
+    """Return whether a square with a side between bounds is no larger than another; None where it cannot be told."""
+    return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
+
+
+def bounding_box(scene: Scene, within_m: float = 1e-10,
+                 progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
+    """Return the room that the scene's run takes; bounds differ by ``within_m`` and what positions may err.
+
+    They differ by more where floats are too coarse for that, or where ``_MOST`` benches were not enough.
+    ``progress(looks)`` is called with every number of benches just placed.
+    """
+    ranges = HandleRanges(scene)
+    search = _Search(progress, within_m)
+    kinds = _alike(scene.dragon.bench_lengths_m)
+    for kind, benches in enumerate(kinds):
+        search.run(_bench(ranges, int(benches[0])), _intervals(ranges, benches), kind)
+    return BoundingBox(tuple(_reach(ranges, kinds, search, side) for side in range(len(SIDES))), search.looks)
+
+
+def _alike(lengths_m: Floats) -> list[Ints]:
+    """Return the numbers of the benches of one length, for each length: the head's alone, then those behind it."""
+    behind = dict.fromkeys(lengths_m[1:].tolist())
+    return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
+
+
+def _bench(ranges: 'HandleRanges', number: int) -> 'SweptBench':
+    dragon = ranges.scene.dragon
+    return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
+                      0.5 * dragon.width_m)
+
+
+def _intervals(ranges: 'HandleRanges', benches: Ints) -> Floats:
+    """Return where the front handles of some benches go, (2, M) distances: joined where they overlap.
+
+    They are cut where the rear handle turns back. Of the laps of a circle that the track begins with, the last holds
+    all.
+    """
+    low, high = ranges.ranges_m[:, benches]
+    order = np.argsort(low)
+    low, high = low[order], np.maximum.accumulate(high[order])
+    begins = np.flatnonzero(np.concatenate(([True], low[1:] > high[:-1])))
+    ends = np.concatenate((begins[1:] - 1, [low.size - 1]))
+    low, high = low[begins], high[ends]
+    track = ranges.track
+    out: Floats = np.stack((np.maximum(low, np.minimum(high, track.end_of_first_m) - track.lap_m), high))
+    for turn in turning_back_of_m(track, float(ranges.scene.dragon.link_lengths_m[benches[0]])):
+        inside = (out[0] < turn) & (turn < out[1])
+        cut = np.array([[turn] * int(np.sum(inside)), out[1, inside]])
+        out[1, inside] = turn
+        out = np.concatenate((out, cut), axis=1)
+    return out
+
+
+class _Search:
+    """The best value on each side so far, where it was met, and the largest bound of what was put aside."""
+
+    def __init__(self, progress: Callable[[int], object], within_m: float) -> None:
+        self.looks, self._tell, self._within_m = 0, progress, within_m
+        self.best: Floats = np.full(len(SIDES), -np.inf)
+        self.high: Floats = np.full(len(SIDES), -np.inf)
+        self.where = [(0, 0.0, 0)] * len(SIDES)
+
+    def run(self, bench: 'SweptBench', intervals: Floats, kind: int) -> None:
+        """Search intervals (2, M) of the way of one kind of bench."""
+        tops: Floats = np.array([[bench.cap_m(*ends)] * len(SIDES) for ends in intervals.T.tolist()])
+        while tops.size and self.looks < _MOST:
+            order = np.argsort(-np.max(tops - self.best, axis=1), kind='stable')
+            now, later = order[:_AT_ONCE], order[_AT_ONCE:]
+            quarters, above = self._quarters(bench, intervals[:, now], kind)
+            intervals, tops = np.concatenate((intervals[:, later], quarters), 1), np.concatenate((tops[later], above))
+            intervals, tops = self._put_aside(intervals, tops, np.all(tops <= self.best + self._within_m, axis=1))
+        self._put_aside(intervals, tops, np.ones(len(tops), dtype=bool))
+
+    def _put_aside(self, intervals: Floats, tops: Floats, done: Array) -> tuple[Floats, Floats]:
+        """Return the intervals that are not done, and their bounds."""
+        self.high = np.maximum(self.high, np.max(tops[done], axis=0, initial=-np.inf))
+        return intervals[:, ~done], tops[~done]
+
+    def _quarters(self, bench: 'SweptBench', intervals: Floats, kind: int) -> tuple[Floats, Floats]:
+        """Return the quarters of intervals, but for those too short to be cut again, and bounds (M, 4) on them."""
+        low, high = intervals
+        middle = 0.5 * (low + high)
+        ends: Floats = np.concatenate((low, 0.5 * (low + middle), middle, 0.5 * (middle + high), high))
+        quarters = np.stack((ends[:-low.size], ends[low.size:]))
+        places, index = np.unique(quarters, return_inverse=True)
+        states, at = bench.states(places), index.reshape(2, -1)
+        self.looks += places.size
+        self._tell(places.size)
+        self._note(states.value, places, kind)
+        tops: Floats = np.max(bench.bounds(states.rows(at[0]), states.rows(at[1])), axis=1)
+        return self._put_aside(quarters, tops, ~divisible(*quarters))
+
+    def _note(self, value: Floats, places: Floats, kind: int) -> None:
+        for side, values in enumerate(np.moveaxis(value, -1, 0)):
+            place, corner = np.unravel_index(int(np.argmax(values)), values.shape)
+            if values[place, corner] > self.best[side]:
+                self.best[side] = values[place, corner]
+                self.where[side] = kind, float(places[place]), int(corner)
+
+
+def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Search, side: int) -> Reach:
+    """Return what was found on a side, with a bench that is there, and when."""
+    kind, along_m, corner = search.where[side]
+    low, high = ranges.ranges_m[:, kinds[kind]]
+    bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
+    t_s, scene = ranges.when_s(bench, along_m), ranges.scene
+    chain = ranges.chain(scene.head.travelled_m(t_s))
+    x, y = benches_of(chain, scene.dragon, axes_of(chain)).corners[bench, corner].tolist()
+    low_m = (x, -x, y, -y)[side]
+    high_m = max(low_m, float(search.best[side]), float(search.high[side]))
+    high_m += EXACT.promise_for_m(max(compile_scene(scene).size_m, abs(high_m)))
+    return Reach(SIDES[side], low_m, high_m, bench, CORNERS[corner], t_s, (x, y))
+
+
+@dataclass(frozen=True)
+class BenchStates:
+    """A bench at M places: ways (2, M), segments and curvatures of its front and rear handle, and its corners' values.
+
+    ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES, ``front`` and ``rear`` the two parts of their
+    derivative but for the ratio cos alpha / cos beta, ``cos`` (2, M).
+    """
+
+    way_m: Floats
+    segment: Ints
+    bend: Floats
+    cos: Floats
+    value: Floats
+    front: Floats
+    rear: Floats
+
+    def rows(self, index: Index) -> 'BenchStates':
+        """Return some of the places."""
+        return BenchStates(self.way_m[:, index], self.segment[:, index], self.bend[:, index], self.cos[:, index],
+                           self.value[index], self.front[index], self.rear[index])
+
+
+@dataclass(frozen=True)
+class SweptBench:
+    """A bench with a link that goes along a track: where its corners are, and bounds between two of its places."""
+
+    track: Track
+    link_m: float
+    half_length_m: float
+    half_width_m: float
+
+    @cached_property
+    def _lever(self) -> Array:
+        """From the middle to the corners, in their order."""
+        along, aside = self.half_length_m, 1j * self.half_width_m
+        return np.array([along + aside, -along + aside, -along - aside, along - aside])
+
+    @cached_property
+    def _shares(self) -> tuple[Array, Array]:
+        """A and B of the corners; for a link of no length what the tangent counts is B."""
+        if not self.link_m:
+            return np.ones(4, dtype=np.complex128), self._lever
+        return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
+
+    @cached_property
+    def reach_m(self) -> float:
+        """How far from the front handle the farthest corner is."""
+        return float(np.max(np.abs(self._lever - 0.5 * self.link_m)))
+
+    def states(self, along_m: Floats) -> BenchStates:
+        """Return the bench with its front handle at distances along the track."""
+        track, link = self.track, self.link_m
+        fronts = track.places_at(along_m, np.zeros_like(along_m))
+        rears = self._rears(fronts) if link else fronts
+        segment, u, lo = (np.stack(pair) for pair in zip(fronts, rears, strict=True))
+        q, r = _complex(track.points(segment, u, lo))
+        to, to_rear = _complex(track.headings(segment, u, lo))
+        axis = (q - r) / link if link else to
+        cos = np.stack([(axis.conj() * heading).real for heading in (to, to_rear)])
+        one, two = self._shares
+        value = (0.5 * (q + r))[:, None] + self._lever * axis[:, None]
+        return BenchStates(track.distances(segment, u), segment, track.curvatures(segment, u), cos,
+                           _sides(value), _sides(one * to[:, None]),
+                           _sides(two * (to_rear if link else 1j * to)[:, None]))
+
+    def _rears(self, fronts: Places) -> Places:
+        """Return the rear handles; at a lock itself one by one, where the chord is longest."""
+        try:
+            return next_places(self.track, fronts, self.link_m, BEHIND, Effort(TOLERANCE))[0]
+        except ChainLockError:
+            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND, TOLERANCE)[0]
+                     for front in zip(*fronts, strict=True)]
+            u: Floats = np.array([place.u for place in rears])
+            return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
+
+    def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
+        """Return bounds (M, 4, 4) of the corners' coordinates between states a and the next ones b, further along."""
+        front_m, rear_m = np.abs(b.way_m - a.way_m)
+        most = curvatures_between(self.track, [*a.segment, *b.segment], [*a.bend, *b.bend]).most
+        turned, other = most * front_m, most * rear_m
+        with np.errstate(all='ignore'):
+            ratio = self._ratio(a, b, most) if self.link_m else curvatures_between(
+                self.track, (a.segment[0], b.segment[0]), (a.bend[0], b.bend[0]))
+            one, two = (np.abs(share)[:, None] for share in self._shares)
+            front = _mean(a.front, b.front, one * _each(turned))
+            rear = _mean(a.rear, b.rear, two * _each(other))
+            slope = front + rear * Ball(_each(ratio.mid), _each(ratio.rad))
+            crude = one * _each(front_m) + two * _each(rear_m if self.link_m else turned)
+            goes = np.fmin(crude, slope.most * _each(front_m))
+        out: Floats = 0.5 * (a.value + b.value + goes)
+        return out
+
+    def _ratio(self, a: BenchStates, b: BenchStates, most: Floats) -> Ball:
+        """Return cos alpha / cos beta between states on a stretch of track with a largest curvature."""
+        moved_m = np.abs(b.way_m - a.way_m)
+        swing = swing_rad(most, self.link_m, np.sum(moved_m, axis=0))
+        alpha, beta = (_mean(a.cos[n], b.cos[n], swing + most * moved_m[n]) for n in (0, 1))
+        return alpha * beta.inverse()
+
+    def cap_m(self, low_m: float, high_m: float) -> float:
+        """Return a bound on all coordinates while the front handle is between two distances along the track."""
+        return self.track.far_m(low_m, high_m) + self.reach_m
+
+
+def _complex(points: Floats) -> Array:
+    out: Array = points[..., 0] + 1j * points[..., 1]
+    return out
+
+
+def _sides(z: Array) -> Floats:
+    """Return the coordinates of complex numbers (M, 4) towards SIDES."""
+    out: Floats = (z[..., None] * _TOWARDS.conj()).real
+    return out
+
+
+def _each(value: Floats) -> Floats:
+    """Return a value for each state, for all corners and sides."""
+    return value[:, None, None]
+
+
+def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
+    """Return the ball of what is a, then b, and in between has gone so far at most."""
+    return Ball(0.5 * (a + b), 0.5 * gone)
+
+
+class HandleRanges:
+    """Where the front handles of a dragon go along the track during a run, and when one of them is at a place.
+
+    Each moves one way while the leader goes from one of ``_stops_m`` to the next: from its least distance over those at
+    which a handle turns back to its greatest. So its own least and greatest places are at these.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        """Prepare for a scene, at the accuracy of the tier exact."""
+        self.scene = replace(scene, accuracy='exact', solver='march')
+        run, law = scene.run, scene.head
+        inside = [t_s for t_s in law.breaks_s if run.start_s < t_s < compile_scene(scene).end.t_s]
+        self._times_s = [run.start_s, *inside, compile_scene(scene).end.t_s]
+        self._gone_m: list[tuple[float, float]] = [law.travelled_m(t_s) for t_s in self._times_s]
+
+    @property
+    def _model(self) -> Model:
+        return compile_scene(self.scene).model
+
+    @property
+    def track(self) -> Track:
+        """The track."""
+        return self._model.track
+
+    @cached_property
+    def _stops_m(self) -> list[tuple[float, float]]:
+        least, most = min(self._gone_m), max(self._gone_m)
+        return [least, *((gone, 0.0) for gone in turning_back_m(self._model.leader, least[0], most[0])), most]
+
+    @cached_property
+    def _at_stops_m(self) -> Floats:
+        """Distances (S, N) of the front handles along the track at the stops."""
+        chains = [self.chain(gone) for gone in self._stops_m]
+        return np.array([self.track.distances(chain.segment, chain.u)[:-1] for chain in chains])
+
+    @cached_property
+    def ranges_m(self) -> Floats:
+        """Least and greatest distance (2, N) of the front handles along the track."""
+        return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
+
+    def chain(self, gone_m: tuple[float, float]) -> Chain:
+        """Return the chain when the leader has gone so far."""
+        return self._model.march(gone_m, self._model.effort)
+
+    def when_s(self, handle: int, along_m: float) -> float:
+        """Return a time at which a handle is at a distance along the track."""
+        gone = self._leader_m(handle, along_m)
+        pairs = zip(pairwise(self._times_s), pairwise(one for one, _ in self._gone_m), strict=True)
+        times, ways = min(pairs, key=lambda pair: max(min(pair[1]) - gone, gone - max(pair[1])))
+        low, high = (way - gone for way in ways)
+        if low * high >= 0:
+            return times[0] if abs(low) <= abs(high) else times[1]
+        return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)[0]) - gone, *times, low, high)
+
+    def _leader_m(self, handle: int, along_m: float) -> float:
+        """Return how far the leader has gone where a handle is at a distance along the track."""
+        stops = self._stops_m
+        over, same = (self._at_stops_m[:, handle] - along_m).tolist(), _SAME * (1 + abs(along_m))
+        nearest = min(range(len(stops)), key=lambda n: abs(over[n]))
+        if abs(over[nearest]) <= same:
+            return stops[nearest][0]
+
+        def beyond_m(gone: float) -> float:
+            beyond = self._handle_m(handle, (gone, 0.0)) - along_m
+            return beyond if abs(beyond) > same else 0.0
+
+        for n in range(len(stops) - 1):
+            if over[n] * over[n + 1] < 0:
+                return illinois(beyond_m, stops[n][0], stops[n + 1][0], *over[n:n + 2])
+        return stops[nearest][0]
+
+    def _handle_m(self, handle: int, gone_m: tuple[float, float]) -> float:
+        """Return the distance of a handle along the track when the leader has gone so far."""
+        leader = self._model.leader
+        links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)
+        chain = marched(leader.track, links, leader.place(gone_m), leader.direction, self._model.effort)
+        return float(self.track.distances(chain.segment, chain.u)[index])

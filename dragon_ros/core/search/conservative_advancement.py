@@ -1,0 +1,299 @@
+"""How near any two benches can come while the leader goes on, over a step of the whole chain: the larger of two bounds.
+
+Both hold where no link can lock. Handles then only move on as the leader does, so between two states handle i goes the
+way D_i between its places at both, and no more. A point of a bench that is t of the way between its handles goes
+(1 - t) D_i + t D_(i+1) at most; one that is e beside or beyond them goes e times the bench's turning more, which is at
+most (D_i + D_(i+1)) / 2 times the track's largest curvature. If two benches met in between, the same two points of
+theirs would have been apart by their gaps at both states: they would have gone at least the sum of both gaps.
+
+That bound shrinks with the way that benches go, also where they go together. The other one, for pairs that it does not
+clear, shrinks with the square of the step, and with how little benches move as seen from each other: over a step h no
+corner leaves the line between its places at both ends by more than B h^2 / 8, B of ``relative_motion``. docs/contact.md
+has the proofs. All is rounded outwards: gaps and separations by ``signed_distance.rounding_m``, ways by a factor ABOVE.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dragon_ros.core.enclosures.on_spiral import ABOVE
+from dragon_ros.core.geometry.broad_phase import pairs_on_steps
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.search.certificate import ALL, Interval
+from dragon_ros.core.search.driver import Judgement, clear, parts_for
+from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+from dragon_ros.core.tracks.segments import BEHIND
+
+_TOLERANCE = 4          # times the position error: two benches may be off, at two states
+_SPACING = 0.3          # of the longest bench, between the first states: a pair two apart has no room for more
+_LEAST_SPACING = 0.05   # of that, where intervals are cut all the same: shorter roots have fewer pairs in reach
+_PARTS_OF_ROOT = 1.05   # so long are the roots of a block that they are cut into so many, were it like the last one,
+_FINER = 0.25           # but no less than this, nor more than its inverse, of what they were
+_MOST = 2_000_000       # of them: some hours
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_REACH = 1.25           # of the way that benches go on a root: pairs further apart stay a fifth of it apart
+_SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_FAR = 0.05             # and of the longest bench, so that benches that rest have a positive bound too
+_AT_ONCE = 2**17        # benches that are sampled together, for the memory
+_FEW = 8                # roots of the first block; later ones are twice as long each
+_SETTLED = 0.5          # of a gap: a bound that is as near to it is not looked at again on parts of its interval
+_STILL_M = 1e-200       # two states may round to one place
+
+
+@dataclass(frozen=True)
+class ChainSamples:
+    """States of a chain with N benches at M places: handles (M, N+1), and rectangles.
+
+    ``along_m`` are distances along the track, ``headings`` its headings there, ``curvature`` its curvatures in 1/m, and
+    ``segment`` the numbers of its segments.
+    """
+
+    places: Floats
+    p: Floats
+    along_m: Floats
+    headings: Floats
+    curvature: Floats
+    segment: Ints
+    centre: Floats
+    axis: Floats
+
+    def rows(self, index: Ints) -> 'ChainSamples':
+        """Return some of the states."""
+        return ChainSamples(*(getattr(self, name)[index] for name in _FIELDS))
+
+
+_FIELDS = tuple(each.name for each in fields(ChainSamples))
+
+
+class _Space:
+    """Places of the leader, for ``clear``; pairs are looked for once for each root, and parts of it get what is left.
+
+    A group is a set of pairs with a bound of the gaps of all others on an interval. A root's are those in reach. Those
+    whose bound on an interval is not far below their gaps at its ends are cleared on all its parts too, and left out.
+    """
+
+    def __init__(self, domain: SearchDomain, only_beyond: bool, heads_m: dict[float, float]) -> None:
+        dragon = domain.dragon
+        self._domain, self._only_beyond, self._heads_m = domain, only_beyond, heads_m
+        self.tolerance_m = _TOLERANCE * domain.error_m
+        self._half = 0.5 * dragon.bench_lengths_m, np.full(dragon.benches, 0.5 * dragon.width_m)
+        overhang = np.hypot(0.5 * (dragon.bench_lengths_m - dragon.link_lengths_m), 0.5 * dragon.width_m)
+        self._turning, self._far_m = 0.5 * domain.track.bend * overhang, _FAR * float(np.max(dragon.bench_lengths_m))
+        self._rounding_m = float(rounding_m(domain.simulation.size_m, 0.5 * float(np.max(
+            dragon.bench_lengths_m + dragon.width_m))))
+        self._pairs: tuple[Ints, Ints] = np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64)
+        self._first: Ints = np.empty(0, dtype=np.int64)     # of each group's pairs
+        self._count: Ints = np.empty(0, dtype=np.int64)
+        self._others_m: Floats = np.empty(0)                # a bound of the gaps of each group's other pairs
+
+    def sample(self, places: Floats, _: Ints) -> ChainSamples:
+        """Return samples."""
+        at_once = max(1, _AT_ONCE // self._domain.dragon.benches)
+        return self.joined([self._sample(places[n:n + at_once]) for n in range(0, places.size, at_once)])
+
+    def _sample(self, places: Floats) -> ChainSamples:
+        domain = self._domain
+        domain.count(places.size)
+        chain = domain.chains(places)
+        benches = benches_of(chain, domain.dragon, axes_of(chain))
+        along_m = domain.track.distances(chain.segment, chain.u)
+        self._heads_m.update(zip(places.tolist(), along_m[:, 0].tolist(), strict=True))
+        return ChainSamples(places, chain.p, along_m, chain.headings, domain.track.curvatures(chain.segment, chain.u),
+                            chain.segment, benches.centre, benches.axis)
+
+    def joined(self, parts: list[ChainSamples]) -> ChainSamples:
+        """Return several samples as one."""
+        return ChainSamples(*(np.concatenate([getattr(part, name) for part in parts]) for name in _FIELDS))
+
+    def begin(self, samples: ChainSamples, pairs: Ints, _: Ints) -> None:
+        """Take the roots: look which pairs come near on each."""
+        moved_m = np.max(self._moved(samples.rows(pairs[0]), samples.rows(pairs[1])), axis=1)
+        reach_m = _REACH * 2 * moved_m + self._far_m
+        found = [*self._near(samples, pairs, reach_m)]
+        self._count = np.array([i.size for i, _ in found])
+        self._first = np.cumsum(self._count) - self._count
+        self._pairs = np.concatenate([i for i, _ in found]), np.concatenate([j for _, j in found])
+        self._others_m = reach_m - 2 * moved_m
+
+    def _near(self, samples: ChainSamples, pairs: Ints, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
+        """Yield the pairs that are to be looked at on roots: all within reach, but those that others speak for."""
+        corners = Benches(samples.centre, samples.axis, *self._half).corners
+        low, high = corners.min(axis=2), corners.max(axis=2)
+        low, high = np.minimum(*(low[rows] for rows in pairs)), np.maximum(*(high[rows] for rows in pairs))
+        beyond = np.any(samples.segment[pairs] > 0, axis=0)
+        for (i, j), there in zip(pairs_on_steps(low, high, reach_m), beyond, strict=True):
+            keep = there[i] if self._only_beyond else slice(None)
+            yield i[keep], j[keep]
+
+    def _moved(self, a: ChainSamples, b: ChainSamples) -> Floats:
+        """Return how far points of benches (M, N) go at most between samples."""
+        way_m = np.abs(b.along_m - a.along_m)
+        out: Floats = np.maximum(way_m[:, :-1], way_m[:, 1:]) + self._turning * (way_m[:, :-1] + way_m[:, 1:])
+        return ABOVE * out
+
+    def judge(self, a: ChainSamples, b: ChainSamples, group: Ints) -> Judgement:
+        """Judge intervals by what gaps leave of the ways of benches, or of how far they bend; cut as the room asks for.
+
+        Room is how many times as long an interval might have been.
+        """
+        moved_m, size = self._moved(a, b), self._count[group]
+        row = np.repeat(np.arange(group.size), size)
+        at = np.arange(row.size) - np.repeat(np.cumsum(size) - size, size) + np.repeat(self._first[group], size)
+        i, j = self._pairs[0][at], self._pairs[1][at]
+        gap_a, gap_b, moving_m = self._gaps(a, row, i, j), self._gaps(b, row, i, j), moved_m[row, i] + moved_m[row, j]
+        low_m = 0.5 * (gap_a + gap_b - moving_m) - self._rounding_m
+        room = (gap_a + gap_b) / np.maximum(moving_m, _STILL_M)
+        left = np.flatnonzero(low_m <= self.tolerance_m)
+        if left.size:
+            bent_m, bent_room = self._bent(a, b, row[left], i[left], j[left])
+            low_m[left], room[left] = np.maximum(low_m[left], bent_m), np.maximum(room[left], bent_room)
+        bound_m, least = self._others_m[group], np.full(group.size, 1.0)
+        np.minimum.at(bound_m, row, low_m)
+        np.minimum.at(least, row, room)
+        touching = np.zeros((2, group.size), dtype=bool)
+        for end, gap in enumerate((gap_a, gap_b)):
+            touching[end, row[gap <= 0]] = True
+        settled = low_m > np.maximum(self.tolerance_m, _SETTLED * np.minimum(gap_a, gap_b))
+        rest = self._without(settled, at, row, low_m, group, np.flatnonzero(bound_m <= self.tolerance_m))
+        return Judgement(bound_m, touching, parts_for(least), rest)
+
+    def _without(self, settled: Array, at: Ints, row: Ints, low_m: Floats, group: Ints, which: Ints) -> Ints:
+        """Return groups (M,): for ``which`` intervals new ones, without the pairs of theirs that are settled."""
+        out: Ints = group.copy()
+        others_m = self._others_m[group]
+        np.minimum.at(others_m, row[settled], low_m[settled])
+        left = ~settled & np.isin(row, which)
+        count = np.bincount(row[left], minlength=group.size)[which]
+        out[which] = self._count.size + np.arange(which.size)
+        self._first = np.concatenate((self._first, self._pairs[0].size + np.cumsum(count) - count))
+        self._count = np.concatenate((self._count, count))
+        self._others_m = np.concatenate((self._others_m, others_m[which]))
+        i, j = self._pairs
+        self._pairs = np.concatenate((i, i[at[left]])), np.concatenate((j, j[at[left]]))
+        return out
+
+    def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
+        """Return second-order bounds of pairs' gaps, and the room."""
+        # Dragons that wind in on one spiral are cleared by leading benches alone.
+        from dragon_ros.core.enclosures.relative_motion import Handles, kinematics, second_derivatives, views
+        domain = self._domain
+        used, row = np.unique(row, return_inverse=True)
+        a, b = a.rows(used), b.rows(used)
+        one, two = (Handles(each.along_m, each.curvature, each.segment, each.headings) for each in (a, b))
+        moving = kinematics(one, two, (a.axis, b.axis), domain.dragon.link_lengths_m, domain.track.bends,
+                            0 if domain.leader.direction == BEHIND else -1, domain.error_m)
+        gone_m = np.abs(b.places - a.places)[row]
+        seen = [views(each.p, each.axis, each.headings, row, i, j) for each in (a, b)]
+        most = second_derivatives(moving, seen[0], seen[1], row, i, j, gone_m, np.hypot(*self._half))
+        sag = [ABOVE * each * (gone_m * gone_m / 8) + self._rounding_m for each in most]
+        apart = [self._apart(each, row, i, j) for each in (a, b)]
+        low_m, room = np.full(i.size, -np.inf), np.zeros(i.size)
+        for frame in (0, 1):
+            for at_a, at_b in zip(apart[0][frame], apart[1][frame], strict=True):
+                least = np.minimum(at_a, at_b)
+                low_m = np.maximum(low_m, least - sag[frame])
+                with np.errstate(divide='ignore'):
+                    room = np.maximum(room, np.sqrt(np.maximum(least, 0.0) / np.maximum(sag[frame], _STILL_M)))
+        return low_m, room
+
+    def _apart(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[list[Floats], list[Floats]]:
+        """Return separations (K,) from the four edges of one bench of each pair, and from those of the other."""
+        view = placement(*self._rectangles(samples, row, i, j))
+        return view.from_edges(), view.mirrored().from_edges()
+
+    def _gaps(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> Floats:
+        return gaps(*self._rectangles(samples, row, i, j))
+
+    def _rectangles(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Benches, Ints, Ints]:
+        """Return the benches of all states as of one, and pairs of them."""
+        states, count = samples.places.size, self._domain.dragon.benches
+        half_length, half_width = (np.tile(half, states) for half in self._half)
+        benches = Benches(samples.centre.reshape(-1, 2), samples.axis.reshape(-1, 2), half_length, half_width)
+        return benches, row * count + i, row * count + j
+
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return the leader's ways."""
+        return np.abs(stop - start)
+
+
+class WholeChain:
+    """All pairs of a domain, or those that ``LeadingBenches`` leave: what is cleared of them, and where that ends."""
+
+    def __init__(self, domain: SearchDomain, only_beyond: bool) -> None:
+        """Take a domain; with ``only_beyond`` pairs count whose inner bench is beyond the track's first segment."""
+        self._domain, self._only_beyond, self.tolerance_m = domain, only_beyond, _TOLERANCE * domain.error_m
+        longest_m = float(np.max(domain.dragon.bench_lengths_m))
+        self._spacing_m, self._finest_m = _SPACING * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
+        self._rows: list[tuple[float, float, float]] = []
+        self._heads_m: dict[float, float] = {}      # the head's distance along the track at the places
+        self._hit: Bracket | None = None
+
+    @property
+    def searchable_m(self) -> float:
+        """The leader's place up to which the domain does not begin with too many places."""
+        domain, most_m = self._domain, _MOST * self._spacing_m
+        near = abs(domain.stop_m - domain.start_m) <= most_m
+        return domain.stop_m if near else domain.start_m + domain.sense * most_m
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear all pairs up to a place of the leader; return the first bracket of places that is not."""
+        self._rows, self._hit = [], None
+        self._go_on(self._domain.start_m, stop_m)
+        return self._hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        sense = self._domain.sense
+        kept = [row for row in self._rows if sense * row[0] < sense * stop_m]
+        self._rows = [(start, sense * min(sense * stop, sense * stop_m), bound) for start, stop, bound in kept]
+        if self._hit:
+            self._hit = None
+            self._go_on(self._rows[-1][1] if self._rows else self._domain.start_m, stop_m,
+                        (_SHORTEST * self.tolerance_m,))
+        return self._hit
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        for start, stop, bound_m in self._rows:
+            yield Interval(ALL, self._head_m(start), self._head_m(stop), self._domain.dragon.benches - 1, bound_m)
+
+    def _head_m(self, place: float) -> float:
+        """Return the head's distance along the track."""
+        if place not in self._heads_m:
+            self._heads_m[place] = float(self._domain.along_m(place)[0])
+        return self._heads_m[place]
+
+    def _go_on(self, start_m: float, stop_m: float, finest_m: tuple[float, ...] | None = None) -> None:
+        """Clear from one place to another, block by block, or to the first place that is not."""
+        here_m, stop_m = (self._within(place) for place in (start_m, stop_m))
+        most, spacing_m = max(1, _AT_ONCE // self._domain.dragon.benches), self._spacing_m
+        size = min(_FEW, most)
+        while here_m != stop_m and not self._hit:
+            left = max(1, int(abs(stop_m - here_m) / spacing_m + 0.5))
+            count = min(size, left)
+            end_m = stop_m if count == left else here_m + count / left * (stop_m - here_m)
+            places = np.linspace(here_m, end_m, count + 1)
+            space = _Space(self._domain, self._only_beyond, self._heads_m)
+            cleared = clear(space, [places], finest_m or self._finest_m)[0]
+            self._rows += cleared.rows
+            self._hit = Bracket(*cleared.hit) if cleared.hit else None
+            finer = min(max(_PARTS_OF_ROOT * count / max(1, len(cleared.rows)), _FINER), 1 / _FINER)
+            spacing_m = min(max(spacing_m * finer, _LEAST_SPACING * self._spacing_m), self._spacing_m)
+            here_m, size = end_m, min(2 * size, most)
+
+    def _within(self, place_m: float) -> float:
+        """Return the place, or the nearest one at which a bench is beyond the first segment if only those count."""
+        domain = self._domain
+        if not self._only_beyond:
+            return place_m
+        ends = domain.start_m, domain.stop_m
+        joint_m = domain.track.joints_m[0] if domain.track.joints_m else np.inf
+        inside = [float(domain.along_m(end)[0]) <= joint_m for end in ends]
+        if all(inside):
+            return domain.start_m
+        if not any(inside):
+            return place_m
+        crossing = domain.gone_at(0, joint_m, ends)
+        return (max if domain.leader.direction == BEHIND else min)(place_m, crossing)

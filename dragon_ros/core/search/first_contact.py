@@ -1,0 +1,229 @@
+"""The first contact of a run: this one exactly, and a certificate that none came before.
+
+The leader's range of travel is searched in each sense that it goes. Pairs whose inner bench lies on a first spiral are
+cleared by ``leading_benches``, over the track once for all benches that are alike; all others by ``WholeChain``, state
+after state. Whatever cannot be cleared first is solved for the zero of the gap, and all is cleared up to there.
+"""
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from math import floor, inf
+from typing import Protocol
+
+import numpy as np
+
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.geometry.signed_distance import witness
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import Certificate, Contact, Interval, NoContact, together
+from dragon_ros.core.search.conservative_advancement import WholeChain
+from dragon_ros.core.search.leading_benches import (
+    BodyBenches,
+    LeadingBenches,
+    classes_of,
+    provable_m,
+    searchable_m,
+)
+from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+
+_BEFORE_M = 1e-9        # of the leader's way, before a contact: so far the certificate goes
+_TOLD_APART = 4         # times what a bound must exceed is what gaps are there at least
+_AHEAD_M = 1e-8         # and doubled: how far ahead of a place that cannot be cleared a contact is looked for
+_AHEAD = 24             # times, so up to 8 cm
+_STEADY = 4             # times as long as a gap takes to close at its last speed may it take
+_TOO_FAR = 'the leader goes too far to be searched'
+
+Pair = tuple[int, int]
+
+
+class Part(Protocol):
+    """Some of the pairs of a domain, cleared by one of the bounds."""
+
+    @property
+    def tolerance_m(self) -> float:
+        """What a bound must exceed for the positions that it was computed from."""
+        ...
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear up to a place of the leader; return the first bracket of places that is not clear."""
+        ...
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place; return the first bracket of places that is not clear."""
+        ...
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared."""
+        ...
+
+
+def first_contact(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> Contact | NoContact:
+    """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
+
+    ``progress(states)`` is called with every number of states just evaluated. Raises FieldError, with the time to stop
+    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search).
+    """
+    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
+    searches = {sense: _Search(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
+    hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
+    if not hits:
+        proof = together(search.certificate() for search in searches.values())
+        return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
+    sense = min(hits, key=lambda sense: hits[sense].t_s)
+    hit, before = hits[sense], travel.until(hits[sense].t_s)
+    # What the leader has gone through in the other sense by then is proved apart.
+    rest = [_Search(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
+    proof = together([hit.certificate, *(search.cleared() for search in rest)])
+    return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
+
+
+def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states: None) -> bool:
+    """Return whether it is proved that the head, which comes in on a spiral, touches no bench in the scene's run.
+
+    Other benches may touch each other. Long mixed dragons take a tenth of what ``first_contact`` takes, or less.
+    Raises as that does.
+    """
+    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
+    domain = SearchDomain(scene, travel, 1, progress)
+    head, *_ = parts_of(domain)
+    assert isinstance(head, LeadingBenches)
+    return _Search(domain, [head]).bracket() is None
+
+
+class _Search:
+    """What is cleared of a domain so far, and where the first place is that is not."""
+
+    def __init__(self, domain: SearchDomain, parts: list[Part] | None = None) -> None:
+        self._domain, self._complete = domain, True
+        self._parts = parts_of(domain) if parts is None else parts
+
+    @property
+    def states(self) -> int:
+        """How many states were evaluated."""
+        return self._domain.states
+
+    def first(self) -> Contact | None:
+        """Return the first contact in the domain."""
+        hit = self.bracket()
+        return self._contact(hit) if hit else None
+
+    def bracket(self) -> Bracket | None:
+        """Return the first bracket that is not clear: at the start, where benches touch there."""
+        domain = self._domain
+        if np.min(domain.near(domain.start_m)[1], initial=inf) <= 0:
+            return Bracket(domain.start_m, domain.start_m)
+        return self._clear()
+
+    def cleared(self) -> Certificate:
+        """Return the certificate of the domain, which has no contact."""
+        self._complete = self._clear() is None
+        return self.certificate()
+
+    def certificate(self) -> Certificate:
+        """Return what is cleared."""
+        return Certificate(tuple(each for part in self._parts for each in part.intervals()), self._complete)
+
+    def _clear(self) -> Bracket | None:
+        """Clear the domain, or up to the first bracket that is not; raises FieldError where no proof goes so far."""
+        domain, hit = self._domain, None
+        last_m, why = self._last()
+        if why is not _TOO_FAR and (last_m == domain.stop_m or last_m != domain.start_m):
+            for part in self._parts:
+                hit = part.clear(hit.other_m if hit else last_m) or hit
+        if hit is None and last_m != domain.stop_m:
+            last_s = domain.time_s(last_m)
+            raise FieldError('run.stop_s', domain.scene.run.stop_s, f'from {last_s:.6f} s on {why}',
+                             f'stop at {floor(last_s * 1e6) / 1e6:.6f} s or before')
+        return hit
+
+    def _last(self) -> tuple[float, str]:
+        """Return the leader's place up to which contacts can be ruled out, and why no further; '' at the end."""
+        domain, ends = self._domain, [(self._domain.stop_m, '')]
+        if domain.track.from_afar:
+            ends.append((searchable_m(domain), _TOO_FAR))
+            ends.append((provable_m(domain), 'a long bench behind the second may turn back near the centre, and '
+                         'contacts cannot be ruled out there'))
+        ends += [(part.searchable_m, _TOO_FAR) for part in self._parts if isinstance(part, WholeChain)]
+        return min(ends, key=lambda end: domain.sense * end[0])
+
+    def _contact(self, bracket: Bracket) -> Contact:
+        """Return the contact in a bracket of places, or where nobody can say if the closest pair touches."""
+        domain = self._domain
+        found, grazing_m = self._touching(bracket)
+        (gone_m, pair), *later = found
+        slope = domain.slope(pair, gone_m)
+        earlier = self._prove(bracket.clear_m, gone_m, slope if grazing_m is None else 0.0)
+        if earlier and domain.sense * earlier.clear_m < domain.sense * bracket.clear_m:
+            return self._contact(earlier)       # the proof found one
+        self._complete = earlier is None
+        t_s = domain.time_s(gone_m)
+        speed = slope * domain.speed_m_s(t_s)
+        unsure = domain.error_m / speed if speed > 0 else inf
+        times = {place: domain.time_s(place) for place, _ in later}
+        others = tuple(other for place, other in later if times[place] - t_s <= unsure)
+        return Contact(t_s, pair, witness(domain.benches(gone_m), *pair), grazing_m, others, speed, unsure,
+                       domain.states, self.certificate())
+
+    def _touching(self, bracket: Bracket) -> tuple[list[tuple[float, Pair]], tuple[float, float] | None]:
+        """Return where pairs begin to touch in a bracket, in order, and None; or where one grazes, and its bounds.
+
+        Where none touches at the bracket's other end, one may just ahead: if its gap closes from there without a
+        detour, about as fast as it does where it vanishes.
+        """
+        domain = self._domain
+        roots = self._roots(bracket)
+        if roots:
+            return roots, None
+        for power in range(_AHEAD):
+            ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
+            if domain.sense * ahead >= domain.sense * domain.stop_m:
+                break
+            roots = self._roots(Bracket(bracket.other_m, ahead))
+            if roots:
+                (gone_m, pair), gap = roots[0], domain.gap(roots[0][1], bracket.other_m)
+                if domain.sense * (gone_m - bracket.other_m) * domain.slope(pair, gone_m) <= _STEADY * gap:
+                    return roots, None
+                break
+        return self._grazing(bracket)
+
+    def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
+        """Return where the gaps of the pairs that touch at a bracket's other end vanish, in the leader's order.
+
+        Those that do so at one place, such as at the start of a run, come in the order of their benches.
+        """
+        pairs, gap = self._domain.near(bracket.other_m)
+        touching = sorted((i, j) for i, j in pairs[gap <= 0].tolist())
+        if bracket.clear_m == bracket.other_m:
+            return [(bracket.other_m, pair) for pair in touching]
+        found = [(self._domain.root(pair, bracket), pair) for pair in touching]
+        return sorted(found, key=lambda row: (self._domain.sense * row[0], row[1]))
+
+    def _grazing(self, bracket: Bracket) -> tuple[list[tuple[float, Pair]], tuple[float, float]]:
+        """Return where the closest pair grazes, and bounds of its gap."""
+        error = max(part.tolerance_m for part in self._parts)
+        pairs, gap = self._domain.near(bracket.other_m)
+        closest = int(np.argmin(gap))
+        least, (i, j) = float(gap[closest]), pairs[closest].tolist()
+        low = bracket.bound_m if np.isfinite(bracket.bound_m) else least
+        return [(bracket.clear_m, (i, j))], (min(low, least) - error, least + error)
+
+    def _prove(self, clear_m: float, gone_m: float, slope: float) -> Bracket | None:
+        """Clear up to a nanometre before a contact, or as near as its gap can be told from zero, or to a grazing."""
+        sense = self._domain.sense
+        error = _TOLD_APART * max(part.tolerance_m for part in self._parts)
+        back = max(_BEFORE_M, error / slope if slope > 0 else inf)
+        stop_m = sense * max(sense * clear_m, min(sense * gone_m - back, sense * gone_m))
+        hits = [hit for part in self._parts if (hit := part.prove(stop_m))]
+        return min(hits, key=lambda hit: sense * hit.other_m, default=None)
+
+
+def parts_of(domain: SearchDomain) -> list[Part]:
+    """Return the parts that a domain is cleared in: the head and the body on a first spiral, and the whole chain."""
+    parts = list[Part]()
+    if domain.track.from_afar:
+        head, *body = classes_of(domain)
+        parts = [head, BodyBenches(domain, body)] if body else [head]
+    if len(domain.track.segments) > 1 or not parts:
+        parts.append(WholeChain(domain, bool(parts)))
+    return parts

@@ -1,0 +1,371 @@
+"""What benches meet with their front handles on a track's first spiral, cleared over that track once for all alike.
+
+Where the first segment winds in from afar, what follows a bench there depends on where the bench is, and on its links
+from there on. So benches fall into classes with identical remaining link sequences; the first of each leads, and its
+whole class is cleared over the track that its front handles go through. Where that does not clear, each bench's own
+part of it is: what it goes through, without what another one of its class has gone through before. Mixed benches make
+many classes: all behind the head are sampled and bounded together.
+"""
+from collections.abc import Iterator
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dragon_ros.core.chain.dragon import goes_on_alike, is_even
+from dragon_ros.core.chain.lock import turning_places
+from dragon_ros.core.enclosures.on_spiral import bounds, comes_in
+from dragon_ros.core.geometry.narrow_phase import BenchSampler, BenchSamples, joined
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.numerics.types import Floats, Ints, distinct
+from dragon_ros.core.search.certificate import Interval
+from dragon_ros.core.search.driver import Cleared, Judgement, clear, parts_for
+from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+from dragon_ros.core.tracks.composite import Place
+
+_FIRST, _FIRST_RAD = 1.173, 2.0     # of the longest bench, and rad: the larger is between the first places. What
+                        # adjacent layers do to each other depends on the angle: far from a contact 2 rad clear at once
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_MOST_PLACES = 50_000   # of one window to begin with, for the memory
+_MOST_RAD = 2e6         # of a domain: a million first places
+_TOGETHER, _USUAL = 2**20, 256      # handles at the first places of windows that are cleared together, for the memory;
+                        # no more than so many benches behind one usually matter
+_POINT = 1e-6           # of the longest link: shorter ones may have both handles at one place
+_IN_CACHE = 2**14       # pairs that are bounded together
+_CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
+
+
+class _Space:
+    """Places of leading benches, for ``clear``: of each window's own, which has so many behind it there."""
+
+    def __init__(self, sampler: BenchSampler, windows: 'list[_Window]', tolerance_m: float) -> None:
+        self.sampler, self.tolerance_m = sampler, tolerance_m
+        self._behind = np.array([window.behind for window in windows])
+        self._lead = np.array([sampler.leads.index(window.of.lead) for window in windows])
+        self._window: Ints = np.empty(0, dtype=np.int64)
+
+    def sample(self, places: Floats, window: Ints) -> BenchSamples:
+        """Return samples."""
+        return self.sampler.sample(places, self._lead[window])
+
+    def joined(self, parts: list[BenchSamples]) -> BenchSamples:
+        """Return several samples as one."""
+        return joined(parts)
+
+    def begin(self, _: BenchSamples, __: Ints, window: Ints) -> None:
+        """Take the roots."""
+        self._window = window
+
+    def judge(self, a: BenchSamples, b: BenchSamples, group: Ints) -> Judgement:
+        """Judge intervals by their second-order bounds; cut as the room asks for."""
+        behind = self._behind[self._window[group]]
+        there = np.arange(2, a.apart.shape[1] + 2) <= behind[:, None]
+        touching = np.stack([np.any((each.apart <= 0) & there, axis=1) for each in (a, b)])
+        rows = 1 + _IN_CACHE // a.delta.shape[1]
+        parts = [slice(at, at + rows) for at in range(0, behind.size, rows)]
+        found = [bounds(a.rows(part), b.rows(part), self.sampler.sizes, behind[part]) for part in parts]
+        bound_m, room = (np.concatenate(each) for each in zip(*found, strict=True))
+        return Judgement(bound_m, touching, parts_for(room), group)
+
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return upper bounds of the lengths of intervals."""
+        out: Floats = self.sampler.b_m * np.abs(start - stop) * (1 + np.maximum(start, stop))
+        return out
+
+
+@dataclass(frozen=True)
+class _Window:
+    """Places (monotone) that the front handle of a bench ``of`` a class goes through, with so many ``behind`` it."""
+
+    of: 'LeadingBenches'
+    bench: int
+    places: Floats
+    behind: int
+
+
+@dataclass(frozen=True)
+class _Row:
+    """A cleared interval between two places."""
+
+    start_rad: float
+    stop_rad: float
+    bound_m: float
+    behind: int
+
+
+class LeadingBenches:
+    """One class of benches over a domain: what is cleared of their pairs with those behind, and where that ends."""
+
+    def __init__(self, domain: SearchDomain, benches: list[int]) -> None:
+        """Take a class, given as its ``benches`` from the head on; the first is its ``lead``."""
+        self._domain, self.benches, self.lead = domain, benches, benches[0]
+        self._behind = domain.dragon.benches - 1 - self.lead
+        assert domain.track.from_afar
+        self._spiral = domain.track.from_afar.curve
+        self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
+        longest_m = float(np.max(domain.dragon.bench_lengths_m))
+        self._first_m, self.finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
+        self._rows: list[_Row] = []
+        self._hit: Bracket | None = None
+
+    @property
+    def tolerance_m(self) -> float:
+        """What a bound must exceed: both benches may be off."""
+        return 2 * self._domain.error_m
+
+    @property
+    def _single(self) -> bool:
+        """Whether this is the head alone, which goes one way: its places come in the order of the leader's."""
+        return self.benches == [0]
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear what the class meets up to a place of the leader; return the first bracket of places that is not."""
+        self.forget()
+        for window in self.whole(stop_m):
+            (cleared,) = _cleared(self._domain, [window])
+            if cleared.hit:
+                self.clear_apart(stop_m, cleared)
+        return self._hit
+
+    def whole(self, stop_m: float) -> Iterator['_Window']:
+        """Yield the window of all that the class meets up to a place of the leader, if that is anything."""
+        outer, inner = self._track(self.phases(stop_m)[1])
+        if self._single and self._on_spiral(self._domain.start_m)[0] < self._on_spiral(stop_m)[0]:
+            outer, inner = inner, outer
+        yield from self._window(self.lead, outer, inner, self._behind)
+
+    def clear_apart(self, stop_m: float, whole: Cleared) -> Bracket | None:
+        """Clear bench by bench what has not been cleared as a whole; return the first bracket that is not clear."""
+        phases, ends = self.phases(stop_m)
+        if self._single:
+            self._hit = self._bracket(self.lead, whole.hit, (phases[0], phases[-1])) if whole.hit else None
+            return self._hit
+        self._rows = []
+        for n in range(len(phases) - 1):
+            self._hit = self._hit or self._clear_phase((phases[n], phases[n + 1]), ends[n], ends[n + 1])
+        return self._hit
+
+    def forget(self) -> None:
+        """Begin anew."""
+        self._rows, self._hit = [], None
+
+    def keep(self, cleared: Cleared, behind: int) -> None:
+        """Add what is clear, with so many benches behind."""
+        self._rows += [_Row(*row, behind) for row in cleared.rows]
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        if self._hit is None:
+            self._trim(stop_m)
+        elif self._single:
+            self._go_on(stop_m)
+        else:
+            self.clear(stop_m)
+        return self._hit
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
+        for row in self._rows:
+            start_m, stop_m = (float(origin_m + segment.metres(place)) for place in (row.start_rad, row.stop_rad))
+            yield Interval(self.lead, start_m, stop_m, row.behind, row.bound_m)
+
+    def _go_on(self, stop_m: float) -> None:
+        """Clear the head's way up to a place beyond what is cleared of it, or leave out what is cleared beyond."""
+        start, stop = (float(self._on_spiral(place)[0]) for place in (self._domain.start_m, stop_m))
+        sign = 1.0 if stop > start else -1.0
+        self._rows = [row for row in self._rows if sign * row.stop_rad <= sign * stop]
+        last, self._hit = self._rows[-1].stop_rad if self._rows else start, None
+        for rest in _cleared(self._domain, [*self._window(0, last, stop, self._behind)]):
+            self._hit = self._bracket(0, rest.hit, (self._domain.start_m, stop_m)) if rest.hit else None
+
+    def _trim(self, stop_m: float) -> None:
+        """Leave out what the class has not reached with the leader at a place."""
+        outer, inner = self._track(self.phases(stop_m)[1])
+        clipped = (replace(row, start_rad=min(max(row.start_rad, inner), outer),
+                           stop_rad=min(max(row.stop_rad, inner), outer)) for row in self._rows)
+        self._rows = [row for row in clipped if row.start_rad != row.stop_rad]
+
+    def _on_spiral(self, gone_m: float) -> Floats:
+        """Return the polar angles of the handles (N+1,) on the spiral; its end's for those beyond."""
+        chain = self._domain.chain(gone_m)
+        return np.where(chain.segment == 0, chain.u, self._domain.track.segments[0].last)
+
+    def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
+        """Return the leader's places between which every handle moves one way, and all handles there."""
+        start_m, turns = self._domain.start_m, list[float]()
+        ends = [self._on_spiral(place) for place in (start_m, stop_m)]
+        if self._domain.track.may_lock and len(self._chords) > 1:
+            angles = turning_places(*self._two(0), *sorted(float(theta[0]) for theta in ends))
+            turns = sorted((self._domain.leader.gone_m(Place(0, DoubleDouble(angle, 0.0))) for angle in angles),
+                           reverse=stop_m < start_m)
+        return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
+
+    def all_come_in(self, stop_m: float) -> bool:
+        """Return whether all links from the third on come in with their front handles up to a place of the leader."""
+        links = self._domain.dragon.link_lengths_m[2:]
+        for theta in self.phases(stop_m)[1]:
+            front, span = theta[2:], np.diff(theta[2:])
+            if not np.all((links == 0) | (span <= np.pi) & (comes_in(front, span) > 0)):
+                return False
+        return True
+
+    def _two(self, bench: int) -> tuple[float, float]:
+        """Return the chords of a bench and of the next one, in units of b."""
+        one, two = self._chords[bench:bench + 2]
+        return one, two
+
+    def _track(self, ends: list[Floats]) -> tuple[float, float]:
+        """Return the outermost and the innermost place of the class, given all handles at the ends of phases."""
+        return (max(float(theta[self.benches[-1]]) for theta in ends),
+                min(float(theta[self.lead]) for theta in ends))
+
+    def _clear_phase(self, phase: tuple[float, float], here: Floats, there: Floats) -> Bracket | None:
+        """Clear the part of the track of each bench while the leader goes through a phase."""
+        windows = [*self._parts(here, there)]
+        hits = [self._bracket(window.bench, cleared.hit, phase)
+                for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True) if cleared.hit]
+        return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
+
+    def _parts(self, here: Floats, there: Floats) -> Iterator[_Window]:
+        """Yield each bench's part of the track, without what another one of its class goes through before it."""
+        last = self._domain.dragon.benches - 1
+        reach = self.sampler(np.array(self._track([here, there]))).follow
+        for before, bench, after in zip([0, *self.benches], self.benches, [*self.benches[1:], last], strict=False):
+            start, stop = float(here[bench]), float(there[bench])
+            if stop < start and before and there[before] <= here[before]:
+                stop = max(stop, float(here[before]))
+            elif stop > start and last - after >= reach:
+                stop = min(stop, float(here[after]))
+            yield from self._window(bench, start, stop, last - bench if last - bench < reach else self._behind)
+
+    def _bracket(self, bench: int, hit: tuple[float, float, float], within: tuple[float, float]) -> Bracket:
+        """Return where the leader is when a bench's front handle is at two places."""
+        segment, origin_m = self._domain.track.segments[0], self._domain.track.origins_m[0]
+        one, two = (self._domain.gone_at(bench, float(origin_m + segment.metres(place)), within) for place in hit[:2])
+        return Bracket(one, two, hit[2])
+
+    def _window(self, bench: int, start: float, stop: float, behind: int) -> Iterator[_Window]:
+        """Yield the window between two places, if there is anything in it."""
+        if start == stop or behind < 2:
+            return
+        step = max(self._first_m / (self._spiral.b_m * (1 + max(start, stop))), _FIRST_RAD)
+        count = 2 + int(abs(start - stop) / step)
+        places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
+        if self._domain.track.may_lock:
+            places = np.concatenate((places, turning_places(*self._two(self.lead), *sorted((start, stop)))))
+        places = distinct(places)
+        yield _Window(self, bench, places if stop > start else places[::-1], behind)
+
+    def sampler(self, ends: Floats) -> BenchSampler:
+        """Return what samples the class between two places, with the followers that can matter there."""
+        return _sampler(self._domain, (self.lead,)).reaching(ends)
+
+
+class BodyBenches:
+    """All classes of benches behind the head: their whole tracks are cleared together."""
+
+    def __init__(self, domain: SearchDomain, classes: list[LeadingBenches]) -> None:
+        """Take the classes."""
+        self._domain, self._classes = domain, classes
+        self.tolerance_m = 2 * domain.error_m
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear what all classes meet up to a place of the leader; return the first bracket of places that is not."""
+        hit: Bracket | None = None
+        for each in self._classes:
+            each.forget()
+        for windows in self._together([window for each in self._classes for window in each.whole(stop_m)]):
+            for window, cleared in zip(windows, _cleared(self._domain, windows), strict=True):
+                if cleared.hit:
+                    hit = window.of.clear_apart(hit.other_m if hit else stop_m, cleared) or hit
+        return hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        hits = [hit for each in self._classes if (hit := each.prove(stop_m))]
+        return min(hits, key=lambda hit: self._domain.sense * hit.other_m, default=None)
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield what is cleared, for the certificate."""
+        for each in self._classes:
+            yield from each.intervals()
+
+    def _together(self, windows: list[_Window]) -> Iterator[list[_Window]]:
+        """Yield windows by as many as the memory allows; one by one where links of no length need their own care."""
+        links_m = self._domain.dragon.link_lengths_m
+        size, most, one_by_one = 0, list[_Window](), bool(np.min(links_m) <= _POINT * np.max(links_m))
+        for window in windows:
+            more = window.places.size * min(window.behind, _USUAL)
+            if most and (one_by_one or size + more > _TOGETHER):
+                yield most
+                size, most = 0, []
+            size, most = size + more, [*most, window]
+        if most:
+            yield most
+
+
+def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
+    """Return what samples leading benches with all that follow."""
+    return BenchSampler(domain.track, domain.dragon, leads, domain.dragon.benches - min(leads), domain.effort,
+                        domain.count, domain.error_m)
+
+
+def _cleared(domain: SearchDomain, windows: list[_Window]) -> list[Cleared]:
+    """Clear windows, and let their classes keep what is clear."""
+    if not windows:
+        return []
+    leads = tuple(dict.fromkeys(window.of.lead for window in windows))
+    ends = np.array([(lead, places[0], places[-1]) for window in windows
+                     for lead, places in [(leads.index(window.of.lead), window.places)]])
+    sampler = _sampler(domain, leads).reaching(ends[:, 1:].reshape(-1), np.repeat(ends[:, 0].astype(np.int64), 2))
+    space = _Space(sampler, windows, 2 * domain.error_m)
+    out = clear(space, [window.places for window in windows], windows[0].of.finest_m)
+    for window, cleared in zip(windows, out, strict=True):
+        window.of.keep(cleared, window.behind)
+    return out
+
+
+def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
+    """Return the classes of benches that have others to meet: the head, and those of the body that go on alike.
+
+    There is one class of the body where all its benches are equal.
+    """
+    lengths, found = domain.dragon.bench_lengths_m, dict[float, list[list[int]]]()
+    for bench, length in enumerate(lengths[1:-2].tolist(), 1):
+        as_long = found.setdefault(length, [])
+        same = next((each for each in as_long if goes_on_alike(lengths, each[0], bench)), None)
+        if same:
+            same.append(bench)
+        else:
+            as_long.append([bench])
+    classes = sorted(each for as_long in found.values() for each in as_long)
+    return [LeadingBenches(domain, benches) for benches in ([0], *classes)]
+
+
+def searchable_m(domain: SearchDomain) -> float:
+    """Return the leader's place up to which a domain does not begin with too many places, where it is on the spiral."""
+    here, there = (domain.leader.place((gone_m, 0.0)) for gone_m in (domain.start_m, domain.stop_m))
+    gone_rad = there.u.hi - here.u.hi
+    if here.segment or there.segment or abs(gone_rad) <= _MOST_RAD:
+        return domain.stop_m
+    limit = here.u.hi + (_MOST_RAD if gone_rad > 0 else -_MOST_RAD)
+    return domain.leader.gone_m(Place(0, DoubleDouble(limit, 0.0)))
+
+
+def provable_m(domain: SearchDomain) -> float:
+    """Return the leader's place up to which no handle behind the third turns back, so that each moves one way.
+
+    Where links cannot lock, or are equal, none does, and it is where the domain stops. Else one that spans no more than
+    half a turn and comes in where its front handle is nearest to the centre does wherever that is (docs/contact.md,
+    lemmas 1 and 2).
+    """
+    if not domain.track.may_lock or is_even(domain.dragon.link_lengths_m):
+        return domain.stop_m
+    head = LeadingBenches(domain, [0])
+    if head.all_come_in(domain.stop_m):
+        return domain.stop_m
+    good, bad = domain.start_m, domain.stop_m
+    for _ in range(_CLOSER if head.all_come_in(good) else 0):
+        middle = 0.5 * (good + bad)
+        good, bad = (middle, bad) if head.all_come_in(middle) else (good, middle)
+    return good

@@ -1,0 +1,382 @@
+"""How fast the fastest handle is over a whole run, and so how fast the leader may go under a limit.
+
+Speeds over the leader's depend on where the leader is and not on when, so the run is searched by branch and bound over
+intervals of time in which the leader goes one way: intervals whose bound exceeds the largest speed met so far are cut.
+Where handles are equally fast in many places, as on a circle, that would never end: the more intervals would be cut,
+the more their bounds may exceed it.
+
+The bound of an interval. A link's direction phi makes angles alpha and beta with the tangents at its two handles, the
+nearer to the leader first; the speeds v, over the leader's, obey v_next = v cos alpha / cos beta. A prime is a
+derivative by the leader's distance, kappa the signed curvature, and ``way`` -1 behind a head and 1 ahead of a tail:
+
+    phi' = (v_next sin beta - v sin alpha) / link,    alpha' = phi' + way kappa v,    beta' = phi' + way kappa v_next,
+    (log |v_next| - log |v|)' = tan beta beta' - tan alpha alpha'.
+
+All that stands on the right lies in balls between two states. Handles move one way (``motion_bounds``), so curvatures
+lie between those on the way, and an angle that is alpha_0 at one end and alpha_1 at the other is nowhere further from
+their middle than half of what it turns in between: half the link's swing and half of kappa times the handle's way; or,
+once alpha' is in a ball, half of the leader's way times |alpha'|, in which swing and kappa all but cancel. With slopes
+between a lowest and a highest, log |v| lies below the two lines from its ends, and its bound is where they meet. To it
+comes log of the leader's own speed, whose slope is its acceleration over its speed squared. Where a slope is unbounded,
+as where a handle turns back or the leader comes to rest, the product of the largest ratios bounds the speed. As
+intervals shrink the bound comes down with the square of their length, and where a handle passes a joint, so that a
+curvature jumps, with the length.
+
+Where the first segment winds in behind a leading head, no handle on it is faster than the one before it: curvature
+grows to the front, and of a chord's two angles with an arc that turns by less than pi the one at the more curved end is
+the larger (Vogt 1914). So only handles beyond it are followed; on a single spiral, those beyond where a link's arc
+could turn by pi.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, inf, isfinite
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain, marched_many
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
+from dragon_ros.core.enclosures.motion_bounds import curvatures_between, divisible, swing_rad, turning_back_m
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tiers import best_m
+from dragon_ros.core.tracks.composite import Track
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+
+_SPACING_M = 0.1        # of the leader's way, of the first intervals
+_PARTS = 4              # into which an interval is cut
+_AT_ONCE = 128          # intervals
+_PASSES = 6             # in which rates narrow the angles; with fewer, long chains need shorter intervals
+_SAME = 1e-12           # speeds within this, in parts, are the same
+_APART_M = 1e-9         # before the segment that winds in ends: to its end itself rounding could tell either way
+_PRECISE = Effort(1e-8)     # a Newton step whose square is below what floats keep
+_MOST = 2_000_000       # intervals of the first cut
+_BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (see ``min_pitch``)
+_SURE = 1.98            # curvature times link below which a link spans an arc that turns by less than pi (2 would do)
+
+
+@dataclass(frozen=True)
+class MaxSpeed:
+    """The largest speed of any handle in a run over the leader's largest: of which handle (the first of equals), where.
+
+    ``gone_m`` is what the leader has gone since t = 0 then, ``along_m`` its distance along the track (of a turn: from
+    the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run: proved, with what
+    rounding may put speeds off. ``looks`` counts the states that were computed.
+
+    Under a limit the leader's largest speed may therefore be limit / ratio. A profile is scaled as a whole: all its
+    speeds by one factor and all its times by the inverse, so that the leader passes the same places. Of a leader that
+    rests for the whole run the ratio is that of the place where it rests.
+    """
+
+    ratio: float
+    handle: int
+    gone_m: float
+    along_m: float
+    bound: float
+    looks: int
+
+
+def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: None) -> MaxSpeed:
+    """Return the fastest handle over the scene's run.
+
+    ``progress(looks)`` is called with every number of states just computed. Raises FieldError for a run that reaches a
+    lock, where speeds have no bound, or that ends so near to one that floats tell none.
+    """
+    end = compile_scene(scene).end
+    if end.reason == 'lock':
+        raise FieldError('run.stop_s', scene.run.stop_s, f'the run reaches a lock at {end.t_s:.6f} s, and near the '
+                         'lock speeds have no bound', 'stop earlier')
+    found = _Search(scene, progress).run()
+    if not isfinite(found.bound):
+        raise FieldError('run.stop_s', scene.run.stop_s, 'the run comes so near to a lock that floats tell no bound of '
+                         'the speeds', 'stop earlier')
+    return found
+
+
+class _Search:
+    """Branch and bound over times. The best so far: log of the largest speed met, when, and of which handle."""
+
+    def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
+        self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
+        self._looks, self._tell = 0, progress
+        self._best, self._bound = (-inf, scene.run.start_s, 0), -inf
+        leader = self._leader
+        self._behind_m = np.concatenate(([0.0], np.cumsum(leader.links_m)))    # at least, behind the head
+        self._sure_m = _sure_m(leader.track, leader.links_m) if leader.direction == BEHIND else -inf
+
+    def run(self) -> MaxSpeed:
+        """Return the fastest handle."""
+        intervals = self._first()
+        while intervals.size:
+            tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
+                intervals, ceil(intervals.shape[1] / _AT_ONCE), axis=1)], axis=1)
+            more = tops - self._best[0]
+            near = _SAME * max(1.0, (np.count_nonzero(more > _SAME) / _AT_ONCE)**2)
+            higher = (more > near) & divisible(*intervals) & divisible(*ways)
+            self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
+            starts, stops = intervals[:, higher]
+            cuts = np.linspace(starts, stops, _PARTS + 1, axis=1)
+            intervals = np.stack((cuts[:, :-1].ravel(), cuts[:, 1:].ravel()))
+        top, t_s, handle = self._best
+        leader, gone = self._leader, self._scene.head.travelled_m(t_s)
+        with np.errstate(over='ignore'):
+            ratio, bound = (float(np.exp(log)) for log in (top, max(self._bound, top)))
+        number = handle if leader.direction == BEHIND else leader.links_m.size - handle
+        return MaxSpeed(ratio, number, float(gone[0]) + 0.0,
+                        leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
+
+    def _first(self) -> Floats:
+        """Return the first intervals (2, M): cut at the law's breaks, where handles turn back, and finely enough."""
+        start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
+        times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
+        gone = [self._gone_m(t_s) for t_s in times]
+        cuts = turning_back_m(self._leader, min(gone), max(gone))
+        if isfinite(self._sure_m):
+            cuts.append(self._sure_m - _APART_M - self._leader.start_m)
+        parts, count = list[tuple[float, float, int]](), 0
+        for pair, ways in zip(pairwise(times), pairwise(gone), strict=True):
+            inner = sorted(self._when_s(cut, *pair) for cut in cuts if min(ways) < cut < max(ways))
+            for low_s, high_s in pairwise([pair[0], *inner, pair[1]]):
+                part = self._count(low_s, high_s)
+                parts.append((low_s, high_s, part))
+                count += part
+        parts.append((stop_s, stop_s, 1))       # the law may jump there
+        if count > _MOST:
+            raise FieldError('run.stop_s', self._scene.run.stop_s, f'the leader goes {count * _SPACING_M:.3g} m and no '
+                             f'more than {_MOST * _SPACING_M:.3g} m can be searched', 'stop earlier')
+        nodes = [np.linspace(low_s, high_s, part + 1) for low_s, high_s, part in parts]
+        return np.concatenate([np.stack((one[:-1], one[1:])) for one in nodes], axis=1)
+
+    def _count(self, low_s: float, high_s: float) -> int:
+        ends = [self._gone_m(t_s) for t_s in (low_s, high_s)]
+        if not self._links(max(ends)):
+            return 1        # there the leader is the fastest
+        return max(1, ceil(abs(ends[1] - ends[0]) / _SPACING_M))
+
+    def _gone_m(self, t_s: float) -> float:
+        return float(self._scene.head.travelled_m(t_s)[0])
+
+    def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
+        """Return when the leader has gone so far, between two times between which it goes one way."""
+        return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
+                        self._gone_m(high_s) - gone_m)
+
+    def _links(self, gone_m: float) -> int:
+        """Return how many links from the leader on have rear handles that may be faster than all before them."""
+        if self._leader.direction != BEHIND:
+            return self._leader.links_m.size
+        beyond = self._leader.start_m + gone_m - self._sure_m
+        return int(np.searchsorted(self._behind_m[:-1], beyond))
+
+    def _bounds(self, intervals: Floats) -> Floats:
+        """Return bounds of log speed on intervals (2, M), and where the leader is at their ends; note speeds there.
+
+        In rows (4, M): bounds without and with rounding, then metres gone at the starts and at the stops. A speed is
+        promised relative to itself: what positions err, by the mean link, times the square of how much faster than the
+        leader it is (docs/model.md).
+        """
+        times, index = np.unique(intervals, return_inverse=True)
+        states = self._states(times)
+        starts, stops = index.reshape(2, -1)
+        law = self._law.between(*intervals)
+        for rows, speed, t_s in ((starts, law.start, intervals[0]), (stops, law.stop, intervals[1])):
+            self._note(states.log[rows] + speed[:, None], t_s)
+        back = states.gone_m[starts] > states.gone_m[stops]
+        tops = bounds(states.rows(np.where(back, stops, starts)), states.rows(np.where(back, starts, stops)),
+                      law.swapped(back))
+        with np.errstate(over='ignore'):
+            sure = tops + self._relative(states) * np.exp(2 * tops)
+        return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
+
+    def _relative(self, states: 'States') -> Floats:
+        """Return what the positions of each handle (K+1,) and of those nearer to the leader err, by the mean link."""
+        mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
+        if not mean_m:      # all handles are one
+            return np.zeros(1)
+        return np.array([best_m(size) / mean_m for size in np.maximum.accumulate(states.size_m).tolist()])
+
+    def _states(self, times_s: Floats) -> 'States':
+        self._looks += times_s.size
+        self._tell(times_s.size)
+        leader, gone = self._leader, self._scene.head.travelled_m(times_s)
+        links = leader.links_m[:self._links(float(np.max(gone[0])))]
+        chains = marched_many(leader.track, links, leader.places(gone), leader.direction, _PRECISE)
+        return states_of(chains, gone[0], leader.direction)
+
+    def _note(self, log: Floats, times_s: Floats) -> None:
+        tops = np.max(log, axis=1)
+        row = int(np.argmax(tops))
+        if tops[row] > self._best[0]:
+            self._best = float(tops[row]), float(times_s[row]), int(np.argmax(log[row] > tops[row] - _SAME))
+
+
+def _sure_m(track: Track, links_m: Floats) -> float:
+    """Return the distance along the track up to which no handle is faster than the one before it; -inf if none is."""
+    if track.from_afar is None:
+        return -inf
+    if not track.may_lock:       # all links turn by less than pi
+        return track.end_of_first_m
+    b_m = track.from_afar.curve.b_m
+    inner = _BENT * float(np.max(links_m)) / (_SURE * b_m)
+    return float(track.distances(np.zeros(1, dtype=np.int64), np.array([inner]))[0])
+
+
+@dataclass(frozen=True)
+class LawBetween:
+    """Of M intervals: log of the leader's speed over its largest at the start and the stop, its slope by distance."""
+
+    start: Floats
+    stop: Floats
+    slope: Ball
+
+    def swapped(self, which: Array) -> 'LawBetween':
+        """Return some intervals with start and stop the other way round."""
+        return LawBetween(np.where(which, self.stop, self.start), np.where(which, self.start, self.stop), self.slope)
+
+
+@dataclass(frozen=True)
+class _Steady:
+    """A speed that is always the same."""
+
+    def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
+        """Return 0: the logarithm of 1."""
+        none = np.zeros(start_s.shape)
+        return LawBetween(none, none, Ball(none, none))
+
+
+@dataclass(frozen=True)
+class _Varying:
+    """The speeds of a profile over their largest in the run."""
+
+    law: Profile
+    largest_m_s: float
+
+    def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
+        """Return speeds and slopes on intervals between the law's breaks; at a jump the speed on the interval's side.
+
+        By distance the slope of log |v| is dv/dt / v^2. At rest it has no bound, and log |v| is -inf.
+        """
+        pairs = list(zip(start_s.tolist(), stop_s.tolist(), strict=True))
+        at, before = self.law.speed_at_m_s, self.law.speed_before_m_s
+        v = np.abs([[at(low), before(high) if low < high else at(high)] for low, high in pairs])
+        rate = np.array([self.law.acceleration_range_m_s2(*pair) for pair in pairs])
+        with np.errstate(divide='ignore', invalid='ignore', over='ignore'):
+            log = np.log(v / self.largest_m_s)
+            slopes = (rate[:, :, None] / (v * v)[:, None, :]).reshape(-1, 4)
+            slope = between(np.min(slopes, axis=1), np.max(slopes, axis=1))
+        bounded = np.isfinite(slope.mid) & np.isfinite(slope.rad)
+        return LawBetween(log[:, 0], log[:, 1], Ball(np.where(bounded, slope.mid, 0.0),
+                                                     np.where(bounded, slope.rad, np.inf)))
+
+
+def _law_of(scene: Scene) -> _Steady | _Varying:
+    """Return the leader's speed over its largest in the run; steady where it rests all the time."""
+    if isinstance(scene.head, Head):
+        return _Steady()
+    start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
+    ends = [start_s, *(t_s for t_s in scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
+    assert isinstance(scene.head, Profile)      # a led one has no breaks to tell
+    at, before = scene.head.speed_at_m_s, scene.head.speed_before_m_s
+    largest = max(*(abs(at(t_s)) for t_s in ends), *(abs(before(t_s)) for t_s in ends[1:] if start_s < stop_s))
+    return _Varying(scene.head, largest) if largest else _Steady()
+
+
+@dataclass(frozen=True)
+class States:
+    """M states of a chain, handles in order from the leader: K links in metres, and (M, K+1) or (M, K) values.
+
+    ``log`` are the logs of speeds over the leader's, ``alpha`` and ``beta`` the links' angles with the track at the
+    handle nearer to the leader and at the other one, ``along_m`` distances along the track, ``segment`` and ``bend``
+    segments and signed curvatures there, ``size_m`` (K+1,) how far from the origin each handle is at most.
+    """
+
+    track: Track
+    links_m: Floats
+    way: int
+    gone_m: Floats
+    log: Floats
+    alpha: Floats
+    beta: Floats
+    along_m: Floats
+    segment: Ints
+    bend: Floats
+    size_m: Floats
+
+    def rows(self, index: Ints) -> 'States':
+        """Return some of the states."""
+        return States(self.track, self.links_m, self.way, self.gone_m[index], self.log[index], self.alpha[index],
+                      self.beta[index], self.along_m[index], self.segment[index], self.bend[index], self.size_m)
+
+
+def states_of(chains: Chain, gone_m: Floats, way: int) -> States:
+    """Return the states of chains (M) whose leaders have gone so far."""
+    links = RigidLinks(chains.p, chains.links_m, chains.headings, HEAD if way == BEHIND else TAIL)
+    order = slice(None, None, -way)
+    front, rear = _angle(chains.headings[:, :-1], links.axis), _angle(chains.headings[:, 1:], links.axis)
+    alpha, beta = (angle[:, order] for angle in ((front, rear) if way == BEHIND else (rear, front)))
+    with np.errstate(divide='ignore'):      # a handle that turns back rests
+        log = np.cumsum(np.log(np.abs(np.cos(alpha))) - np.log(np.abs(np.cos(beta))), axis=1)
+    segment, u, track = chains.segment[:, order], chains.u[:, order], chains.track
+    return States(track, chains.links_m[order], way, gone_m, np.insert(log, 0, 0.0, axis=1), alpha, beta,
+                  track.distances(segment, u), segment, track.curvatures(segment, u),
+                  np.max(np.hypot(chains.p[..., 0], chains.p[..., 1]), axis=0)[order])
+
+
+def _angle(a: Floats, b: Floats) -> Floats:
+    """Return the angles from vectors a to vectors b."""
+    out: Floats = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], np.sum(a * b, axis=-1))
+    return out
+
+
+def bounds(a: States, b: States, law: LawBetween) -> Floats:
+    """Return bounds (M, K+1) of the logs of speeds between states a and b, the leader further on in b."""
+    with np.errstate(all='ignore'):
+        slopes, most = _slopes(a, b)
+        slope = slopes + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
+        low, high = slope.mid - slope.rad, slope.mid + slope.rad
+        start, stop, step = a.log + law.start[:, None], b.log + law.stop[:, None], (b.gone_m - a.gone_m)[:, None]
+        meet = start + high * (stop - start - low * step) / (high - low)
+        lines = np.maximum(np.maximum(start, stop), np.where((low < 0) & (high > 0), meet, -np.inf))
+        crude = most + np.maximum(law.start, law.stop)[:, None]
+    sure = np.isfinite(slope.rad) & np.isfinite(slope.mid) & np.isfinite(lines)
+    out: Floats = np.fmin(np.where(sure, lines, np.inf), np.where(np.isnan(crude), np.inf, crude))
+    return out
+
+
+def _slopes(a: States, b: States) -> tuple[Ball, Floats]:
+    """Return the slopes (M, K+1) of all logs by the leader's distance, and bounds of the logs by the largest ratios."""
+    bend, alpha, beta = _angles(a, b)
+    none = Ball(np.zeros_like(bend.mid[:, :1]), np.zeros_like(bend.mid[:, :1]))
+    share = np.where(a.links_m > 0, 1 / np.where(a.links_m > 0, a.links_m, 1.0), 0.0)
+    half = 0.5 * (b.gone_m - a.gone_m)[:, None]
+    for last in range(_PASSES, -1, -1):
+        (sin_a, cos_a), (sin_b, cos_b) = alpha.sin_cos(), beta.sin_cos()
+        ratio = cos_a * cos_b.inverse()
+        v = side_by_side([none + 1.0, ratio.running_product()])
+        turned = a.way * bend * v
+        phi = (v[:, 1:] * sin_b - v[:, :-1] * sin_a) * share
+        alpha_1, beta_1 = phi + turned[:, :-1], phi + turned[:, 1:]
+        if last:
+            alpha, beta = (Ball(angle.mid, np.fmin(angle.rad, np.where(a.links_m > 0, half * rate.most, 0.0)))
+                           for angle, rate in ((alpha, alpha_1), (beta, beta_1)))
+    slopes = sin_b * cos_b.inverse() * beta_1 - sin_a * cos_a.inverse() * alpha_1
+    most = np.insert(np.cumsum(np.log(ratio.most), axis=1), 0, 0.0, axis=1)
+    return side_by_side([none, slopes.running_sum()]), most
+
+
+def _angles(a: States, b: States) -> tuple[Ball, Ball, Ball]:
+    """Return the curvatures at handles (M, K+1), and the angles of links (M, K), between two states each."""
+    bend = curvatures_between(a.track, (a.segment, b.segment), (a.bend, b.bend))
+    moved_m, front, rear = np.abs(b.along_m - a.along_m), slice(None, -1), slice(1, None)
+    across = curvatures_between(a.track, [state.segment[:, part] for state in (a, b) for part in (front, rear)],
+                                [state.bend[:, part] for state in (a, b) for part in (front, rear)]).most
+    swing = swing_rad(across, a.links_m, moved_m[:, front] + moved_m[:, rear])
+    turned = bend.most * moved_m
+    alpha, beta = (Ball(0.5 * (one + other), np.where(a.links_m > 0, 0.5 * (swing + own), 0.0))
+                   for one, other, own in ((a.alpha, b.alpha, turned[:, front]), (a.beta, b.beta, turned[:, rear])))
+    return bend, alpha, beta

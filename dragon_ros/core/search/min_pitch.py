@@ -1,0 +1,327 @@
+"""The smallest pitch at which the head comes in to a circle without any contact on the way, between bounds.
+
+Contact need not be monotone in the pitch: benches also slip past each other. What is sought is the largest pitch that
+has a contact on the way, and the plane of (radius of the head, pitch) is searched by branch and bound, from the largest
+pitch down. A touching pair anywhere is a bound from below. A cell of the plane is clear, and with it every pitch and
+radius in it, where each pair has an edge from which it is apart at all four corners by more than what the benches'
+corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and
+B2 bound second derivatives by radius and scale on the whole cell, which is proved (``bending``,
+``by_scale``).
+
+All is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times
+as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the leading
+handle; a *winding* is a little more than the turn of the chain behind it.
+
+Bounds are rounded outwards as those of the first contact are: balls by themselves, separations by what
+``signed_distance.rounding_m`` says, polar angles by what positions may err.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass
+from math import asin, ceil, isclose, log, pi, sqrt
+
+import numpy as np
+
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
+from dragon_ros.core.checks import number
+from dragon_ros.core.enclosures.ball_arithmetic import between
+from dragon_ros.core.enclosures.by_scale import bend_by_scale
+from dragon_ros.core.enclosures.on_spiral import ABOVE, bend
+from dragon_ros.core.errors import DragonError, FieldError
+from dragon_ros.core.geometry.narrow_phase import line_distance
+from dragon_ros.core.geometry.signed_distance import rounding_m
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.vectors import dot, left
+from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.chord import steps
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spiral import points
+
+_WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's way about the centre, and part of the pitch
+_AT_ONCE, _MOST = 256, 100_000      # cells
+_OUTWARDS = 1 + 2.0**-50    # a pitch: it is the quotient of a rounded number and a scale
+_SAME = 1e-15               # of a pitch: it is the inverse of a scale, rounded twice
+_BENT = 1.09                # no spiral's curvature exceeds 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
+
+
+@dataclass(frozen=True)
+class MinPitch:
+    """Between ``low_m``, a pitch with a contact, and ``high_m``: from there on to ``largest_m`` none has one.
+
+    At ``low_m`` ``benches`` touch with the head's front handle at ``radius_m``; ``states`` counts the windings that
+    were placed.
+    """
+
+    low_m: float
+    high_m: float
+    benches: tuple[int, int]
+    radius_m: float
+    largest_m: float
+    states: int
+
+
+@dataclass(frozen=True)
+class Task:
+    """A dragon that comes in from ``turns`` turns to a circle of ``radius_m``, for pitches up to ``largest_m``."""
+
+    dragon: AnyDragon
+    radius_m: float
+    turns: float
+    largest_m: float
+    within_m: float
+
+    @property
+    def smallest_m(self) -> float:
+        """The pitch at which the head starts on the circle."""
+        return self.radius_m / self.turns
+
+    def widest_m(self, pitch_m: float, first: int) -> float:
+        """Return a bound of the radius at which the front handle of the head (0) or a body bench (1) can be.
+
+        An arc of curvature at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b a metre.
+        """
+        bend = 0.5 * _BENT / self.radius_m
+        arc = sum(asin(bend * link) / bend for link in self.dragon.link_lengths_m.tolist()) if first else 0.0
+        return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
+
+    def innermost_m(self, pitch_m: float, first: int) -> float:
+        """Return a bound of the radius, for this pitch and larger ones: an arc is at least as long as its chord."""
+        b_m, radius_m = pitch_m / (2 * pi), self.radius_m
+        inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
+        return sqrt(radius_m**2 + inward * first)
+
+
+def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
+              largest_m: float = 1.0, within_m: float = 2e-11,
+              progress: Callable[[int], object] = lambda states: None) -> MinPitch:
+    """Return the smallest pitch from which on, up to ``largest_m``, the head reaches the circle without contact.
+
+    The head starts at ``start_turns``; the circle of ``diameter_m`` is about the centre. ``low_m`` and ``high_m``
+    differ by at most ``within_m``. ``progress(states)`` is called with every number of states just computed. Raises
+    FieldError where there is no such pitch or benches touch at ``largest_m``, DragonError where none can be proved,
+    ChainLockError where a link is longer than the circle is wide.
+    """
+    task = _task(dragon or Dragon(), diameter_m, start_turns, largest_m, within_m)
+    head = _Search(task, 0, task.smallest_m, progress)
+    low_m, high_m = head.run()
+    if not head.touch:
+        raise FieldError('start_turns', start_turns, f'no pitch from {low_m:.6g} m on, where the head starts on the '
+                         'circle, has a contact', 'start further out or give a smaller circle')
+    radius_m, pitch_m, bench = head.touch
+    if isclose(pitch_m, largest_m, rel_tol=_SAME):
+        raise FieldError('largest_m', largest_m, f'benches 0 and {bench} touch at it, with the head at radius '
+                         f'{radius_m:.6g} m', 'give a larger one')
+    body = _Search(task, 1, high_m, progress)
+    body.run()
+    if body.touch:
+        radius_m, pitch_m, bench = body.touch
+        raise DragonError(f'min-pitch: the body may touch itself at a pitch of {pitch_m:.9g} m, {bench} benches apart '
+                          f'at radius {radius_m:.6g} m, where the head does not; such dragons are not covered')
+    radius_m, low_m, bench = head.touch
+    return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)
+
+
+def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: float, within_m: float) -> Task:
+    if dragon.benches < 3:
+        raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
+                         'give at least 3')
+    if not is_even(dragon.link_lengths_m):
+        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'the search takes benches that are equal '
+                         'behind the head', 'make them equal; `contact` takes a mixed dragon at one pitch')
+    radius_m = 0.5 * number('diameter_m', diameter_m, above=0.0, high=1e6)
+    number('start_turns', start_turns, above=0.0, high=1e4)
+    number('largest_m', largest_m, above=radius_m / start_turns, high=1e6)
+    number('within_m', within_m, low=2e-11, high=1.0)
+    longest = float(np.max(dragon.link_lengths_m))
+    if not np.all(dragon.link_lengths_m):
+        raise FieldError('dragon.hole_inset_m', dragon.hole_inset_m, 'links of no length are not covered',
+                         'give a smaller one')
+    if _BENT * longest >= 2 * radius_m:
+        raise FieldError('diameter_m', diameter_m, f'a link is {longest:.6g} m long', 'give a larger circle')
+    return Task(dragon, radius_m, start_turns, largest_m, within_m)
+
+
+class _Search:
+    """Branch and bound of one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
+
+    Cells are columns (4, n): radius in m from, to, scale from, to; a larger scale is a smaller pitch. ``touch`` is
+    (radius in m, pitch in m, bench) of the contact with the largest pitch that was met.
+    """
+
+    def __init__(self, task: Task, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
+        self.task, self.first, self.states, self._tell = task, first, 0, progress
+        self.touch: tuple[float, float, int] | None = None
+        self._best = 2 * pi / floor_m
+        size_m = task.widest_m(task.largest_m, 1)
+        self._effort = EXACT.effort(size_m, float(np.sum(task.dragon.link_lengths_m)))
+        self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # both benches may be off
+
+    def run(self) -> tuple[float, float]:
+        """Return (pitch with a contact or the floor, pitch from which on all is clear)."""
+        cells, done = self._grid(), 0
+        while cells.shape[1]:
+            cells = cells[:, np.argsort(cells[2], kind='stable')]
+            if 2 * pi / cells[2, 0] - 2 * pi / self._best <= self.task.within_m:
+                break
+            if done > _MOST:
+                raise DragonError(f'min-pitch: nothing is proved below a pitch of {2 * pi / cells[2, 0]:.9g} m after '
+                                  f'{done} cells; there may be benches that always all but touch')
+            halves = self._halves(cells[:, :_AT_ONCE])
+            done += min(_AT_ONCE, cells.shape[1])
+            cells = np.concatenate((cells[:, _AT_ONCE:], halves), axis=1)
+            cells = cells[:, cells[2] < self._best]
+        return 2 * pi / self._best, _OUTWARDS * 2 * pi / (float(cells[2, 0]) if cells.shape[1] else self._best)
+
+    def _grid(self) -> Floats:
+        """Return the first cells: strips of pitch, each as long as the way at its larger pitch.
+
+        What corners sag goes with the square of the angle, and little with the radius; gaps do not shrink further out.
+        """
+        task, low = self.task, 2 * pi / self.task.largest_m
+        scales = np.geomspace(low, self._best, max(1, ceil(log(self._best / low) / _STEP)) + 1)
+        inner_m, strips = task.innermost_m(2 * pi / self._best, self.first), []
+        for small, large in zip(scales[:-1].tolist(), scales[1:].tolist(), strict=True):
+            outer_m = max(inner_m, task.widest_m(2 * pi / small, self.first))
+            radii_m = np.linspace(inner_m, outer_m, 2 + int((outer_m - inner_m) * small / _WAY_RAD))
+            strips.append(np.stack((radii_m[:-1], radii_m[1:], *(np.full(radii_m.size - 1, each)
+                                                                 for each in (small, large)))))
+        return np.concatenate(strips, axis=1)
+
+    def _halves(self, cells: Floats) -> Floats:
+        """Compute the corners of cells; return the halves of those that are not clear."""
+        corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
+        places, where = np.unique(corners, axis=1, return_inverse=True)
+        placed = self._windings(places[0], places[1])
+        separation = separations(self.task.dragon, self.first, placed)
+        self._note(places, separation)
+        ends = where.reshape(4, -1)
+        apart, sag = separation[ends], self._sags(cells, placed, ends)
+        self._check_rest(cells, placed, ends)
+        half = float(np.max(self.task.dragon.bench_lengths_m) + self.task.dragon.width_m) / 2
+        off = rounding_m(np.max(placed.theta[ends, -1], axis=0) / cells[2], half) * cells[3]
+        low = np.min(apart, axis=0) - np.sum(sag, axis=-1) - off[:, None, None]
+        pair = np.argmin(np.max(low, axis=-1), axis=1)
+        each = np.arange(pair.size)
+        edge = np.argmax(low[each, pair], axis=-1)
+        unclear = (low[each, pair, edge] <= self._tolerance_m * cells[3]) & (cells[2] < self._best)
+        return _halved(cells, apart[:, each, pair, edge], sag[each, pair, edge], unclear)
+
+    def _windings(self, radius_m: Floats, scale: Floats) -> 'Windings':
+        """Return a little more than the turn of the chain behind each place."""
+        self.states += scale.size
+        self._tell(scale.size)
+        dragon = self.task.dragon
+        around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
+        link = max(float(dragon.link_lengths_m[-1]), 1e-3 * around)
+        follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / link))
+        return windings(dragon, self.first, follow, radius_m, scale, self._effort)
+
+    def _sags(self, cells: Floats, placed: 'Windings', ends: Ints) -> Floats:
+        """Return how far corners of benches can sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
+        benches = slice(self.first, self.first + placed.delta.shape[1])
+        dragon, scale = self.task.dragon, cells[2:, :, None]
+        arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
+        link = dragon.link_lengths_m[benches]
+        chord = between(scale[0] * link, scale[1] * link)
+        off = self._angle_errors(placed.theta[ends[0]], scale[1])
+        theta = between(placed.theta[ends[0]], placed.theta[ends[3]], off)
+        delta = between(placed.delta[ends[1]], placed.delta[ends[2]], 2 * off[:, :-1])
+        by_radius = bend(theta, delta, chord, arm) * (scale[1] * (cells[1] - cells[0])[:, None])[..., None] ** 2
+        by_scale = bend_by_scale(theta, delta, chord, arm) * ((scale[1] - scale[0]) / scale[0])[..., None] ** 2
+        out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 1, 1, 0, 0, 1, 1]] * (ABOVE / 8)
+        return out
+
+    def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
+        """Return what polar angles may err by: twice what positions may, over a handle's way a radian."""
+        out: Floats = self._tolerance_m * scale / np.maximum(theta, 1.0)
+        return out
+
+    def _check_rest(self, cells: Floats, placed: 'Windings', ends: Ints) -> None:
+        """Refuse cells in which a bench further behind than those placed could come near.
+
+        In metres the leading bench is within its rear handle's radius, which is largest at the larger radius and pitch,
+        and its overhang. The last link's line is l^2 - (delta / scale)^2 over 2 l tan(delta / 2) from the centre: no
+        less than for the largest delta and smallest scale. Links further behind lie further out (docs/contact.md).
+        """
+        dragon, count = self.task.dragon, placed.delta.shape[1]
+        if count == dragon.benches - self.first:
+            return
+        overhang = 0.5 * (dragon.bench_lengths_m[self.first] - dragon.link_lengths_m[self.first])
+        reach = placed.theta[ends[2], 1] / cells[2] + np.hypot(overhang, 0.5 * dragon.width_m)
+        link, off = float(dragon.link_lengths_m[-1]), self._angle_errors(placed.theta[ends[1], -2], cells[3])
+        line = line_distance(link * cells[2], placed.delta[ends[1], -1], 2 * off) / cells[2] - 0.5 * dragon.width_m
+        if np.any(line <= reach + 2 * self._tolerance_m):
+            raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')
+
+    def _note(self, places: Floats, separation: Floats) -> None:
+        """Keep the touching place with the largest pitch; the head is never further out than where it starts."""
+        radius_m, scale = places
+        outer = np.inf if self.first else 2 * pi * self.task.turns / scale
+        gap = np.max(separation, axis=-1)
+        touching = np.flatnonzero(np.any(gap <= -self._tolerance_m * scale[:, None], axis=1) & (radius_m <= outer))
+        if touching.size:
+            n = touching[np.argmin(scale[touching])]
+            if scale[n] < self._best or self.touch is None:
+                self._best = min(self._best, float(scale[n]))
+                self.touch = float(radius_m[n]), 2 * pi / float(scale[n]), int(np.argmin(gap[n])) + 2
+
+
+def _halved(cells: Floats, corner: Floats, sag: Floats, which: Floats) -> Floats:
+    """Return the halves of some cells, each cut where it differs more; ``corner`` (4, n) are separations there."""
+    place, scale = 0.5 * np.abs(corner[2] + corner[3] - corner[0] - corner[1]), 0.5 * np.abs(
+        corner[1] + corner[3] - corner[0] - corner[2])
+    cut = np.where(place + sag[:, 0] >= scale + sag[:, 1], 0, 2)[which]
+    lower, upper, each = cells[:, which], cells[:, which], np.arange(cut.size)
+    middle = 0.5 * (lower[cut, each] + lower[cut + 1, each])
+    lower[cut + 1, each] = upper[cut, each] = middle
+    return np.concatenate((lower, upper), axis=1)
+
+
+@dataclass(frozen=True)
+class Windings:
+    """M windings, in units of b: handles, what links span, and their directions ``axis`` (M, N, 2) to the front."""
+
+    theta: Floats
+    delta: Floats
+    p: Floats
+    axis: Floats
+    scale: Floats
+
+
+def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats, effort: Effort) -> 'Windings':
+    """Place ``follow`` benches behind radii (M,) on spirals of the given scales; the first is bench ``first``.
+
+    Raises ChainLockError where a link finds no place.
+    """
+    links = dragon.link_lengths_m[first:first + follow]
+    theta, delta = [scale * radius_m], list[Floats]()
+    for i, link in enumerate(links.tolist()):
+        chord = link * scale
+        if i < 2 or link != links[i - 1]:
+            guess = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta[i] + np.pi)))
+        else:
+            square = delta[-1] * (theta[i] + theta[i - 1])
+            guess = square / (theta[i] + np.sqrt(theta[i] ** 2 + square))
+        delta.append(steps(theta[i], chord, guess, effort.newton)[0])
+        theta.append(theta[i] + delta[i])
+    places = np.stack(theta, axis=1)
+    p = points(1.0, places, np.zeros_like(places))
+    axis = p[:, :-1] - p[:, 1:]
+    return Windings(places, np.stack(delta, axis=1), p, axis / np.hypot(axis[..., 0], axis[..., 1])[..., None], scale)
+
+
+def separations(dragon: AnyDragon, first: int, winding: Windings) -> Floats:
+    """Return how far the leading bench and those from the second behind it on are apart, (M, K, 8), in units of b.
+
+    Along four edges (two of the leading bench, two of the other), on either side: apart where any is positive.
+    """
+    count = winding.delta.shape[1]
+    half = 0.5 * dragon.bench_lengths_m[first:first + count] * winding.scale[:, None]
+    side = np.broadcast_to(0.5 * dragon.width_m * winding.scale[:, None], half.shape)
+    centre, u = 0.5 * (winding.p[:, :-1] + winding.p[:, 1:]), winding.axis
+    d, lead, other = centre[:, 2:] - centre[:, :1], u[:, :1], u[:, 2:]
+    c, s = np.abs(dot(lead, other)), np.abs(dot(left(lead), other))
+    offset = np.stack((dot(d, lead), dot(d, left(lead)), dot(d, other), dot(d, left(other))), axis=-1)
+    extent = np.stack((half[:, :1] + half[:, 2:] * c + side[:, 2:] * s, side[:, :1] + half[:, 2:] * s + side[:, 2:] * c,
+                       half[:, 2:] + half[:, :1] * c + side[:, :1] * s, side[:, 2:] + half[:, :1] * s
+                       + side[:, :1] * c), axis=-1)
+    return np.concatenate((offset - extent, -offset - extent), axis=-1)

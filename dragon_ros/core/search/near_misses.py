@@ -1,0 +1,284 @@
+"""Near misses: local minima of the gap of any two benches over time, below a threshold, before the first contact.
+
+Only intervals whose certified bound is below the threshold are sampled, so nothing is sampled where nothing is near.
+Benches that are alike have the same gaps at the same places: each minimum on a first spiral is found once for its
+class, and each bench of it gets there at a time of its own. Where the leader turns round, a gap that was closing has a
+minimum too. A dip that is narrower than the samples, or shallower than a nanometre, may be missed.
+"""
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain, marched_many
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.geometry.broad_phase import candidates, swept_pairs
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import ALL, Certificate, Contact, Interval, NoContact
+from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
+from dragon_ros.core.search.search_domain import SearchDomain
+from dragon_ros.core.tracks.segments import BEHIND
+
+MOST = 1000             # near misses that are told, the nearest first; the others are counted
+_SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
+_LIPSCHITZ = 2.0        # of a gap by the leader's way, about: how far above the threshold a sample of a dip may be
+_SHALLOW_M = 1e-9       # far above what gaps err by: shallower dips are not told from a constant gap
+_AT_ONCE = 64           # samples that are looked at together
+_GOLDEN = 0.5 * (5**0.5 - 1)
+_ROUNDS = 34            # of golden sections: 0.618^34 of 4 cm are 3 nm, less than a flat minimum resolves
+_REFINED = 1024         # minima that are refined together, for the memory
+_SAME_M = 1e-4          # of the leader's way: two minima of one pair that are nearer are one
+_CLOSING_M = 1e-6       # of the leader's way before it turns round: over so much a gap must have been closing
+_NEWTON = 8             # steps to a place: handles are about as fast as the leader, three are enough
+_THERE_M = 1e-9         # from a place that Newton was to find
+
+Pair = tuple[int, int]
+Gaps = Callable[[Floats, Ints], Floats]     # of places (M,) and pairs (..., 2): gaps (M, K) or (M,)
+
+
+@dataclass(frozen=True)
+class NearMiss:
+    """Where the gap of two benches (the inner first) is smallest: time in s and gap in m."""
+
+    benches: Pair
+    t_s: float
+    gap_m: float
+
+    @property
+    def bench(self) -> int:
+        """The outer one of the benches."""
+        return self.benches[1]
+
+
+@dataclass(frozen=True)
+class NearMisses:
+    """Near misses, the nearest first: at most ``MOST`` of ``count``."""
+
+    nearest: tuple[NearMiss, ...]
+    count: int
+
+
+@dataclass(frozen=True)
+class _Dip:
+    """A local minimum of a pair's gap over places."""
+
+    pair: Pair
+    place: float
+    gap_m: float
+
+
+@dataclass(frozen=True)
+class _Alike:
+    """A dip of the first bench of a class as another one of it has it, while the leader goes through a phase."""
+
+    dip: _Dip
+    bench: int
+    phase: tuple[float, float]
+
+
+def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
+                progress: Callable[[int], object] = lambda states: None) -> NearMisses:
+    """Return the near misses before the contact (or end) with gaps below ``below_m``; times are right to about 1e-5 s.
+
+    A place that the leader passes more than once gives one each time. ``progress(states)`` is called with every number
+    of states just evaluated.
+    """
+    end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
+    travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
+    dips, count = list[_Dip](), 0
+    for sense in travel.senses:
+        more, left_out = _in_domain(SearchDomain(scene, travel, sense, progress), found.certificate, below_m)
+        dips, count = dips + more, count + left_out
+    dips = _distinct(dips)
+    passed = travel.passages_s([dip.place for dip in dips])
+    misses = [NearMiss(dip.pair, t_s, dip.gap_m) for dip, times in zip(dips, passed, strict=True) for t_s in times]
+    misses += _at_reversals(scene, travel, below_m)
+    misses.sort(key=lambda miss: (miss.gap_m, miss.t_s))
+    return NearMisses(tuple(misses[:MOST]), count + len(misses))
+
+
+def _distinct(dips: list[_Dip]) -> list[_Dip]:
+    """Return dips without those of one pair that are the same."""
+    out: list[_Dip] = []
+    for dip in sorted(dips, key=lambda dip: (dip.pair, dip.place)):
+        if not out or out[-1].pair != dip.pair or dip.place - out[-1].place > _SAME_M:
+            out.append(dip)
+    return out
+
+
+def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
+    """Return the dips of a domain, at places of the leader, and how many are left out of the list."""
+    out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
+    alike: list[_Alike] = []
+    for part in classes_of(domain) if domain.track.from_afar else []:
+        dips = [*_of_class(domain, part, proof.led_by(part.lead), below_m)]
+        alike += _reached(domain, part, dips) if dips else []
+    alike.sort(key=lambda each: each.dip.gap_m)
+    for phase in dict.fromkeys(each.phase for each in alike[:MOST]):
+        out += _at_places(domain, phase, [each for each in alike[:MOST] if each.phase == phase])
+    return out, max(0, len(alike) - MOST)
+
+
+def _of_chain(domain: SearchDomain, near: list[Interval], below_m: float) -> list[_Dip]:
+    """Return the dips of all pairs where the whole chain was cleared."""
+    out: list[_Dip] = []
+    ends = domain.start_m, domain.stop_m
+    for span in _spans([(each.start_m, each.stop_m) for each in near]):
+        low, high = sorted(domain.gone_at(0, along_m, ends) for along_m in span)
+
+        def gaps_at(places: Floats, pairs: Ints) -> Floats:
+            return _gaps(domain.chains(places), domain, 0, pairs)
+
+        brackets = []
+        for places in _grids(max(low - _SPACING_M, min(ends)), min(high + _SPACING_M, max(ends)), _SPACING_M):
+            chain = domain.chains(places)
+            pairs = np.stack(swept_pairs(benches_of(chain, domain.dragon, axes_of(chain)).corners, below_m), axis=1)
+            if pairs.size:
+                brackets.append(_bracketed(places, pairs, _gaps(chain, domain, 0, pairs), below_m))
+        out += _dips(gaps_at, brackets, below_m)
+    return out
+
+
+def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interval], below_m: float) -> Iterator[_Dip]:
+    """Yield the dips of a class's first bench with those behind, at polar angles of its front handle."""
+    segment, origin_m, lead = domain.track.segments[0], domain.track.origins_m[0], part.lead
+    links_m = domain.dragon.link_lengths_m
+    ends = [(segment.after(each.start_m - origin_m).hi, segment.after(each.stop_m - origin_m).hi) for each in proof]
+    least, most = min(map(min, ends), default=0.0), max(map(max, ends), default=0.0)
+    for low, high in _spans([pair for pair, each in zip(ends, proof, strict=True) if each.bound_m < below_m]):
+        step = _SPACING_M / abs(segment.rate(high))
+        behind = part.sampler(np.array([low, high])).follow
+
+        def gaps_at(places: Floats, pairs: Ints, behind: int = behind) -> Floats:
+            leaders = np.zeros(places.size, dtype=np.int64), places, np.zeros_like(places)
+            chain = marched_many(domain.track, links_m[lead:lead + behind], leaders, BEHIND, domain.effort)
+            return _gaps(chain, domain, lead, pairs)
+
+        pairs = np.stack((np.full(behind - 2, lead), lead + 2 + np.arange(behind - 2)), axis=1)
+        grids = _grids(max(low - step, least), min(high + step, most), step) if pairs.size else ()
+        yield from _dips(gaps_at, [_bracketed(places, pairs, gaps_at(places, pairs), below_m) for places in grids],
+                         below_m)
+
+
+def _gaps(chain: Chain, domain: SearchDomain, first: int, pairs: Ints) -> Floats:
+    """Return the gaps of pairs (K, 2) in M chains from bench ``first`` on, (M, K); of (M, 1, 2) one each, (M, 1)."""
+    dragon, count = domain.dragon, chain.links_m.size
+    centre = 0.5 * (chain.p[:, :-1] + chain.p[:, 1:])
+    half_length = np.broadcast_to(0.5 * dragon.bench_lengths_m[first:first + count], centre.shape[:2])
+    benches = Benches(centre, axes_of(chain), half_length, np.full(centre.shape[:2], 0.5 * dragon.width_m))
+    row = np.arange(centre.shape[0])[:, None]
+    return gaps(benches, (row, pairs[..., 0] - first), (row, pairs[..., 1] - first))
+
+
+def _spans(ends: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return intervals that overlap or adjoin as one, growing."""
+    out: list[tuple[float, float]] = []
+    for low, high in sorted((min(pair), max(pair)) for pair in ends):
+        if out and low <= out[-1][1]:
+            out[-1] = out[-1][0], max(high, out[-1][1])
+        else:
+            out.append((low, high))
+    return out
+
+
+def _grids(low: float, high: float, step: float) -> Iterator[Floats]:
+    """Yield places at equal distances; two of each part are in the next one too, so that no dip lies between two."""
+    places = np.linspace(low, high, max(3, 2 + int((high - low) / step)), dtype=np.float64)
+    for start in range(0, places.size - 2, _AT_ONCE - 2):
+        yield places[start:start + _AT_ONCE]
+
+
+def _bracketed(places: Floats, pairs: Ints, gap_m: Floats, below_m: float) -> tuple[Ints, Floats, Floats]:
+    """Return pairs (D, 2), left and right places of the local minima among samples (M,) of their gaps (M, K)."""
+    low, sides = gap_m[1:-1], (gap_m[:-2], gap_m[2:])
+    dip = (low <= sides[0]) & (low <= sides[1]) & (low + _SHALLOW_M < np.maximum(*sides))
+    row, column = np.nonzero(dip & (low < below_m + _LIPSCHITZ * _SPACING_M))
+    return pairs[column], places[row], places[row + 2]
+
+
+def _dips(gaps_at: Gaps, brackets: list[tuple[Ints, Floats, Floats]], below_m: float) -> list[_Dip]:
+    """Return the minima in brackets, of gaps below the threshold."""
+    out: list[_Dip] = []
+    if not brackets:
+        return out
+    pairs, left, right = (np.concatenate(part) for part in zip(*brackets, strict=True))
+    for start in range(0, len(pairs), _REFINED):
+        part = slice(start, start + _REFINED)
+        own = pairs[part, None]
+
+        def gap_of(places: Floats, own: Ints = own) -> Floats:
+            return gaps_at(places, own)[:, 0]
+
+        found, least = _lowest(gap_of, left[part], right[part])
+        rows = zip(pairs[part].tolist(), found.tolist(), least.tolist(), strict=True)
+        out += [_Dip((i, j), place, gap_m) for (i, j), place, gap_m in rows if gap_m < below_m]
+    return out
+
+
+def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -> tuple[Floats, Floats]:
+    """Return where functions with one minimum each are smallest in their intervals, by golden sections; how small."""
+    a, b = right - _GOLDEN * (right - left), left + _GOLDEN * (right - left)
+    at_a, at_b = function(a), function(b)
+    for _ in range(_ROUNDS):
+        lower = at_a < at_b
+        left, right = np.where(lower, left, a), np.where(lower, b, right)
+        new = np.where(lower, right - _GOLDEN * (right - left), left + _GOLDEN * (right - left))
+        value = function(new)
+        a, b, at_a, at_b = (np.where(lower, new, b), np.where(lower, a, new), np.where(lower, value, at_b),
+                            np.where(lower, at_a, value))
+    lower = at_a < at_b
+    return np.where(lower, a, b), np.where(lower, at_a, at_b)
+
+
+def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> list[_Alike]:
+    """Return each dip of a class's first bench for all benches of the class that get there, phase by phase."""
+    out: list[_Alike] = []
+    phases, ends = part.phases(domain.stop_m)
+    for (start, stop), here, there in zip(pairwise(phases), ends[:-1], ends[1:], strict=True):
+        for dip in dips:
+            last = domain.dragon.benches - 1 - (dip.pair[1] - dip.pair[0])
+            bench = np.array([each for each in part.benches if each <= last])
+            crossed = bench[(here[bench] - dip.place) * (there[bench] - dip.place) < 0]
+            out += [_Alike(dip, one, (start, stop)) for one in crossed.tolist()]
+    return out
+
+
+def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_Alike]) -> list[_Dip]:
+    """Return dips at the places of the leader at which benches get there in a phase."""
+    segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
+    along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))
+    gone_m = _gone_at(domain, np.array([each.bench for each in alike]), along_m, phase)
+    return [_Dip((each.bench, each.bench + each.dip.pair[1] - each.dip.pair[0]), place, each.dip.gap_m)
+            for each, place in zip(alike, gone_m.tolist(), strict=True)]
+
+
+def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[float, float]) -> Floats:
+    """Return where the leader is when front handles of benches (M,) are at distances (M,) along the track."""
+    row, gone_m = np.arange(bench.size), np.full(bench.size, 0.5 * sum(within))
+    missing = np.zeros(bench.size)
+    for _ in range(_NEWTON if bench.size else 0):
+        chain = domain.chains(gone_m)
+        speed = np.sum(chain.velocities(np.ones(bench.size)) * chain.headings, axis=-1)[row, bench]
+        missing = along_m - domain.track.distances(chain.segment, chain.u)[row, bench]
+        if np.all(np.abs(missing) < _THERE_M):
+            break
+        gone_m = np.clip(gone_m + missing / np.where(speed == 0, 1.0, speed), min(within), max(within))
+    for n in np.flatnonzero(np.abs(missing) >= _THERE_M).tolist():
+        gone_m[n] = domain.gone_at(int(bench[n]), float(along_m[n]), within)
+    return gone_m
+
+
+def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
+    """Yield what comes nearest where the leader turns round."""
+    for t_s, sense in travel.reversals:
+        domain, gone_m = SearchDomain(scene, travel, sense, lambda states: None), travel.gone_m(t_s)
+        benches = domain.benches(gone_m)
+        i, j = candidates(domain.chain(gone_m).p, benches, below_m)
+        gap, before = gaps(benches, i, j), gaps(domain.benches(gone_m - sense * _CLOSING_M), i, j)
+        for n in np.flatnonzero((gap < below_m) & (before - gap > 4 * domain.error_m)).tolist():
+            yield NearMiss((int(i[n]), int(j[n])), t_s, float(gap[n]))

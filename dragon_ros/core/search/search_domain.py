@@ -1,0 +1,161 @@
+"""What a search for contact goes through: all chains of a scene while the leader goes one way from its start.
+
+Where all handles are depends on how far the leader has gone, and not on when. A place of the domain is that distance in
+metres. Distances along the track tell the places of handles on it.
+"""
+from collections.abc import Callable
+from functools import cached_property
+from math import floor, inf, log2, ulp
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.geometry.broad_phase import candidates
+from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tiers import EXACT
+from dragon_ros.core.tracks.composite import Place
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+
+_LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
+_SLOPE = 1e-6           # to either side, for a slope, of links of 1 m to 2 m: gaps err by 1e-11 m, a slope by 1e-5
+_KEPT = 6               # chains: ends of domains and phases are asked for again and again
+_FEW = 12               # chains that are placed sooner one by one than together
+_MANY = 30              # chains for which tables are built, that serve the later ones too
+
+
+class Bracket(NamedTuple):
+    """Two places of the leader: one up to which all is clear, another one, and a lower bound of the gaps in between."""
+
+    clear_m: float
+    other_m: float
+    bound_m: float = -inf
+
+
+class SearchDomain:
+    """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts what is sampled."""
+
+    def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
+        """Take the way on (``sense`` 1) or back (-1) from the start."""
+        self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
+        simulation = compile_scene(scene)
+        self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
+        self._travel, self._tell = travel, progress
+        self.effort = Effort()
+        self.error_m = EXACT.promise_for_m(simulation.size_m)
+        self._kept: dict[float, Chain] = {}
+        stop_s = travel.farthest_s(sense)
+        self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
+        if self.track.may_lock and simulation.limit is not None and stop_s == simulation.limit.t_s:
+            self.stop_m = max(self.start_m, self.stop_m - self._lock_m())
+
+    def _lock_m(self) -> float:
+        """Return the length of track that is left out before a lock."""
+        theta, afar = float(self.chain(self.stop_m).u[0]), self.track.from_afar
+        assert afar
+        return float(_LOCK_RAD * (1 + theta) * afar.curve.b_m * np.hypot(1.0, theta))
+
+    def count(self, states: int) -> None:
+        """Count sampled states."""
+        self.states += states
+        self._tell(states)
+
+    def chain(self, gone_m: float) -> Chain:
+        """Return all handles when the leader has gone so far; the last few are kept."""
+        if gone_m not in self._kept:
+            self._kept = dict([*self._kept.items()][1 - _KEPT:])
+            self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0), self.effort)
+        return self._kept[gone_m]
+
+    def chains(self, gone_m: Floats) -> Chain:
+        """Return all handles at many places (M,)."""
+        if gone_m.size <= _FEW:
+            return stack([self.chain(one) for one in gone_m.tolist()])
+        gone = gone_m, np.zeros_like(gone_m)
+        if gone_m.size > _MANY and self.simulation.tier is EXACT:       # ``error_m`` is that tier's promise
+            return self.simulation.model.place_many(gone)
+        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction,
+                            self.effort)
+
+    def benches(self, gone_m: float) -> Benches:
+        """Return all benches when the leader has gone so far."""
+        chain = self.chain(gone_m)
+        return benches_of(chain, self.dragon, axes_of(chain))
+
+    def along_m(self, gone_m: float) -> Floats:
+        """Return the distances (N+1,) of all handles along the track."""
+        chain = self.chain(gone_m)
+        return self.track.distances(chain.segment, chain.u)
+
+    def gone_at(self, bench: int, along_m: float, within: tuple[float, float]) -> float:
+        """Return how far the leader has gone when a bench's front handle is at a distance along the track.
+
+        Between the two places of the leader that handle moves one way; beyond what it goes through, an end is returned.
+        """
+        if bench == 0 and self.leader.direction == BEHIND:
+            gone = self.leader.gone_m(self.track.place_at(along_m))
+            return min(max(gone, min(within)), max(within))
+
+        def beyond(gone_m: float) -> float:
+            return float(self.along_m(gone_m)[bench]) - along_m
+
+        low, high = (beyond(end) for end in within)
+        if low == 0 or (low * high > 0 and abs(low) <= abs(high)):
+            return within[0]
+        return within[1] if high == 0 or low * high > 0 else illinois(beyond, *within, low, high)
+
+    def near(self, gone_m: float) -> tuple[Ints, Floats]:
+        """Return the pairs (M, 2) that can touch at a place, and their gaps."""
+        chain = self.chain(gone_m)
+        benches = benches_of(chain, self.dragon, axes_of(chain))
+        i, j = candidates(chain.p, benches)
+        return np.stack((i, j), axis=1), gaps(benches, i, j)
+
+    def gap(self, pair: tuple[int, int], gone_m: float) -> float:
+        """Return the gap of a pair at a place; no more handles are placed than from the leader to the pair."""
+        first, last = (0, pair[1] + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
+        chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
+                         self.leader.direction, self.effort)
+        half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
+        centre = 0.5 * (chain.p[:-1] + chain.p[1:])
+        benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))
+        return float(gaps(benches, *(np.array([bench - first]) for bench in pair))[0])
+
+    def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
+        """Return where the gap of a pair vanishes in a bracket; its other end where it does not."""
+        low, high = (self.gap(pair, end) for end in bracket[:2])
+        if high > 0 or bracket.clear_m == bracket.other_m:
+            return bracket.other_m
+        return bracket.clear_m if low <= 0 else illinois(
+            lambda gone_m: self.gap(pair, gone_m), *bracket[:2], low, high)
+
+    def slope(self, pair: tuple[int, int], gone_m: float) -> float:
+        """Return how much a gap closes at a place for each metre of the leader's way."""
+        low, high = sorted((self.start_m, self.stop_m))
+        step_m = max(self._step_m, 2.0**10 * ulp(gone_m))
+        early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
+        return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
+
+    @cached_property
+    def _step_m(self) -> float:
+        """What slopes are taken over, in proportion to the longest link, by a power of 2; 1 um where all have none."""
+        longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
+        return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
+
+    def time_s(self, gone_m: float) -> float:
+        """Return when the leader has first gone so far."""
+        return self._travel.arrival_s(gone_m, self.sense)
+
+    def speed_m_s(self, t_s: float) -> float:
+        """Return how fast the leader is."""
+        return abs(self.scene.head.speed_at_m_s(t_s))
+
+    def place(self, along_m: float) -> Place:
+        """Return the place so far along the track."""
+        return self.track.place_at(along_m)

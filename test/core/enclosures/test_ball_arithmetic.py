@@ -1,0 +1,45 @@
+"""Every operation on balls holds what arb's holds, at 200 bits: floats round outwards."""
+import numpy as np
+import pytest
+from arb_balls import ArbBall, each_exact, each_upper, in_arb
+
+from dragon_ros.core.enclosures.ball_arithmetic import LEAST, OUTWARDS, Ball, between
+
+COUNT = 3000
+OPERATIONS = {
+    'sum': lambda x, y: x + y, 'difference': lambda x, y: x - y, 'product': lambda x, y: x * y,
+    'sum with a number': lambda x, y: x + 0.3, 'product with a number': lambda x, y: 0.7 * x,
+    'inverse': lambda x, y: x.inverse(), 'square': lambda x, y: x.squared(), 'sine': lambda x, y: x.sin_cos()[0],
+    'cosine': lambda x, y: x.sin_cos()[1], 'one less cosine': lambda x, y: x.versine(),
+    'running sum': lambda x, y: x.running_sum(), 'running product': lambda x, y: x.running_product()}
+
+
+def random_balls(seed, scale):
+    """Balls of both signs and many sizes, from as small as they come to as wide as their numbers."""
+    dice = np.random.default_rng(seed)
+    mid = dice.choice((-1, 1), (COUNT // 20, 20)) * 10 ** dice.uniform(-scale, scale, (COUNT // 20, 20))
+    return Ball(mid, OUTWARDS * np.abs(mid) * 10 ** dice.uniform(np.log10(LEAST), 0, mid.shape))
+
+
+@pytest.mark.parametrize('name', OPERATIONS)
+@pytest.mark.parametrize('scale', [0.05, 3])
+def test_an_operation_holds_what_it_does_in_exact_arithmetic(name, scale):
+    x, y = random_balls(1, scale), random_balls(2, scale)
+    with np.errstate(all='ignore'):
+        mine = OPERATIONS[name](x, y)
+    with in_arb():
+        exact = OPERATIONS[name](*(ArbBall.of(each.mid, each.rad) for each in (x, y)))
+        known = np.isfinite(mine.rad) & np.isfinite(mine.mid)
+        off = each_upper(exact.values[known] - each_exact(mine.mid[known]))
+    assert np.count_nonzero(known) > COUNT // 3
+    assert np.all(off <= mine.rad[known])
+    assert np.all(mine.rad[known] >= LEAST * np.abs(mine.mid[known]))
+
+
+@pytest.mark.parametrize('error', [0.0, 1e-9])
+def test_all_numbers_between_two_are_held(error):
+    a, b = (random_balls(seed, 2).mid for seed in (3, 4))
+    mine = between(a, b, error)
+    with in_arb():
+        for end in (a, b):
+            assert np.all(each_upper(each_exact(end) - each_exact(mine.mid)) + error <= mine.rad * (1 + 1e-15))

@@ -1,0 +1,113 @@
+"""What is derived between two states of a chain holds in every state in between."""
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.chain import marched, marched_many
+from dragon_ros.core.chain.leader import Leader
+from dragon_ros.core.chain.lock import head_lock_angle
+from dragon_ros.core.enclosures.ball_arithmetic import Ball
+from dragon_ros.core.enclosures.motion_bounds import turning_back_m
+from dragon_ros.core.search.max_speed import LawBetween, bounds, states_of
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+EFFORT = Effort(1e-12)
+LINKS = np.array([2.86, *(1.65,) * 12, 0.0, *(1.65,) * 8])
+BENDY = track_of(Composite((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=50.0))
+TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, BEHIND), (BENDY, 50.0, BEHIND),
+          (track_of(STurn()), 40.0, AHEAD), (BENDY, 100.0, AHEAD)]
+
+
+def states(leader, gone_m):
+    places = leader.places((gone_m, np.zeros_like(gone_m)))
+    return states_of(marched_many(leader.track, leader.links_m, places, leader.direction, EFFORT), gone_m,
+                     leader.direction)
+
+
+def chain_at(leader, gone_m):
+    return marched(leader.track, leader.links_m, leader.place((gone_m, 0.0)), leader.direction, EFFORT)
+
+
+def tops(leader, low_m, high_m):
+    """Return the bounds (N, handles) of all handles between two places of the leader, for N pairs of places."""
+    count, none = low_m.size, np.zeros(low_m.size)
+    seen, row = states(leader, np.concatenate((low_m, high_m))), np.arange(low_m.size)
+    return bounds(seen.rows(row), seen.rows(count + row), LawBetween(none, none, Ball(none, none)))
+
+
+def logs_between(leader, low_m, high_m):
+    """Return the logs of the speeds (15, N, handles) at places from one to another, both included."""
+    places = np.linspace(low_m, high_m, 15)
+    return states(leader, places.ravel()).log.reshape(*places.shape, -1)
+
+
+@pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)
+@pytest.mark.parametrize('apart_m', [0.3, 0.01])
+def test_no_handle_is_faster_between_two_states_than_its_bound(track, start_m, way, apart_m):
+    leader = Leader(track, LINKS, start_m, way)
+    low = np.random.default_rng(3).uniform(0, 45, 25)
+    assert np.all(logs_between(leader, low, low + apart_m) <= tops(leader, low, low + apart_m) + 1e-14)
+
+
+NEAR_A_LOCK = [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]), np.array([0.55, 0.55, 3.35, *(1.05,) * 6]),
+               np.array([0.6, 0.0, 3.0, 0.2, 4.2, 1.0])]
+
+
+@pytest.mark.parametrize('links', NEAR_A_LOCK, ids=range(len(NEAR_A_LOCK)))
+@pytest.mark.parametrize('pitch_m', [0.55, 1.2, 2.0])
+@pytest.mark.parametrize('apart_m', [0.1, 0.01])
+def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_back_in_between(links, pitch_m, apart_m):
+    spiral = Spiral(pitch_m, 4.0)
+    leader = Leader(track_of(spiral), links, 0.0, BEHIND)
+    lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
+    turning = turning_back_m(leader, 0.0, lock_m)
+    low = lock_m - apart_m - np.geomspace(1e-6, 6, 60)
+    low = np.array([one for one in low.tolist() if not any(one < turn < one + apart_m for turn in turning)])
+    above, seen = tops(leader, low, low + apart_m), logs_between(leader, low, low + apart_m)
+    # Near the lock C-fold what the last bit of the head's place moves, relative to a link, squared for a speed.
+    off = 1e-14 * np.exp(2 * np.max(seen, axis=(0, 2)))
+    assert np.all(seen <= above + off[:, None])
+    assert np.count_nonzero(np.all(np.isfinite(above), axis=1)) > 10
+
+
+@pytest.mark.parametrize('links', NEAR_A_LOCK, ids=range(len(NEAR_A_LOCK)))
+@pytest.mark.parametrize('pitch_m', [0.3, 0.55, 1.2, 2.0])
+def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(links, pitch_m):
+    spiral = Spiral(pitch_m, 16.0)
+    leader = Leader(track_of(spiral), links, 0.0, BEHIND)
+    lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
+    turning = turning_back_m(leader, 0.0, lock_m)
+    assert turning == sorted(turning)
+    ends = [0.0, *turning, lock_m - 1e-9]
+    for low, high in pairwise(ends):
+        along = np.diff(states(leader, np.linspace(low, high, 400)).along_m, axis=0)
+        assert np.all((np.min(along, axis=0) >= -1e-12) | (np.max(along, axis=0) <= 1e-12))
+    for turn in turning:    # and at each of them one does turn
+        before, here, after = states(leader, turn + np.array([-1e-4, 0.0, 1e-4])).along_m
+        assert np.any((here - before) * (after - here) < 0)
+
+
+def test_no_handle_turns_back_behind_a_tail_or_on_a_composite_track():
+    assert not turning_back_m(Leader(BENDY, LINKS, 50.0, BEHIND), 0.0, 40.0)
+    assert not turning_back_m(Leader(track_of(STurn()), LINKS, 40.0, AHEAD), 0.0, 40.0)
+
+
+@pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)
+def test_the_logs_are_those_of_the_speeds(track, start_m, way):
+    leader = Leader(track, LINKS, start_m, way)
+    v = chain_at(leader, 20.0).velocities(1.0)
+    speed = np.hypot(v[:, 0], v[:, 1])[::-way]
+    assert states(leader, np.array([20.0])).log[0] == pytest.approx(np.log(speed), abs=1e-13)
+
+
+def test_closer_states_bring_the_bound_down_with_the_square_of_their_distance():
+    leader = Leader(track_of(STurn()), LINKS, 14.4799694, BEHIND)
+    over = []
+    for apart_m in (1e-2, 1e-3):
+        ends = -0.5 * apart_m, 0.5 * apart_m
+        over.append(np.max(tops(leader, *np.array(ends)[:, None])) - np.max(states(leader, np.array(ends)).log))
+    assert over[1] < over[0] / 50

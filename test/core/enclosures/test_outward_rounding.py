@@ -1,0 +1,164 @@
+"""Bounds that clear contact and pitches are rounded outwards: on random boxes none is below what arb's balls prove.
+
+Each formula is evaluated twice, in floats and in arb at 200 bits (``arb_balls``), on the same boxes.
+"""
+import numpy as np
+import pytest
+from arb_balls import each_exact, in_arb
+from flint import arb
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.enclosures import ball_arithmetic, by_scale, on_spiral, relative_motion
+from dragon_ros.core.enclosures.relative_motion import Handles, kinematics, second_derivatives, views
+from dragon_ros.core.geometry.narrow_phase import line_distance
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
+from dragon_ros.core.search import min_pitch
+from dragon_ros.core.tracks.segments import Effort
+
+LINKS = 12
+
+
+def boxes(seed):
+    """Polar angles and spans of chains at the corners of random cells: tight ones, wide ones, near locks, far out."""
+    dice = np.random.default_rng(seed)
+    dragon = Dragon(LINKS, dice.uniform(0.5, 30), dice.uniform(0.5, 20), 0.3, 0.0)
+    least = 1.3 * float(np.max(dragon.link_lengths_m))
+    radius = least * 10 ** dice.uniform(0, dice.choice((0.3, 5)), 8)
+    larger = radius * (1 + 10 ** dice.uniform(-12, -1.5, 8))
+    scale = np.full(8, 1.0), 1 + 10 ** dice.uniform(-12, -2, 8)
+    found = [min_pitch.windings(dragon, 0, LINKS, r, s, Effort()) for r in (radius, larger) for s in scale]
+    return dragon, found, scale
+
+
+@pytest.mark.parametrize('seed', range(12))
+def test_no_bound_of_a_bench_on_a_spiral_is_below_what_arb_proves(seed):
+    dragon, (low, _, high, corner), (small, large) = boxes(seed)
+    arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)[None] * large[:, None]
+
+    def evaluated(scaled):
+        top = corner if scaled else high
+        chord = module.between(dragon.link_lengths_m[None] * small[:, None],
+                               dragon.link_lengths_m[None] * (large if scaled else small)[:, None])
+        theta = module.between(low.theta, top.theta, 1e-13)
+        delta = module.between(low.delta, top.delta, 2e-13)
+        by = by_scale.bend_by_scale if scaled else on_spiral.bend
+        return by(theta, delta, chord, arm)
+
+    module = ball_arithmetic
+    for scaled in (False, True):
+        mine = evaluated(scaled)
+        with in_arb(ball_arithmetic, on_spiral, by_scale):
+            exact = evaluated(scaled)
+        assert np.any(np.isfinite(mine))
+        assert np.all((mine >= exact) | np.isnan(exact))
+
+
+def wound(seed):
+    """Two states of a chain on circles and lines, and pairs of its benches."""
+    dice = np.random.default_rng(seed)
+    links, radius = dice.uniform(0.3, 3, LINKS), 10 ** dice.uniform(0.6, 4)
+    k = np.full((1, LINKS + 1), dice.choice((0.0, 1.0)) / radius)
+    way = 10 ** dice.uniform(-9, -1)
+    states = []
+    for gone in (0.0, way):
+        along = gone - np.insert(np.cumsum(links * (1 + dice.choice((0, 1e-3)) * dice.random(LINKS))), 0, 0.0)
+        angle = along * k[0]
+        p = np.stack((np.sin(angle), -np.cos(angle)), axis=-1) * radius if k[0, 0] else np.stack(
+            (along, 0 * along), axis=-1)
+        p += dice.choice((0, 1e-6, 1e-3)) * dice.normal(size=p.shape)
+        axis = p[:-1] - p[1:]
+        heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+        segment = dice.integers(0, 2, LINKS + 1) if seed % 3 == 0 else np.zeros(LINKS + 1, dtype=np.int64)
+        states.append((Handles(along[None], k, segment[None], heading[None]), p[None],
+                       (axis / np.hypot(*axis.T)[:, None])[None]))
+    bends = np.array([[0, 0], [0, 0]]) * k[0, 0] + k[0, 0], np.array([[1, 1.2], [1.2, 1.5]]) * k[0, 0]
+    return states, links, bends, way
+
+
+@pytest.mark.parametrize('seed', range(24))
+@pytest.mark.parametrize('leader', [0, -1])
+def test_no_bound_of_two_benches_on_any_track_is_below_what_arb_proves(seed, leader):
+    states, links, bends, way = wound(seed)
+    i, j = np.triu_indices(LINKS, 2)
+    row, arm = np.zeros_like(i), np.full(LINKS, 1.2)
+
+    def evaluated():
+        ends = [handles for handles, _, _ in states]
+        moving = kinematics(*ends, (states[0][2], states[1][2]), links, bends, leader, 2e-12)
+        seen = [views(p, axis, handles.headings, row, i, j) for handles, p, axis in states]
+        return second_derivatives(moving, *seen, row, i, j, np.full(i.size, way), arm)
+
+    mine = evaluated()
+    with in_arb(ball_arithmetic, relative_motion):
+        exact = evaluated()
+    for one, other in zip(mine, exact, strict=True):
+        assert np.any(np.isfinite(one))
+        assert np.all((one >= other) | np.isnan(other))
+
+
+def arb_separations(p, half, i, j):
+    """Separations of benches i and j from both edges' sides along four axes, in arb, and their signed gap."""
+    def bench(n):
+        (x, y), (u, v) = each_exact(p[n]), each_exact(p[n + 1])
+        size = ((x - u) ** 2 + (y - v) ** 2).sqrt()
+        return (x + u) / 2, (y + v) / 2, (x - u) / size, (y - v) / size, arb(float(half[n])), arb(0.15)
+
+    def seen(a, b):
+        x, y = b[0] - a[0], b[1] - a[1]
+        return (x * a[2] + y * a[3], y * a[2] - x * a[3], a[2] * b[2] + a[3] * b[3], a[2] * b[3] - a[3] * b[2])
+
+    def edges(a, b):
+        x, y, c, s = seen(a, b)
+        along, aside = a[4] + b[4] * abs(c) + b[5] * abs(s), a[5] + b[4] * abs(s) + b[5] * abs(c)
+        return [x - along, -x - along, y - aside, -y - aside]
+
+    def corners(a, b):
+        x, y, c, s = seen(a, b)
+        return [(x + m * b[4] * c - n * b[5] * s, y + m * b[4] * s + n * b[5] * c) for m in (-1, 1) for n in (-1, 1)]
+
+    def away(a, b):
+        return [(arb.max(abs(x) - a[4], arb(0)) ** 2 + arb.max(abs(y) - a[5], arb(0)) ** 2).sqrt()
+                for x, y in corners(a, b)]
+
+    one, two = bench(i), bench(j)
+    separations = edges(one, two), edges(two, one)
+    largest = max((*separations[0], *separations[1]), key=lambda x: float(x.mid()))
+    gap = min((*away(one, two), *away(two, one)), key=lambda x: float(x.mid())) if largest > 0 else largest
+    return separations, gap
+
+
+@pytest.mark.parametrize('seed', range(8))
+def test_separations_and_gaps_err_by_no_more_than_is_said_of_rounding(seed):
+    dice = np.random.default_rng(seed)
+    far = 10 ** dice.uniform(-1, 6)
+    p = far * dice.uniform(-1, 1, 2) + np.cumsum(dice.normal(size=(LINKS + 1, 2)), axis=0)
+    axis = p[:-1] - p[1:]
+    axis = axis / np.hypot(*axis.T)[:, None]
+    half = dice.uniform(0.1, 2, LINKS)
+    benches = Benches(0.5 * (p[:-1] + p[1:]), axis, half, np.full(LINKS, 0.15))
+    i, j = np.triu_indices(LINKS, 2)
+    view, off = placement(benches, i, j), rounding_m(float(np.max(np.abs(p))), float(np.max(half)) + 0.15)
+    mine, gap = (view.from_edges(), view.mirrored().from_edges()), gaps(benches, i, j)
+    with in_arb():
+        for n, pair in enumerate(zip(i.tolist(), j.tolist(), strict=True)):
+            edges, true = arb_separations(p, half, *pair)
+            assert abs(true - arb(float(gap[n]))) < off
+            for ours, theirs in zip(mine, edges, strict=True):
+                assert all(abs(x - arb(float(y[n]))) < off for x, y in zip(theirs, ours, strict=True))
+
+
+@pytest.mark.parametrize('seed', range(4))
+def test_the_distance_of_a_line_from_the_centre_is_never_too_large(seed):
+    dice = np.random.default_rng(seed)
+    delta = 10 ** dice.uniform(-6, np.log10(6), 300)
+    theta = 10 ** dice.uniform(-1, 6, 300)
+    chord = np.sqrt(delta**2 + 2 * theta * (theta + delta) * (1 - np.cos(delta)))
+    error = dice.choice((0.0, 1e-12), 300) * delta
+    mine = line_distance(chord, delta, error)
+    with in_arb():
+        for n in range(300):
+            c = arb(float(chord[n]))
+            for sign in (-1, 0, 1):
+                d = arb(float(delta[n])) + sign * arb(float(error[n]))
+                assert arb(float(mine[n])) < arb.max((c * c - d * d) / (2 * c * (d / 2).tan()), arb(0)) + arb('1e-300')

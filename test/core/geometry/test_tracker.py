@@ -1,0 +1,241 @@
+import numpy as np
+import pytest
+
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.tracker import MOST_REPORTED, ContactTracker
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+
+
+def observations(scene, ticks):
+    for k in ticks:
+        frame = tick(scene, k)
+        yield Observation(frame.t_ns, frame.chain.p, frame.benches)
+
+
+def events(scene, ticks, tracker=None):
+    tracker = tracker or ContactTracker()
+    return [event for one in observations(scene, ticks) for report in tracker.add(one) for event in report.begins]
+
+
+def test_the_event_brackets_the_contact_and_interpolates_it():
+    (event,) = events(Scene(run=Run(410, 413)), range(151))
+    assert event.benches == (0, 8)
+    assert (event.before_ns, event.after_ns) == (412_460_000_000, 412_480_000_000)
+    assert event.t_contact_s == pytest.approx(412.473837682, abs=1e-6)
+    assert event.point_m == pytest.approx((1.474395, 2.110665), abs=1e-4)
+    assert event.gap_m == pytest.approx(-1.618e-4, abs=1e-6)
+    assert event.approach_m_s == pytest.approx(0.02632, abs=1e-5)
+
+
+@pytest.mark.parametrize('rate', [5, 20, 50, 200])
+def test_interpolation_gets_better_with_the_rate(rate):
+    scene = Scene(run=Run(411.9, 413, rate))
+    (event,) = events(scene, range(compile_scene(scene).last_tick + 1))
+    assert abs(event.t_contact_s - 412.473837682115) < 0.02 / rate**2
+
+
+def test_a_watch_that_starts_in_contact_has_an_open_bracket():
+    (event,) = events(Scene(run=Run(412.6, 413)), range(5))
+    assert event.before_ns is None
+    assert event.t_contact_s == 412.6
+    assert np.isnan(event.approach_m_s)
+
+
+def test_the_same_tick_again_tells_nothing_new():
+    scene, tracker = Scene(run=Run(412.4, 413)), ContactTracker()
+    assert len(events(scene, [3, 4, 4, 4, 5, 5], tracker)) == 1
+
+
+def test_time_going_back_starts_afresh():
+    scene, tracker = Scene(run=Run(412, 413)), ContactTracker()
+    assert len(events(scene, range(51), tracker)) == 1
+    assert len(events(scene, range(51), tracker)) == 1
+
+
+def test_a_contact_that_lasts_is_one_event():
+    assert len(events(Scene(run=Run(412.4, 414)), range(60))) == 1
+
+
+@pytest.mark.parametrize(('turn', 'mirror'), [(1.0, 1), (-2.5, 1), (0.0, -1), (2.0, -1)])
+def test_a_turned_or_mirrored_dragon_has_the_same_contact(turn, mirror):
+    move = np.array([[np.cos(turn), -np.sin(turn)], [np.sin(turn), np.cos(turn)]]) @ np.diag([1, mirror])
+    scene, tracker = Scene(run=Run(412.3, 412.6)), ContactTracker()
+    (plain,) = events(scene, range(16))
+    moved = []
+    for one in observations(scene, range(16)):
+        b = one.benches
+        benches = Benches(b.centre @ move.T, b.axis @ move.T, b.half_length, b.half_width)
+        moved += [e for r in tracker.add(Observation(one.t_ns, one.p @ move.T, benches)) for e in r.begins]
+    (event,) = moved
+    assert event.benches == plain.benches
+    assert event.t_contact_s == pytest.approx(plain.t_contact_s, abs=1e-9)
+    assert event.point_m == pytest.approx(tuple(move @ plain.point_m), abs=1e-9)
+
+
+def test_another_number_of_benches_starts_afresh():
+    from dragon_ros.core.chain.dragon import Dragon
+    tracker = ContactTracker()
+    assert len(events(Scene(run=Run(412.4, 413)), range(10), tracker)) == 1
+    assert len(events(Scene(dragon=Dragon(50), run=Run(412.7, 413)), range(3), tracker)) == 1
+    assert np.isfinite(tracker._seen[-1].p).all()
+
+
+def reports(scene, ticks, tracker=None):
+    tracker = tracker or ContactTracker()
+    return [report for observation in observations(scene, ticks) for report in tracker.add(observation)]
+
+
+def told(rows):
+    """Begins as (time, pair) and ends as (cause, pair), in order."""
+    return [line for r in rows for line in [*(('parted' if e.parted else 'restart', e.benches) for e in r.ends),
+                                            *(('begin', e.benches) for e in r.begins)]]
+
+
+def crossed(t_ns, gap_m, benches=4):
+    """Bench 0 and the last one ``gap_m`` apart, everything else far away; handles that do not wind."""
+    centre = np.array([(50.0 * n, 0.0) for n in range(benches - 1)] + [(0.0, 1 + gap_m)])
+    half = np.full(benches, 0.5)
+    axis = np.tile([1.0, 0.0], (benches, 1))
+    p = np.array([(n, (-1.0) ** n) for n in range(benches + 1)])
+    return Observation(t_ns, p, Benches(centre, axis, half, half))
+
+
+def reports_of(rows, tracker=None):
+    tracker = tracker or ContactTracker()
+    return [report for sec, gap_m in rows for report in tracker.add(crossed(round(sec * 1e9), gap_m))]
+
+
+SCENE = Scene(run=Run(412, 416))
+
+
+def test_each_pair_has_its_own_episode_with_begin_deepest_and_end():
+    rows = reports(SCENE, range(compile_scene(SCENE).last_tick + 1))
+    assert told(rows) == [('begin', (0, 8)), ('parted', (0, 8)), ('begin', (0, 10))]
+    (end,) = [end for report in rows for end in report.ends]
+    assert end.deepest_gap_m == pytest.approx(-0.017409, abs=1e-5)
+    assert end.deepest_gap_m == min(report.clearance_m for report in rows if (0, 8) in report.touching)
+    assert end.deepest_ns == 413_760_000_000
+    assert 415_000_000_000 < end.t_end_s * 1e9 < end.after_ns == 415_020_000_000
+
+
+def test_begin_and_end_times_and_the_approach_speed_are_those_of_a_known_motion():
+    t = np.arange(0, 4.01, 0.25)
+    rows = reports_of(zip(t, 0.1 * (t - 1.1) * (t - 3.3), strict=True))
+    (begin,) = [event for report in rows for event in report.begins]
+    (end,) = [event for report in rows for event in report.ends]
+    assert (begin.benches, end.benches) == ((0, 3), (0, 3))
+    assert begin.t_contact_s == pytest.approx(1.1, abs=1e-12)
+    assert begin.approach_m_s == pytest.approx(0.22, abs=1e-12)
+    assert end.t_end_s == pytest.approx(3.3, abs=1e-12)
+    assert (end.deepest_ns, end.deepest_gap_m) == (2_250_000_000, pytest.approx(0.1 * 1.15 * -1.05))
+
+
+def test_a_pair_that_touches_again_has_a_second_episode():
+    rows = reports_of([(0, 1), (1, -0.1), (2, 1), (3, -0.2), (4, 1)])
+    assert told(rows) == [('begin', (0, 3)), ('parted', (0, 3))] * 2
+    assert [report.count for report in rows] == [0, 1, 0, 1, 0]
+
+
+def test_clearance_is_the_smallest_signed_gap_and_names_the_pair():
+    rows = reports_of([(0, 0.015), (1, -0.25)])
+    assert [report.clearance_m for report in rows] == pytest.approx([0.015, -0.25])
+    assert [report.closest for report in rows] == [(0, 3), (0, 3)]
+
+
+def test_benches_two_and_three_apart_in_the_chain_count_however_far():
+    (report,) = reports_of([(0, 30)])
+    assert (report.clearance_m, report.closest, report.touching) == (pytest.approx(30), (0, 3), ())
+
+
+@pytest.mark.parametrize('gap', [0.0999, 3.0, 30.0])
+def test_no_gap_is_missed_however_large(gap):
+    (report,) = reports_of([(0, gap)])
+    assert report.clearance_m == pytest.approx(gap)
+
+
+def test_a_gap_of_rounding_errors_is_a_contact():
+    begin, = (event for report in reports_of([(0, 0.1), (1, 1e-13)]) for event in report.begins)
+    assert begin.t_contact_s == 1
+
+
+def test_late_and_repeated_sights_tell_nothing_and_cost_nothing():
+    assert told(reports(SCENE, [20, 22, 21, 22, 23, 20, 24, 22, 25, 24, 24, 26])) == [('begin', (0, 8))]
+
+
+def test_lost_sights_make_the_bracket_wider_and_no_more():
+    (event,) = events(SCENE, [0, 10, 11, 35])
+    assert (event.before_ns, event.after_ns) == (412_220_000_000, 412_700_000_000)
+    assert 412.22 < event.t_contact_s < 412.7
+
+
+def test_ticks_of_a_nanosecond_beside_long_ones_do_not_upset_the_interpolation():
+    rows = reports_of([(0, 0.3), (1, 0.2), (1 + 1e-9, 0.2 - 1e-10), (3, -0.1), (3 + 1e-9, -0.1), (1e6, 0.4)])
+    begin, end = rows[3].begins[0], rows[-1].ends[0]
+    assert 1 < begin.t_contact_s < 3
+    assert 3 < end.t_end_s < 1e6
+
+
+def test_a_restart_ends_what_was_open_and_tells_the_contact_again():
+    tracker = ContactTracker()
+    rows = reports(SCENE, range(30), tracker) + reports(SCENE, range(30), tracker)
+    assert told(rows) == [('begin', (0, 8)), ('restart', (0, 8)), ('begin', (0, 8))]
+    assert [report.count for report in rows[29:31]] == [1, 0]
+
+
+def test_a_step_back_of_more_than_a_second_is_a_restart_at_once():
+    assert told(reports_of([(0, 1), (5, -0.1), (0, 1)])) == [('begin', (0, 3)), ('restart', (0, 3))]
+
+
+def test_a_restart_within_the_last_few_sights_loses_none_of_them():
+    tracker = ContactTracker()
+    first = reports(SCENE, range(20, 25), tracker)
+    second = reports(SCENE, range(21, 30), tracker)
+    assert [report.observation.t_ns for report in second] == [SCENE.run.time_ns(k) for k in range(21, 30)]
+    assert told(first + second) == [('begin', (0, 8)), ('restart', (0, 8)), ('begin', (0, 8))]
+
+
+def test_another_number_of_benches_ends_what_was_open():
+    tracker = ContactTracker()
+    tracker.add(crossed(10**9, -0.1))
+    (report,) = tracker.add(crossed(2 * 10**9, -0.1, benches=7))
+    assert told([report]) == [('restart', (0, 3)), ('begin', (0, 6))]
+
+
+def test_many_contacts_at_once_are_bounded_deepest_first_and_counted():
+    benches, half = 60, np.full(60, 0.5)
+    rng = np.random.default_rng(4)
+    p = np.array([(n, (-1.0) ** n) for n in range(benches + 1)])
+    crowd = Benches(rng.uniform(0, 3, (benches, 2)), np.tile([1.0, 0.0], (benches, 1)), half, half)
+    tracker = ContactTracker()
+    (report,) = tracker.add(Observation(10**9, p, crowd))
+    assert len(report.begins) == MOST_REPORTED
+    assert report.more == report.count - MOST_REPORTED > 100
+    assert [event.gap_m for event in report.begins] == sorted(event.gap_m for event in report.begins)
+    assert report.begins[0].benches == report.closest == report.touching[0]
+    spread = Benches(np.stack((10.0 * np.arange(benches), half), axis=1), crowd.axis, half, half)
+    (after,) = tracker.add(Observation(2 * 10**9, p, spread))
+    assert {end.benches for end in after.ends} == {event.benches for event in report.begins}
+    assert (after.count, tracker._open.key.size) == (0, 0)
+
+
+def test_an_open_episode_goes_on_where_the_pair_is_neither_the_closest_nor_near_any_other():
+    crossed_, tracker = crossed(10**9, -0.1), ContactTracker()
+    tracker.add(crossed_)
+    b = crossed_.benches
+    centre = b.centre.copy()
+    centre[1] = centre[-1]      # another pair is now the deepest
+    (report,) = tracker.add(Observation(2 * 10**9, crossed_.p, Benches(centre, b.axis, b.half_length, b.half_width)))
+    assert (0, 3) in report.touching
+    assert report.closest != (0, 3)
+    assert report.ends == ()
+
+
+def test_a_watch_of_the_whole_run_never_grows():
+    tracker = ContactTracker()
+    reports(SCENE, range(compile_scene(SCENE).last_tick + 1), tracker)
+    assert len(tracker._seen) == 3
+    assert tracker._open.key.size <= 2
+    assert len(tracker._buffer._times) <= 8

@@ -1,0 +1,205 @@
+"""First contact is proved: every interval has a bound that holds, and the checker lets no forgery pass."""
+import copy
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from certificates import proved, refusal
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.enclosures.on_spiral import bounds
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.geometry.narrow_phase import BenchSampler
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Certificate, Contact, Interval, NoContact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.near_misses import near_misses
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.segments import Effort
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+CLASSIC = Scene(solver='march')
+FOUND = first_contact(CLASSIC)
+EFFORT = Effort()
+
+
+def sampler(first=0, follow=60, scene=CLASSIC):
+    track = compile_scene(scene).model.track
+    return BenchSampler(track, scene.dragon, (first,), follow, EFFORT, lambda states: None, 0.0)
+
+
+def test_the_classic_run_in_is_proved_with_few_looks():
+    assert isinstance(FOUND, Contact)
+    assert FOUND.t_s == pytest.approx(412.473837682115, abs=1e-9)
+    assert FOUND.approach_m_s == pytest.approx(0.0263, abs=1e-4)
+    assert FOUND.uncertainty_s == pytest.approx(7.6e-11, rel=0.01)
+    assert FOUND.certificate.complete
+    assert FOUND.states < 800
+    assert FOUND.grazing_m is None
+    seen = FOUND.witness
+    assert (seen.owner, seen.corner, seen.other, seen.edge) == (0, 'front left', 8, 'right')
+    assert FOUND.simultaneous == ()
+
+
+def test_the_certificate_joins_from_the_start_to_a_nanometre_before_the_contact():
+    for part in (FOUND.certificate.led_by(0), FOUND.certificate.led_by(1)):
+        assert all(before.stop_m == after.start_m for before, after in pairwise(part))
+        assert all(stretch.bound_m > 0 for stretch in part)
+    head = FOUND.certificate.led_by(0)
+    assert head[0].start_m == pytest.approx(0.0, abs=1e-12)
+    assert FOUND.t_s - head[-1].stop_m < 2e-9
+
+
+def inside(first, scene, start, stop):
+    """The bound of a stretch and the smallest separation at places inside."""
+    watch = sampler(first, 40, scene)
+    view = watch.sample(np.linspace(start, stop, 41))
+    behind = np.array([scene.dragon.benches - 1 - first])
+    low = bounds(view.rows(np.array([0])), view.rows(np.array([40])), watch.sizes, behind)[0][0]
+    return low, np.min(view.apart)
+
+
+@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize('start', [16.0, 20.0, 27.0, 40.0, 90.0])
+@pytest.mark.parametrize('length', [0.001, 0.01, 0.05, 0.3])
+def test_a_bound_is_below_every_gap_inside_its_stretch(first, start, length):
+    low, least = inside(first, CLASSIC, start, start + length)
+    assert np.isneginf(low) or low <= least + 1e-12
+    assert start < 40 or low > 0
+
+
+@given(st.floats(0.3, 2), st.floats(1, 20), st.floats(0.001, 0.5), st.sampled_from([0, 1]), st.floats(0.1, 3))
+def test_bounds_hold_for_other_dragons_too(pitch, turns, length, first, body):
+    scene = Scene(dragon=Dragon(60, body_length_m=0.55 + body, width_m=0.2), track=Spiral(pitch, turns))
+    try:
+        low, least = inside(first, scene, 2 * np.pi * turns, 2 * np.pi * turns + length)
+    except ChainLockError:      # another property
+        return
+    assert np.isneginf(low) or low <= least + 1e-12
+
+
+def test_the_corner_meets_bench_8_where_the_true_figures_say():
+    chain = state(CLASSIC, FOUND.t_s)
+    benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
+    along = (np.array(FOUND.point_m) - benches.centre[8]) @ benches.axis[8]
+    assert along == pytest.approx(-0.265180642799, abs=1e-9)
+    assert FOUND.point_m == pytest.approx((1.474394671648, 2.110664876932), abs=1e-9)
+
+
+def test_near_misses_are_reported_on_request():
+    first, second, *_ = near_misses(CLASSIC, FOUND, 0.01).nearest
+    assert (first.bench, second.bench) == (11, 9)
+    assert first.gap_m == pytest.approx(0.865235e-3, abs=1e-9)
+    assert first.t_s == pytest.approx(409.831989, abs=2e-5)
+    assert second.gap_m == pytest.approx(2.957e-3, abs=1e-6)
+
+
+def test_pairs_without_the_head_stay_44_mm_apart():
+    ends = (SpiralCurve.of(CLASSIC.track).inward(FOUND.certificate.led_by(1)[n].start_m).hi for n in (0, -1))
+    places = np.linspace(*ends, 4000)
+    assert np.min(sampler(1, 40).reaching(places[:1]).sample(places).apart) > 0.044
+
+
+def test_a_run_that_ends_in_the_lock_is_proved_too():
+    found = first_contact(Scene(dragon=Dragon(width_m=0.01)))
+    assert isinstance(found, NoContact)
+    assert found.end.reason == 'lock'
+    assert found.certificate.complete
+
+
+def nearest(width):
+    """Return the near miss of the head and bench 11 near 409.83 s."""
+    scene = Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2))
+    none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(0, 409.75, 409.9, 19, 0.0),)))
+    return next(miss for miss in near_misses(scene, none, 0.01).nearest if miss.bench == 11)
+
+
+@pytest.mark.parametrize(('wanted', 'grazes'), [(1e-12, True), (1e-10, False)])
+def test_a_gap_within_what_positions_may_err_is_grazing_with_both_bounds(wanted, grazes):
+    width, step = 0.3, 0.865235e-3
+    for _ in range(13):     # the gap falls by a little more than one for each unit of width
+        width += step
+        step = nearest(width).gap_m - wanted
+    assert abs(step) < 1e-13
+    found = first_contact(Scene(dragon=Dragon(20, width_m=width), run=Run(409.5, 410.2)))
+    if grazes:
+        assert isinstance(found, Contact)
+        assert found.benches == (0, 11)
+        assert found.grazing_m[0] < 0 < found.grazing_m[1] < 1e-11
+        assert found.t_s == pytest.approx(nearest(width).t_s, abs=1e-4)
+    else:
+        assert isinstance(found, NoContact)
+
+
+def test_all_that_touches_at_the_start_is_one_set():
+    scene = Scene(dragon=Dragon(100), track=Spiral(0.28))
+    found = first_contact(scene)
+    assert found.t_s == 0.0
+    chain = state(scene, 0.0)
+    benches = benches_of(chain, scene.dragon, axes_of(chain))
+    i, j = np.triu_indices(100, 2)
+    touching = set(zip(i[gaps(benches, i, j) <= 0], j[gaps(benches, i, j) <= 0], strict=True))
+    assert {found.benches, *found.simultaneous} == touching
+    assert len(touching) > 10
+
+
+SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
+
+
+@pytest.fixture(scope='module')
+def written():
+    return certificate.as_values(SHORT, first_contact(SHORT))
+
+
+def test_the_checker_accepts_what_the_solver_proved(written):
+    assert proved(written)
+
+
+@pytest.mark.parametrize('change', [{'t_s': 412.4}, {'t_s': 412.6}, {'t_s': 500.0}, {'benches': [0, 9]},
+                                    {'benches': [3, 3]}, {'t_s': None}])
+def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(written, change):
+    values = copy.deepcopy(written)
+    values['contact'].update(change)
+    assert refusal(values)
+
+
+@pytest.mark.parametrize('scene', [
+    Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), head=Head(-1.0), run=Run(0, 5)),
+    Scene(dragon=Dragon(30, 0.9, 2.9, 0.2), track=Spiral(0.55, 4.28), run=Run(0, 5)),
+    Scene(dragon=Dragon(30, 0.9), run=Run(420.0)),
+    Scene(dragon=Dragon(12, width_m=0.01), run=Run(425.0)),
+    Scene(dragon=Dragon(6, 0.55, 1.5, 0.02), track=Spiral(0.9, 1.5)),
+    Scene(dragon=Dragon(6, 0.8, 0.8, 0.02), track=Spiral(0.55, 1.5), head=Head(3.0)),
+    Scene(run=Run(413.0)),
+    Scene(dragon=Dragon(2))], ids=['body out', 'body in', 'body from afar', 'lock', 'lock of a joined head', 'centre',
+                                   'at the start', 'two benches'])
+def test_the_checker_accepts_every_kind_of_certificate(scene):
+    found = first_contact(scene)
+    assert found.certificate.complete
+    values = certificate.as_values(scene, found)
+    assert proved(values)
+
+
+def test_a_contact_at_the_start_has_no_intervals_but_states_the_gap():
+    scene = Scene(run=Run(413.0))
+    found = first_contact(scene)
+    values = certificate.as_values(scene, found)
+    assert values['intervals'] == []
+    assert found.witness.gap_m == pytest.approx(-0.01117, abs=1e-5)
+
+
+def test_gaps_and_views_agree_on_who_is_apart():
+    chain = state(CLASSIC, 412.0)
+    benches = benches_of(chain, CLASSIC.dragon, axes_of(chain))
+    exact = gaps(benches, np.zeros(58, dtype=int), np.arange(2, 60))
+    view = sampler().sample(np.array([chain.u[0]]))
+    assert np.array_equal(exact > 0, view.apart[0] > 0)
+    assert np.all(view.apart[0] <= exact + 1e-12)

@@ -1,0 +1,288 @@
+"""On joined tracks every step of the search is cleared by a bound that holds, and the checker lets no forgery pass."""
+import copy
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+import pytest
+import shapely
+from apart import smallest
+from certificates import proved, refusal
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from properties import examples
+
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.enclosures.relative_motion import Handles, kinematics, second_derivatives, views
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import ALL, Certificate, Contact, Interval, NoContact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.near_misses import near_misses
+from dragon_ros.core.search.search_domain import SearchDomain
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
+
+LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
+BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)
+BACK_AND_FORTH = Profile(((0.0, 0.0), (5.0, 1.0), (10.0, -1.0), (20.0, -1.0), (30.0, 1.0)))
+TIGHT = Scene(dragon=Dragon(40), track=STurn(0.8, before_m=100.0), run=Run(80, 200))
+SCENES = {
+    'turn': Scene(dragon=Dragon(60), track=STurn(before_m=100.0), run=Run(95, 140)),
+    'a tight turn': TIGHT,
+    'loop': Scene(dragon=Dragon(20), track=LOOP, run=Run(0, 30)),
+    'back and forth': Scene(dragon=Dragon(20), track=LOOP, head=BACK_AND_FORTH, run=Run(3, 100)),
+    'tail': Scene(dragon=Dragon(10), track=BENT, head=Head(1.0, 'tail'), run=Run(0, 30)),
+    'two benches': Scene(dragon=Dragon(2, 3.41, 0.55), track=LOOP, run=Run(0, 20)),
+    'rest': Scene(dragon=Dragon(20), track=LOOP, head=Head(0.0), run=Run(0, 10)),
+    'the end of the track': Scene(dragon=Dragon(20), track=Composite((Line(5.0), Arc(6.0, 120.0)))),
+    'out from a spiral': Scene(dragon=Dragon(3),
+                               track=Composite((SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), start_m=9.0),
+                               run=Run(0, 30))}
+MEETING = {'a tight turn': (113.28625812330225, (0, 15)), 'loop': (22.16017797019889, (0, 10)),
+           'back and forth': (59.66017797019889, (0, 10))}
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_every_joined_track_has_a_certificate_that_holds(name):
+    found = first_contact(SCENES[name])
+    assert found.certificate.complete
+    values = certificate.as_values(SCENES[name], found)
+    assert proved(values)
+    assert isinstance(found, Contact if name in MEETING else NoContact)
+    if name in MEETING:
+        assert found.t_s == pytest.approx(MEETING[name][0], abs=1e-9)
+        assert found.benches == MEETING[name][1]
+        assert smallest(SCENES[name], found.t_s + 1e-8) == 0 < smallest(SCENES[name], found.t_s - 1e-8)
+
+
+def test_the_turn_of_the_contest_takes_few_looks():
+    found = first_contact(Scene(track=STurn(before_m=100.0), run=Run(0, 200)))
+    assert isinstance(found, NoContact)
+    assert found.states < 600
+
+
+def test_steps_join_up_to_the_contact():
+    found = first_contact(TIGHT)
+    steps = found.certificate.led_by(ALL)
+    assert all(one.stop_m == other.start_m for one, other in pairwise(steps))
+    assert steps[0].start_m == pytest.approx(0.0, abs=1e-12)
+    assert found.certificate.led_by(0)[0].start_m == pytest.approx(-20.0, abs=1e-12)
+    assert found.t_s - 100.0 - steps[-1].stop_m == pytest.approx(1e-9, rel=0.01)
+
+
+links = st.floats(0.3, 2.5)
+tracks = st.builds(lambda radius, turned, line, other, back: Composite(
+    (Line(60.0), Arc(radius, turned), Line(line), Arc(other, back)), start_m=55.0),
+    st.floats(1.6, 5), st.floats(60, 500) | st.floats(-500, -60), st.floats(0.1, 5), st.floats(1.6, 5),
+    st.floats(60, 500) | st.floats(-500, -60)) | st.builds(
+        STurn, st.floats(0.6, 2), st.floats(7, 10), st.floats(0.6, 2))
+
+
+@examples(10)
+@given(st.integers(3, 14), links, links, st.floats(0.05, 0.5), tracks, st.sampled_from([
+    Head(1.0), Head(1.0, 'tail'), BACK_AND_FORTH]), st.floats(0, 1))
+def test_no_gap_between_two_looks_is_below_the_bound(benches, head, body, width, track, law, share):
+    try:
+        scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, law, Run(0, 25))
+        end_s = compile_scene(scene).end.t_s
+    except DragonError:     # does not fit the track
+        assume(False)
+    found = first_contact(scene)
+    last_s = found.t_s - 1e-6 if isinstance(found, Contact) else end_s
+    for t_s in np.linspace(0, max(last_s, 0.0), 40):
+        for gap_m, bounds_m in spoken_for(scene, found.certificate.intervals, t_s):
+            assert bounds_m or found.t_s == 0.0 or t_s in (0.0, last_s)
+            assert all(bound_m <= gap_m + 1e-11 for bound_m in bounds_m)
+    proved(certificate.as_values(scene, found))
+
+
+def spoken_for(scene, intervals, t_s):
+    """Each pair's gap at a time, by shapely, and the bounds of all intervals that speak for it then."""
+    chain = state(replace(scene, solver='march'), t_s)
+    along_m = chain.track.distances(chain.segment, chain.u)
+    shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
+    joint_m = chain.track.joints_m[0] if chain.track.from_afar else -np.inf
+    lengths_m = scene.dragon.bench_lengths_m
+    for i, j in zip(*np.triu_indices(scene.dragon.benches, 2), strict=True):
+        own = [each for each in intervals if along_m[i] <= joint_m and each.behind >= j - i and (
+            each.lead == i or (0 < each.lead < i and goes_on_alike(lengths_m, each.lead, int(i))))]
+        every = [each for each in intervals if along_m[i] >= joint_m and each.lead == ALL]
+        yield shapely.distance(shapes[i], shapes[j]), [
+            each.bound_m for each, place_m in [*((each, along_m[i]) for each in own),
+                                               *((each, along_m[0]) for each in every)]
+            if min(each.start_m, each.stop_m) <= place_m <= max(each.start_m, each.stop_m)]
+
+
+@pytest.fixture(scope='module')
+def written():
+    return certificate.as_values(TIGHT, first_contact(TIGHT))
+
+
+@pytest.mark.parametrize('change', [{'t_s': 113.2}, {'t_s': 113.29}, {'t_s': 150.0}, {'benches': [0, 14]},
+                                    {'benches': [3, 3]}, {'t_s': None}])
+def test_the_checker_rejects_a_contact_that_is_none_or_not_the_first(written, change):
+    values = copy.deepcopy(written)
+    values['contact'].update(change)
+    assert refusal(values)
+
+
+@pytest.mark.parametrize(('section', 'key', 'value'), [
+    ('track', 'pitch_m', 0.81), ('track', 'ratio', 1.9), ('track', 'diameter_m', 9.01), ('track', 'before_m', 99.0),
+    ('head', 'speed_m_s', 0.99), ('dragon', 'width_m', 0.31), ('dragon', 'body_length_m', 2.21),
+    ('run', 'start_s', 114)])
+def test_the_checker_rejects_a_proof_of_another_scene(written, section, key, value):
+    values = copy.deepcopy(written)
+    values['scene'][section][key] = value
+    assert refusal(values)
+
+
+@pytest.mark.parametrize('key', ['start_m', 'stop_m'])
+@pytest.mark.parametrize('strange', [None, 'x', float('nan'), float('inf'), 1e300, [], True])
+def test_a_strange_number_in_a_step_is_refused(written, key, strange):
+    values = copy.deepcopy(written)
+    values['intervals'][0][key] = strange
+    assert refusal(values)
+
+
+def test_benches_that_touch_from_the_start_need_no_steps_and_a_false_claim_of_none_is_refused():
+    scene = replace(SCENES['loop'], track=replace(LOOP, start_m=25.0), run=Run(0, 1))
+    found = first_contact(scene)
+    assert found.t_s == 0
+    values = certificate.as_values(scene, found)
+    assert values['intervals'] == []
+    proved(values)
+    still = replace(scene, head=Head(0.0))
+    values = {**certificate.as_values(still, first_contact(still)), 'contact': {'t_s': None}}
+    assert refusal(values)
+
+
+@pytest.mark.parametrize('knots', [((0.0, 0.0), (2.0, 0.0), (4.0, 1.0)), ((0.0, 0.0), (4.0, 1.0))])
+@pytest.mark.parametrize('start_s', [0.0, 1.0])
+def test_benches_that_touch_while_the_leader_still_rests_touch_from_the_start(knots, start_s):
+    scene = replace(SCENES['loop'], track=replace(LOOP, start_m=25.0), run=Run(start_s, 4), head=Profile(knots))
+    assert first_contact(scene).t_s == start_s
+
+
+def passing(width):
+    """A scene in which the head passes through a turn, and its nearest miss."""
+    scene = Scene(dragon=Dragon(24, width_m=width), track=STurn(1.2, before_m=100.0), run=Run(112, 118))
+    none = NoContact(compile_scene(scene).end, 0, Certificate((Interval(ALL, 12.0, 18.0, 23, 0.0),)))
+    return scene, near_misses(scene, none, 1.0).nearest[0]
+
+
+def test_what_cannot_be_told_from_a_contact_is_grazing_with_bounds():
+    width, (scene, miss) = 0.39, passing(0.39)
+    step = 1e-3
+    for _ in range(9):
+        before, (scene, miss) = miss, passing(width + step)
+        width += step
+        step *= (miss.gap_m - 1e-12) / (before.gap_m - miss.gap_m) if abs(miss.gap_m - 1e-12) > 3e-13 else 0.0
+        if not step:
+            break
+    assert abs(miss.gap_m - 1e-12) < 1e-12
+    found = first_contact(scene)
+    assert isinstance(found, Contact)
+    assert found.benches == miss.benches
+    assert found.grazing_m[0] < miss.gap_m < found.grazing_m[1] < 2e-11
+    assert found.t_s == pytest.approx(miss.t_s, abs=1e-3)
+    assert found.certificate.complete
+    for t_s in np.linspace(112, found.t_s - 1e-3, 30):
+        assert smallest(scene, t_s) > 0
+    wider = first_contact(replace(scene, dragon=replace(scene.dragon, width_m=width + 1e-9)))
+    assert (wider.benches, wider.grazing_m) == (miss.benches, None)
+    narrower = first_contact(replace(scene, dragon=replace(scene.dragon, width_m=width - 1e-9)))
+    assert isinstance(narrower, NoContact)
+
+
+def test_looks_that_round_to_one_place_are_no_division_by_zero():
+    dragon = Mixed((Group(2.323), Group(1.9, 9), Group(2.2), Group(1.9, 10)), 0.6)
+    law = Profile(((0.0, 0.0), (10.0, -1.0), (19.0, 0.0), (57.0, 0.0)), 'smooth', 'tail')
+    first_contact(Scene(dragon=dragon, track=STurn(diameter_m=13.76, ratio=1.14), head=law, run=Run(0, 30)))
+
+
+BODY = 0.6656475528472773
+SLOW = Scene(Dragon(4, BODY, BODY, 0.07223569678879954, 0.1708583716359521), Composite((
+    SpiralArc(0.13740346498287273, 3.8629815801000524, 3.720325994032288, 'right'), Arc(0.7115484880164162, 180),
+    Arc(0.6918192159803151, -180), Arc(0.38277113723873546, -151.32482830200112), Arc(0.2705041364243826, 90)),
+    start_m=0.0661639170863419), Head(3.9546631438456665, 'tail'), Run(0, 0.8359422470506156))
+RIGID = Scene(Dragon(4, 4.119728142305396, 4.119728142305396, 0.3, 1.059864071152698),
+              Composite((Arc(4.0, 360.0),), 1.0),
+              run=Run(0, 10))
+
+
+def test_a_contact_that_closes_by_millimetres_a_metre_is_found_in_few_states():
+    """Steps that shrink with the gap alone never ended here: at a fixed point their bound was just too small."""
+    found = first_contact(SLOW)
+    assert found.benches == (1, 3)
+    assert found.approach_m_s / SLOW.head.speed_m_s < 8e-3
+    assert found.grazing_m is None
+    assert found.certificate.complete
+    assert found.states < 200
+    assert smallest(SLOW, found.t_s - 1e-8) > 0 == smallest(SLOW, found.t_s + 1e-8)
+
+
+def test_benches_that_keep_a_micrometre_apart_on_a_circle_are_cleared_in_few_states():
+    found = first_contact(RIGID)
+    assert isinstance(found, NoContact)
+    assert found.certificate.complete
+    assert found.states < 50
+    assert min(smallest(RIGID, t_s) for t_s in (0.0, 5.0, 10.0)) == pytest.approx(1e-6, abs=1e-9)
+    assert all(0 < each.bound_m < 1e-6 for each in found.certificate.intervals)
+
+
+links_of = st.floats(0.3, 2.5)
+
+
+@examples(30)
+@given(st.integers(3, 14), links_of, links_of, st.floats(0.05, 0.5), tracks, st.sampled_from(['head', 'tail']),
+       st.floats(0.05, 20), st.sampled_from([0.01, 0.1, 0.4]))
+def test_no_corner_leaves_a_line_by_more_than_the_bound(benches, head, body, width, track, lead, gone_m, way_m):
+    try:
+        scene = Scene(Dragon(benches, 0.4 + head, 0.4 + body, width, 0.2), track, Head(1.0, lead), Run(0, 25))
+        travel = RangeOfTravel(scene.head, 0.0, compile_scene(scene).end.t_s)
+        domain = SearchDomain(scene, travel, 1, lambda states: None)
+        assume(gone_m + way_m < domain.stop_m)
+    except DragonError:     # does not fit the track
+        assume(False)
+    i, j = np.triu_indices(benches, 2)
+    most = np.stack(bounds_of(domain, gone_m, way_m, i, j))
+    for place_m in np.linspace(gone_m, gone_m + way_m, 12)[1:-1]:
+        step = 0.1 * way_m * 0.5
+        before, here, after = (seen(domain, place_m + k * step, i, j) for k in (-1, 0, 1))
+        second = np.max(np.hypot(*(before - 2 * here + after)), axis=-1) / step**2
+        assert np.all(second <= most * (1 + 1e-6) + 5e-11 / step**2)
+
+
+def bounds_of(domain, gone_m, way_m, i, j):
+    chain = domain.chains(np.array([gone_m, gone_m + way_m]))
+    along_m, bend = domain.track.distances(chain.segment, chain.u), domain.track.curvatures(chain.segment, chain.u)
+    axis, row = axes_of(chain), np.zeros_like(i)
+    ends = [Handles(along_m[[n]], bend[[n]], chain.segment[[n]], chain.headings[[n]]) for n in (0, 1)]
+    moving = kinematics(*ends, (axis[[0]], axis[[1]]), chain.links_m, domain.track.bends, chain.leader, 0.0)
+    pairs = [views(chain.p[[n]], axis[[n]], chain.headings[[n]], row, i, j) for n in (0, 1)]
+    dragon = domain.dragon
+    arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)
+    return second_derivatives(moving, *pairs, row, i, j, np.full(i.size, way_m), arm)
+
+
+def seen(domain, gone_m, i, j):
+    """Corners (2, 2, K, 4) of the second benches from the first, and the reverse, along and across."""
+    benches = domain.benches(gone_m)
+    out = []
+    for one, two in ((i, j), (j, i)):
+        u, corner = benches.axis[one][:, None], benches.corners[two] - benches.centre[one][:, None]
+        out.append(np.stack((np.sum(u * corner, axis=-1), u[..., 0] * corner[..., 1] - u[..., 1] * corner[..., 0])))
+    return np.stack(out, axis=1)
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+def test_on_a_circle_nothing_moves_as_benches_see_each_other(lead):
+    scene = Scene(Dragon(8), Composite((Line(60.0), Arc(4.0, 700.0)), start_m=100.0), Head(1.0, lead), Run(0, 5))
+    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 5.0), 1, lambda states: None)
+    assert np.max(bounds_of(domain, 0.5, 0.3, *np.triu_indices(8, 2))) < 1e-5

@@ -1,0 +1,173 @@
+"""First contact of dragons of every kind against a dense scan with shapely, and its special ends."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from apart import smallest
+from certificates import proved
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from properties import examples
+
+from dragon_ros.commands import certificate
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.errors import ChainLockError
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.roots import illinois
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact, head_passes
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
+
+
+@examples(15)
+@given(st.integers(3, 12), st.just(0.0) | st.floats(0.1, 3), st.floats(0.1, 3), st.floats(0.02, 0.5),
+       st.floats(0.05, 0.4), st.floats(0.3, 1.5), st.floats(0.6, 8), st.sampled_from([-1.0, 1.0, 3.0]))
+def test_nothing_touches_before_the_contact_and_benches_do_then(benches, head, body, width, inset, pitch,
+                                                                turns, speed):
+    dragon = Dragon(benches, 2 * inset + head, 2 * inset + body, width, inset)
+    run = Run(0.0, 20.0 if speed < 0 else None)
+    scene = Scene(dragon=dragon, track=Spiral(pitch, turns), head=Head(speed), run=run)
+    try:
+        end_s = compile_scene(scene).end.t_s
+    except ChainLockError:
+        assume(False)
+    found = first_contact(scene)
+    before_s = found.t_s - 1e-6 if isinstance(found, Contact) else end_s - 1e-6
+    assert all(smallest(scene, t_s) > 0 for t_s in np.linspace(0, before_s, 60) if before_s > 0)
+    if isinstance(found, Contact) and not found.grazing_m:
+        assert smallest(scene, min(found.t_s + 1e-7, end_s)) < 1e-9
+    proved(certificate.as_values(scene, found))
+
+
+@pytest.mark.parametrize(('speed', 'pair'), [(-1.0, (2, 10)), (1.0, (1, 7))])
+def test_a_body_that_touches_first_is_timed_exactly_both_ways(speed, pair):
+    scene = Scene(dragon=CROSSING, track=Spiral(0.55, 4.28), head=Head(speed), run=Run(0, 5))
+    found = first_contact(scene)
+    assert found.benches == pair
+    for t_s, sign in ((found.t_s - 1e-9, 1), (found.t_s + 1e-9, -1)):
+        chain = state(scene, t_s)
+        gap = gaps(benches_of(chain, CROSSING, axes_of(chain)), *(np.array([bench]) for bench in pair))[0]
+        assert 0 < sign * gap < 1e-9
+    assert found.certificate.complete
+    assert found.states < 1000
+
+
+def test_a_head_that_moves_out_into_a_contact_finds_the_end_of_one_that_moved_in():
+    wide = Dragon(20, width_m=0.301)
+    inward = Scene(dragon=wide)
+    start = SpiralCurve.of(inward.track).inward(411.0).hi
+    found = first_contact(Scene(dragon=wide, track=Spiral(0.55, start / (2 * np.pi)), head=Head(-1.0), run=Run(0, 5)))
+    assert found.benches == (0, 11)
+    t_s = 411.0 - found.t_s
+    assert smallest(inward, t_s - 1e-7) == 0 < smallest(inward, t_s + 1e-7)
+
+
+def meeting_time(head_length_m, pair):
+    """When the gap of a pair of a dragon with such a head vanishes near 424.5 s."""
+    scene, benches = Scene(dragon=Dragon(20, head_length_m)), [np.array([bench]) for bench in pair]
+
+    def gap(t_s):
+        chain = state(scene, t_s)
+        return float(gaps(benches_of(chain, scene.dragon, axes_of(chain)), *benches)[0])
+    return illinois(gap, 424.2, 425.2, gap(424.2), gap(425.2))
+
+
+def test_two_pairs_that_meet_at_the_same_time_are_one_set():
+    """With a short head the body touches first, with a longer one the head does: between them both at once."""
+    def lead(head_length_m):
+        return meeting_time(head_length_m, (0, 7)) - meeting_time(head_length_m, (1, 8))
+    length = illinois(lead, 1.8, 1.9, lead(1.8), lead(1.9))
+    assert abs(lead(length)) < 1e-11
+    found = first_contact(Scene(dragon=Dragon(20, length), run=Run(424.0)))
+    assert {found.benches, *found.simultaneous} == {(1, 8), (0, 7)}
+    assert found.uncertainty_s > 5e-11
+    for other, first in ((length - 1e-6, (1, 8)), (length + 1e-6, (0, 7))):
+        apart = first_contact(Scene(dragon=Dragon(20, other), run=Run(424.0)))
+        assert (apart.benches, apart.simultaneous) == (first, ())
+
+
+@pytest.mark.parametrize(('scene', 'reason'), [
+    (Scene(dragon=Dragon(30, width_m=0.01), run=Run(400.0)), 'lock'), (Scene(run=Run(0, 412.4)), 'stop'),
+    (Scene(dragon=Dragon(3, 0.5, 1.5, 0.5, 0.25), track=Spiral(1.14453125, 1), head=Head(3.0)), 'track')])
+def test_a_run_without_contact_says_how_it_ended_and_is_proved(scene, reason):
+    found = first_contact(scene)
+    assert isinstance(found, NoContact)
+    assert found.end.reason == reason
+    assert found.certificate.complete
+
+
+def test_a_second_handle_that_turns_back_near_the_lock_hides_nothing():
+    """The head goes on in, the rest comes out again: the last half second of a run of narrow benches."""
+    scene = Scene(dragon=Dragon(30, width_m=0.01), run=Run(432.0))
+    times = np.linspace(432, compile_scene(scene).end.t_s, 50)
+    places = [float(np.hypot(*state(scene, t_s).p[1])) / scene.track.b_m for t_s in times]
+    assert np.argmin(places) < 49
+    found = first_contact(scene)
+    assert isinstance(found, NoContact)
+    curve = SpiralCurve.of(scene.track)
+    assert min(curve.inward(one.stop_m).hi for one in found.certificate.led_by(1)) == pytest.approx(
+        min(places), abs=1e-3)
+
+
+def test_a_certain_contact_after_a_near_miss_is_not_called_grazing():
+    """The near miss of bench 11 is a few picometres wide, and benches 0 and 8 cross 2.6 s later."""
+    scene = Scene(dragon=Dragon(20, width_m=0.30097406869751), run=Run(408.0))
+    found = first_contact(scene)
+    assert (found.benches, found.grazing_m) == ((0, 8), None)
+    assert found.approach_m_s == pytest.approx(0.026934, abs=1e-6)
+    assert smallest(scene, found.t_s - 1e-8) > 0 == smallest(scene, found.t_s + 1e-8)
+    assert found.certificate.complete
+
+
+def test_the_head_passes_where_others_touch_and_not_where_it_touches():
+    stop_s = first_contact(Scene()).t_s
+    assert [head_passes(Scene(run=Run(300, end_s))) for end_s in (stop_s - 1e-3, stop_s + 1e-3)] == [True, False]
+    short = Dragon(head_length_m=1.2)
+    assert first_contact(Scene(dragon=short)).t_s == pytest.approx(423.969536, abs=1e-6)      # docs/cumcm-2024-a.md:
+    assert [head_passes(Scene(dragon=short, run=Run(300, end_s))) for end_s in (430.753, 430.754)] == [True, False]
+
+
+@pytest.mark.parametrize('scale', [1e-8, 1e-5, 1e3, 1e8])
+def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(scale):
+    classic, d = Scene(effects=Effect(0)), Dragon()
+    scene = replace(classic, head=Head(scale), track=Spiral(0.55 * scale), dragon=Dragon(
+        223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale))
+    found, wanted = first_contact(scene), first_contact(classic)
+    assert found.t_s == pytest.approx(wanted.t_s, abs=1e-9)
+    assert found.approach_m_s == pytest.approx(wanted.approach_m_s * scale, rel=1e-4)
+    least_s = compile_scene(scene).promise_m / found.approach_m_s
+    assert least_s <= found.uncertainty_s < 100 * least_s
+
+
+@pytest.mark.parametrize('link_m', [0.0, 1e-9, 1e-7])
+def test_a_short_link_leaves_the_speed_and_the_uncertainty_of_other_benches_alone(link_m):
+    found, usual = (first_contact(Scene(effects=Effect(0), dragon=Mixed(
+        (Group(3.41, 1), Group(2.2, 221), Group(0.6 + last_m, 1)), 0.3, 0.3))) for last_m in (link_m, 0.01))
+    assert (found.benches, found.t_s) == (usual.benches, pytest.approx(usual.t_s, abs=1e-9))
+    assert found.approach_m_s == pytest.approx(usual.approach_m_s, rel=1e-6)
+    assert found.uncertainty_s == pytest.approx(usual.uncertainty_s, rel=1e-2)
+
+
+def test_benches_whose_links_have_no_length_touch_at_once():
+    found = first_contact(Scene(effects=Effect(0), dragon=Dragon(3, 0.55, 0.55)))
+    assert (found.t_s, found.approach_m_s, found.uncertainty_s) == (0.0, 0.0, np.inf)
+
+
+def test_the_speed_of_approach_stands_far_out_where_a_float_is_coarser_than_its_step():
+    """The classic dragon a thousand times smaller, after 17,000 km: the speed is that of one that starts near by."""
+    scale, d = 1e-3, Dragon()
+    dragon = Dragon(223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale)
+    near, far = (Scene(effects=Effect(0), dragon=dragon, track=Spiral(0.55 * scale, turns)) for turns in (16.0, 1e5))
+    wanted = first_contact(replace(near, head=Head(scale))).approach_m_s / scale
+    here_m = SpiralCurve.of(far.track).length_m - SpiralCurve.of(near.track).length_m + 412.47 * scale
+    found = first_contact(replace(far, head=Head(1e4), run=Run(here_m / 1e4)))
+    assert found.approach_m_s / 1e4 == pytest.approx(wanted, rel=2e-2)

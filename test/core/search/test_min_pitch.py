@@ -1,0 +1,79 @@
+"""The smallest pitch is the true one, bracketed, and first_contact says the same on both sides of it."""
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import DragonError, FieldError
+from dragon_ros.core.geometry.broad_phase import candidates
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+REFERENCE = json.loads((Path(__file__).parents[2] / 'data' / 'min_pitch.json').read_text())
+
+
+def scene_to(radius_m, pitch_m, dragon):
+    track = Spiral(pitch_m)
+    return Scene(dragon=dragon, track=track, run=Run(stop_s=SpiralCurve.of(track).distance_to(radius_m / track.b_m)))
+
+
+def test_the_smallest_pitch_of_the_contest_is_bracketed_to_its_last_digits():
+    found = min_pitch()
+    assert found.low_m <= float(REFERENCE['pitch_m']) <= found.high_m
+    assert found.high_m - found.low_m <= 2e-11
+    assert list(found.benches) == REFERENCE['benches']
+    assert found.radius_m == pytest.approx(float(REFERENCE['radius_m']), abs=1e-5)
+
+
+@pytest.mark.parametrize(('dragon', 'radius_m'), [
+    (Dragon(), 4.5), (Dragon(benches=60), 3.0), (Dragon(benches=80, width_m=0.4, head_length_m=3.0), 5.0)])
+def test_just_below_there_is_a_contact_on_the_way_and_just_above_there_is_none(dragon, radius_m):
+    found = min_pitch(dragon, 2 * radius_m, largest_m=0.7, within_m=1e-9)
+    below = first_contact(scene_to(radius_m, found.low_m - 1e-9, dragon))
+    assert isinstance(below, Contact)
+    assert below.benches == found.benches
+    for above in (1e-9, 1e-4, 0.003, 0.02, 0.1):
+        assert isinstance(first_contact(scene_to(radius_m, found.high_m + above, dragon)), NoContact)
+
+
+def test_looking_only_at_the_circle_would_miss_contacts_on_the_way():
+    at_circle = scene_to(4.5, 0.4203, Dragon())
+    there = state(at_circle, compile_scene(at_circle).end.t_s)
+    benches = benches_of(there, at_circle.dragon, axes_of(there))
+    assert np.min(gaps(benches, *candidates(there.p, benches))) > 0
+    assert isinstance(first_contact(at_circle), Contact)
+
+
+def test_progress_counts_every_state():
+    seen = []
+    assert min_pitch(Dragon(benches=40), largest_m=0.5, within_m=1e-6, progress=seen.append).states == sum(seen)
+
+
+@pytest.mark.parametrize(('options', 'says'), [
+    ({'start_turns': 8.0}, '0.5625'), ({'largest_m': 0.2}, 'largest_m'), ({'diameter_m': 3.0}, 'diameter_m'),
+    ({'dragon': Dragon(benches=2)}, 'at least 3'), ({'within_m': 1e-15}, 'within_m'),
+    ({'diameter_m': -1}, 'diameter_m'), ({'dragon': Dragon(hole_inset_m=1.1)}, 'no length'),
+])
+def test_what_has_no_answer_is_refused(options, says):
+    with pytest.raises(FieldError, match=says):
+        min_pitch(**options)
+
+
+def test_where_benches_touch_at_the_largest_pitch_no_smallest_one_is_claimed():
+    with pytest.raises(FieldError, match=r'largest_m: 0.44 .* benches 0 and 19 touch .* give a larger one'):
+        min_pitch(Dragon(benches=40), largest_m=0.44)
+
+
+def test_a_body_that_would_touch_first_is_said_to_be_not_covered():
+    with pytest.raises(DragonError, match='body may touch itself'):
+        min_pitch(Dragon(40, head_length_m=1.0))

@@ -1,0 +1,110 @@
+"""Windings of any pitch: placed as the march does, and bounded inside a cell by what is derived from its corners."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.chain import marched
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.enclosures.ball_arithmetic import between
+from dragon_ros.core.enclosures.by_scale import bend_by_scale
+from dragon_ros.core.enclosures.on_spiral import bend
+from dragon_ros.core.numerics.double_double import DoubleDouble
+from dragon_ros.core.search.min_pitch import separations, windings
+from dragon_ros.core.tracks.composite import Place, track_of
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.spec import Spiral
+
+EFFORT, COUNT = Effort(1e-12), 40
+DRAGONS = [Dragon(), Dragon(benches=60, width_m=0.4, head_length_m=1.0), Dragon(head_length_m=6.0)]
+
+
+def winding(radius_m, scale, dragon=DRAGONS[0], first=0):
+    return windings(dragon, first, COUNT, np.asarray(radius_m), np.asarray(scale), EFFORT)
+
+
+def bounds(radii, scales, dragon, first):
+    """Bounds (K-2, 2) of second derivatives by radius and by scale on a cell, in units of b."""
+    (low, high), (small, large) = radii, scales
+    ends = winding([low, low, high, high], [small, large, small, large], dragon, first)
+    theta, delta = between(ends.theta[:1], ends.theta[3:]), between(ends.delta[1:2], ends.delta[2:3])
+    link = dragon.link_lengths_m[None, first:first + COUNT]
+    chord = between(small * link, large * link)
+    arm = large * 0.5 * np.hypot(dragon.bench_lengths_m[None, first:first + COUNT], dragon.width_m)
+    return bend(theta, delta, chord, arm)[0] * large**2, bend_by_scale(theta, delta, chord, arm)[0] / small**2
+
+
+def corners(radius_m, scale, dragon, first):
+    """Corners of benches 2 and on in the frame of the leading bench, and of its own in theirs, (M, K-2, 2, 4)."""
+    chain = winding(radius_m, scale, dragon, first)
+    z, axis = chain.p @ [1, 1j], chain.axis @ [1, 1j]
+    half = 0.5 * dragon.bench_lengths_m[first:first + COUNT] * chain.scale[:, None]
+    side = 0.5 * dragon.width_m * chain.scale[:, None, None] * [1j, 1j, -1j, -1j]
+    middle = 0.5 * (z[:, 1:] + z[:, :-1])
+    corner = middle[..., None] + axis[..., None] * (half[..., None] * [1, -1, -1, 1] + side)
+    return np.stack(((corner[:, 2:] - middle[:, :1, None]) / axis[:, :1, None],
+                     (corner[:, :1] - middle[:, 2:, None]) / axis[:, 2:, None]), axis=2)
+
+
+def second_differences(radius_m, scale, dragon, first):
+    """Largest second derivatives (K-2, 2) of corners by radius and by scale at one place."""
+    h, k = 3e-3, 3e-4 * scale
+    found = corners(radius_m + h * np.array([-1, 0, 1, 0, 0]), scale + k * np.array([0.0, 0, 0, -1, 1]), dragon, first)
+    return (np.max(np.abs(found[0] - 2 * found[1] + found[2]), axis=-1) / h**2,
+            np.max(np.abs(found[3] - 2 * found[1] + found[4]), axis=-1) / k**2)
+
+
+def test_a_winding_is_the_chain_that_the_march_places():
+    radius_m, scale = np.array([4.6, 9.0]), 2 * np.pi / np.array([0.451, 0.7])
+    found = winding(radius_m, scale)
+    for r, s, p in zip(radius_m, scale, found.p, strict=True):
+        spiral = Spiral(2 * np.pi / s)
+        head = Place(0, DoubleDouble(s * r, 0.0))
+        chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], head, BEHIND, EFFORT)
+        assert p / s == pytest.approx(chain.p, abs=1e-11)
+
+
+@pytest.mark.parametrize('dragon', DRAGONS)
+@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize(('wide', 'tall'), [(1e-4, 1e-4), (0.1, 0.01), (0.4, 0.05)])
+def test_no_corner_bends_more_than_the_bounds_anywhere_in_a_cell(dragon, first, wide, tall):
+    rng = np.random.default_rng(6)
+    for pitch, radius in zip(rng.uniform(0.3, 1.0, 8), rng.uniform(3.5, 12.0, 8), strict=True):
+        scale = 2 * np.pi / pitch
+        by_radius, by_scale = bounds((radius, radius + wide), (scale, scale * (1 + tall)), dragon, first)
+        for u, v in rng.uniform(0, 1, (6, 2)):
+            true = second_differences(radius + u * wide, scale * (1 + v * tall), dragon, first)
+            assert np.all(true[0] <= by_radius * (1 + 1e-3) + 1e-3)
+            assert np.all(true[1] <= by_scale * (1 + 1e-3) + 1e-3)
+
+
+@pytest.mark.parametrize(('pitch', 'radius'), [(0.451, 4.6), (0.9, 4.5)])
+def test_in_a_small_cell_the_largest_bounds_are_less_than_three_times_the_true_ones(pitch, radius):
+    scale = 2 * np.pi / pitch
+    most = bounds((radius, radius + 1e-4), (scale, scale * (1 + 1e-4)), Dragon(), 0)
+    true = second_differences(radius, scale, Dragon(), 0)
+    assert np.max(most[0]) < 1.5 * np.max(true[0])
+    assert np.max(most[1]) < 3 * np.max(true[1])
+
+
+@pytest.mark.parametrize('first', [0, 1])
+def test_in_a_cell_angles_lie_between_those_of_its_corners(first):
+    rng = np.random.default_rng(7)
+    for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
+        scale = 2 * np.pi / pitch
+        u, v = (np.append(row, rng.uniform(0, 1, 30)) for row in ([0.0, 0, 1, 1], [0.0, 1, 0, 1]))
+        seen = winding(radius + 0.4 * u, scale * (1 + 0.05 * v), first=first)
+        assert np.all((seen.theta[0] <= seen.theta + 1e-12) & (seen.theta <= seen.theta[3] + 1e-12))
+        assert np.all((seen.delta[2] <= seen.delta + 1e-12) & (seen.delta <= seen.delta[1] + 1e-12))
+
+
+@pytest.mark.parametrize('first', [0, 1])
+def test_inside_a_cell_no_separation_sags_below_what_its_corners_say(first):
+    rng = np.random.default_rng(6)
+    for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
+        scale = 2 * np.pi / pitch
+        wide, tall = 0.3, 0.03 * scale
+        u, v = (np.append(row, rng.uniform(0, 1, 30)) for row in ([0.0, 0, 1, 1], [0.0, 1, 0, 1]))
+        apart = separations(Dragon(), first, winding(radius + u * wide, scale + v * tall, first=first))
+        by_radius, by_scale = bounds((radius, radius + wide), (scale, scale + tall), Dragon(), first)
+        sag = (by_radius * wide**2 + by_scale * tall**2) / 8
+        low = np.min(apart[:4], axis=0) - sag[:, [0, 0, 1, 1, 0, 0, 1, 1]]
+        assert np.min(apart[4:] - low) > -1e-12
