@@ -6,8 +6,9 @@ from math import hypot, inf, sqrt
 import numpy as np
 
 from dragon_ros.core.chain.forward import blocks_of, forward
+from dragon_ros.core.chain.lock import turning_places
 from dragon_ros.core.errors import FieldError, TrackEndError
-from dragon_ros.core.numerics.double_double import plus
+from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
@@ -77,6 +78,19 @@ class Leader:
     def along_m(self, gone_m: float) -> float:
         """Return the distance of the leader along the track when it has gone so far."""
         return self._origin_m[0] - self.direction * gone_m
+
+    def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
+        """Return how far the leader has gone, between two distances, where any handle turns back; growing.
+
+        Between them every handle moves one way. Handles turn near the centre of a single spiral only, where links may
+        lock, and only those behind the first ``links`` if that is given.
+        """
+        spiral = self.track.from_afar
+        if not (self.track.may_lock and spiral):
+            return []
+        low, high = sorted(self.place((gone_m, 0.0)).u.hi for gone_m in (low_m, high_m))
+        chords = (self.links_m[:links] / spiral.curve.b_m).tolist()
+        return sorted(self.gone_m(Place(0, DoubleDouble(theta, 0.0))) for theta in turning_places(chords, low, high))
 
     @cached_property
     def range_m(self) -> tuple[float, float]:

@@ -5,7 +5,7 @@ smallest root vanishes and the follower's speed goes to infinity.
 """
 from collections.abc import Callable, Sequence
 from functools import lru_cache
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import cos, inf, pi, sin, sqrt, ulp
 
 from dragon_ros.core.numerics.roots import illinois
@@ -32,7 +32,7 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
     As handles lie further and further out, that ends where none of the longest link's could lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
-    places = sorted({angle, *_within(turns(chords[0]), angle, max(angle, top)), max(angle, top)}) if top else []
+    places = sorted({angle, *(turn for turn in turns(chords[0]) if angle < turn < top), max(angle, top)}) if top else []
     here = [follower(place, chords[0]) for place in places]
     for k, chord in enumerate(chords[1:], 1):
         if not here or min(here) >= top:
@@ -41,9 +41,7 @@ def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
         if below:
             angle, link = _meets(chords[:k], lock_angle(chord), places[below[-1]], places[below[-1] + 1]), k
             places, here = [angle, *places[below[-1] + 1:]], [lock_angle(chord), *here[below[-1] + 1:]]
-        turning = _turns_between(chords[:k], chord, places, here)
-        here = [follower(theta, chord) for theta in here] + [_handle(turn, chords[:k + 1]) for turn in turning]
-        places, here = map(list, zip(*sorted(zip(places + turning, here, strict=True)), strict=True))
+        _, places, here = _one_link_on(chords[:k], chord, places, here)
     return angle, link
 
 
@@ -52,19 +50,20 @@ def _meets(chords: Sequence[float], theta: float, low: float, high: float) -> fl
     return _bisect(lambda place: _handle(place, chords) >= theta, low, high)
 
 
-def _turns_between(chords: Sequence[float], chord: float, places: Sequence[float],
-                   here: Sequence[float]) -> list[float]:
+def _one_link_on(chords: Sequence[float], chord: float, places: list[float],
+                 here: list[float]) -> tuple[list[float], list[float], list[float]]:
     """Return where the head is, between some places of it, when the rear handle of one more link turns back.
 
-    Its front handle, behind ``chords``, is ``here`` at the places and moves one way between them.
+    Its front handle, behind ``chords``, is ``here`` at the places and moves one way between them. With them come the
+    places between which the rear handle does, growing, and where it is at them.
     """
-    return [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
-                     places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
-            for turn in turns(chord) for n in range(len(places) - 1) if (here[n] - turn) * (here[n + 1] - turn) < 0]
-
-
-def _within(values: list[float], low: float, high: float) -> list[float]:
-    return [value for value in values if low < value < high]
+    turning = [illinois(lambda x, turn=turn: _handle(x, chords) - turn,  # type: ignore[misc]
+                        places[n], places[n + 1], here[n] - turn, here[n + 1] - turn)
+               for turn in turns(chord) for n in range(len(places) - 1)
+               if (here[n] - turn) * (here[n + 1] - turn) < 0] if min(here) < chord + _NO_TURN else []
+    here = [_rear(theta, chord) for theta in here] + [_handle(turn, [*chords, chord]) for turn in turning]
+    places, here = map(list, zip(*sorted(zip(places + turning, here, strict=True)), strict=True))
+    return turning, places, here
 
 
 def _handle(theta: float, chords: Sequence[float]) -> float:
@@ -79,21 +78,10 @@ def follower(theta: float, chord: float) -> float:
     return theta + step(theta, chord, first_guess(theta, chord), TIGHT)[0] if theta < inf else inf
 
 
-def follower_range(low: float, high: float, chord: float) -> tuple[float, float]:
-    """Return the least and greatest polar angle of the next handle while one moves between ``low`` and ``high``.
-
-    Where it turned back on the way the least is there. At a lock itself, where rounding may leave it no place, it is
-    not the greatest.
-    """
-    turning = follower_turns(lock_angle(chord), high, chord)
-    places = [low, high, turning] if low < turning < high else [low, high]
-    found = [angle for angle in (follower(place, chord) for place in places) if angle < inf]
-    return min(found), max(found)
-
-
-def follower_turns(low: float, high: float, chord: float) -> float:
-    """Return the head angle where the follower stops coming in (link across the tangent's foot); ``low`` if nowhere."""
-    return low if _inwards(low, chord) > 0 else _first_at_least_0(lambda theta: _inwards(theta, chord), low, high)
+def _rear(theta: float, chord: float) -> float:
+    """Return ``follower``; at a lock itself, where rounding may leave no place, where the chord is longest."""
+    rear = follower(theta, chord)
+    return rear if rear < inf else theta + first_peak(theta, pi)[0]
 
 
 @lru_cache(maxsize=1)
@@ -128,16 +116,21 @@ def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped
     return high
 
 
-def turning_places(head_chord: float, body_chord: float, low: float, high: float) -> list[float]:
-    """Return the head angles in (low, high), growing, where the second or the third handle turns back.
+def turning_places(chords: Sequence[float], low: float, high: float) -> list[float]:
+    """Return the head angles in (low, high), growing, where any handle turns back: the rear one of one of the links.
 
-    Those behind follow the third (docs/contact.md).
+    Between them every handle moves one way. Followed from the head on, up to where no longer link turns back. Where all
+    links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma 2): two
+    links tell all.
     """
-    if low >= max(head_chord, body_chord) + _NO_TURN:
-        return []
-    places = _within(turns(head_chord), low, high)
-    ends = [low, *places, high]
-    return sorted([*places, *_turns_between([head_chord], body_chord, ends, [follower(x, head_chord) for x in ends])])
+    longest = [*accumulate(reversed(chords), max)][::-1]
+    places, here, found = [low, high], [low, high], list[float]()
+    for k, chord in enumerate(chords):
+        if min(here) >= longest[k] + _NO_TURN:
+            break
+        turning, places, here = _one_link_on(chords[:k], chord, places, here)
+        found += turning
+    return sorted(found)
 
 
 @lru_cache(maxsize=256)

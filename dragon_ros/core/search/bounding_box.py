@@ -30,14 +30,13 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.chain.forward import next_places
+from dragon_ros.core.chain.lock import turns
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.enclosures.motion_bounds import (
     TOLERANCE,
     curvatures_between,
     divisible,
     swing_rad,
-    turning_back_m,
-    turning_back_of_m,
 )
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
@@ -140,12 +139,20 @@ def _intervals(ranges: 'HandleRanges', benches: Ints) -> Floats:
     low, high = low[begins], high[ends]
     track = ranges.track
     out: Floats = np.stack((np.maximum(low, np.minimum(high, track.end_of_first_m) - track.lap_m), high))
-    for turn in turning_back_of_m(track, float(ranges.scene.dragon.link_lengths_m[benches[0]])):
+    for turn in _turning_m(track, float(ranges.scene.dragon.link_lengths_m[benches[0]])):
         inside = (out[0] < turn) & (turn < out[1])
         cut = np.array([[turn] * int(np.sum(inside)), out[1, inside]])
         out[1, inside] = turn
         out = np.concatenate((out, cut), axis=1)
     return out
+
+
+def _turning_m(track: Track, link_m: float) -> list[float]:
+    """Return the distances of a link's front handle along the track at which its rear handle turns back."""
+    if not (track.may_lock and track.from_afar):
+        return []
+    angles = np.array(turns(link_m / track.from_afar.curve.b_m))
+    return [float(along_m) for along_m in track.distances(np.zeros(angles.size, dtype=np.int64), angles)]
 
 
 class _Search:
@@ -361,7 +368,7 @@ class HandleRanges:
     @cached_property
     def _stops_m(self) -> list[tuple[float, float]]:
         least, most = min(self._gone_m), max(self._gone_m)
-        return [least, *((gone, 0.0) for gone in turning_back_m(self._model.leader, least[0], most[0])), most]
+        return [least, *((gone, 0.0) for gone in self._model.leader.turning_m(least[0], most[0])), most]
 
     @cached_property
     def _at_stops_m(self) -> Floats:

@@ -192,12 +192,9 @@ class LeadingBenches:
 
     def phases(self, stop_m: float) -> tuple[list[float], list[Floats]]:
         """Return the leader's places between which every handle moves one way, and all handles there."""
-        start_m, turns = self._domain.start_m, list[float]()
+        start_m = self._domain.start_m
         ends = [self._on_spiral(place) for place in (start_m, stop_m)]
-        if self._domain.track.may_lock and len(self._chords) > 1:
-            angles = turning_places(*self._two(0), *sorted(float(theta[0]) for theta in ends))
-            turns = sorted((self._domain.leader.gone_m(Place(0, DoubleDouble(angle, 0.0))) for angle in angles),
-                           reverse=stop_m < start_m)
+        turns = self._domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
         return [start_m, *turns, stop_m], [ends[0], *(self._on_spiral(place) for place in turns), ends[1]]
 
     def all_come_in(self, stop_m: float) -> bool:
@@ -208,11 +205,6 @@ class LeadingBenches:
             if not np.all((links == 0) | (span <= np.pi) & (comes_in(front, span) > 0)):
                 return False
         return True
-
-    def _two(self, bench: int) -> tuple[float, float]:
-        """Return the chords of a bench and of the next one, in units of b."""
-        one, two = self._chords[bench:bench + 2]
-        return one, two
 
     def _track(self, ends: list[Floats]) -> tuple[float, float]:
         """Return the outermost and the innermost place of the class, given all handles at the ends of phases."""
@@ -252,7 +244,8 @@ class LeadingBenches:
         count = 2 + int(abs(start - stop) / step)
         places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES), dtype=np.float64)
         if self._domain.track.may_lock:
-            places = np.concatenate((places, turning_places(*self._two(self.lead), *sorted((start, stop)))))
+            turns = turning_places(self._chords[self.lead:self.lead + 2], *sorted((start, stop)))
+            places = np.concatenate((places, turns))
         places = distinct(places)
         yield _Window(self, bench, places if stop > start else places[::-1], behind)
 

@@ -38,7 +38,7 @@ from dragon_ros.core.chain.chain import Chain, marched_many
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
-from dragon_ros.core.enclosures.motion_bounds import curvatures_between, divisible, swing_rad, turning_back_m
+from dragon_ros.core.enclosures.motion_bounds import curvatures_between, divisible, swing_rad
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
@@ -135,7 +135,7 @@ class _Search:
         start_s, stop_s = self._scene.run.start_s, compile_scene(self._scene).end.t_s
         times = [start_s, *(t_s for t_s in self._scene.head.breaks_s if start_s < t_s < stop_s), stop_s]
         gone = [self._gone_m(t_s) for t_s in times]
-        cuts = turning_back_m(self._leader, min(gone), max(gone))
+        cuts = self._leader.turning_m(min(gone), max(gone))
         if isfinite(self._sure_m):
             cuts.append(self._sure_m - _APART_M - self._leader.start_m)
         parts, count = list[tuple[float, float, int]](), 0

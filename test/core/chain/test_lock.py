@@ -46,7 +46,7 @@ def test_a_short_link_never_locks(chord):
 def test_no_handle_turns_back_further_out_than_its_chord(chord, further):
     theta = chord + 4 + further
     assert follower(theta * (1 + 1e-6), chord) > follower(theta, chord)
-    assert not turning_places(chord, 0.5 * chord, theta, theta + 1)
+    assert not turning_places([chord, 0.5 * chord], theta, theta + 1)
     assert all(place < chord + 4 for place in turns(chord))
 
 

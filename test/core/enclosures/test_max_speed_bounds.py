@@ -8,7 +8,6 @@ from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
-from dragon_ros.core.enclosures.motion_bounds import turning_back_m
 from dragon_ros.core.search.max_speed import LawBetween, bounds, states_of
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
@@ -64,7 +63,7 @@ def test_near_the_centre_no_handle_is_faster_than_its_bound_where_none_turns_bac
     spiral = Spiral(pitch_m, 4.0)
     leader = Leader(track_of(spiral), links, 0.0, BEHIND)
     lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
-    turning = turning_back_m(leader, 0.0, lock_m)
+    turning = leader.turning_m(0.0, lock_m)
     low = lock_m - apart_m - np.geomspace(1e-6, 6, 60)
     low = np.array([one for one in low.tolist() if not any(one < turn < one + apart_m for turn in turning)])
     above, seen = tops(leader, low, low + apart_m), logs_between(leader, low, low + apart_m)
@@ -80,7 +79,7 @@ def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(
     spiral = Spiral(pitch_m, 16.0)
     leader = Leader(track_of(spiral), links, 0.0, BEHIND)
     lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
-    turning = turning_back_m(leader, 0.0, lock_m)
+    turning = leader.turning_m(0.0, lock_m)
     assert turning == sorted(turning)
     ends = [0.0, *turning, lock_m - 1e-9]
     for low, high in pairwise(ends):
@@ -92,8 +91,8 @@ def test_between_the_places_where_a_handle_turns_back_every_handle_goes_one_way(
 
 
 def test_no_handle_turns_back_behind_a_tail_or_on_a_composite_track():
-    assert not turning_back_m(Leader(BENDY, LINKS, 50.0, BEHIND), 0.0, 40.0)
-    assert not turning_back_m(Leader(track_of(STurn()), LINKS, 40.0, AHEAD), 0.0, 40.0)
+    assert not Leader(BENDY, LINKS, 50.0, BEHIND).turning_m(0.0, 40.0)
+    assert not Leader(track_of(STurn()), LINKS, 40.0, AHEAD).turning_m(0.0, 40.0)
 
 
 @pytest.mark.parametrize(('track', 'start_m', 'way'), TRACKS)

@@ -66,7 +66,7 @@ def largest(dragon, start, stop, count=7):
 def test_no_corner_bends_more_than_the_bound_anywhere_on_a_stretch(head, body, out, length, inset):
     dragon = Dragon(COUNT, head + 2 * inset, body + 2 * inset, 3.0, inset)
     start = max(lock_angle(dragon.head_link_m), lock_angle(float(dragon.link_lengths_m[-1]))) + out
-    assume(not turning_places(dragon.head_link_m, float(dragon.link_lengths_m[-1]), start, start + length))
+    assume(not turning_places(dragon.link_lengths_m[:2].tolist(), start, start + length))
     true = largest(dragon, start, start + length)
     assert np.all(true <= bound(dragon, start, start + length) * (1 + 1e-4) + 1e-5)
 
@@ -86,7 +86,7 @@ def test_the_bound_is_less_than_twice_what_the_classic_dragon_does(start, length
 def test_the_bound_is_infinite_at_a_lock_and_finite_where_the_second_handle_turns_back():
     dragon = Dragon(COUNT, 33.0, 20.0, 3.0, 0.0)
     lock = lock_angle(33.0)
-    (turn,) = turning_places(33.0, 20.0, lock, 60.0)
+    (turn,) = turning_places([33.0, 20.0], lock, 60.0)
     assert np.all(np.isinf(bound(dragon, lock * (1 + 1e-12), lock + 1e-3)))
     assert np.all(np.isfinite(bound(dragon, turn, turn + 1e-3)))
     assert np.all(np.isfinite(bound(dragon, turn - 1e-3, turn)))
@@ -95,7 +95,7 @@ def test_the_bound_is_infinite_at_a_lock_and_finite_where_the_second_handle_turn
 @pytest.mark.parametrize('chord', [0.0, 1.0, 3.0, 4.6, 4.8, 5.0, 5.5, 5.75, 5.8, 6.0, 10.0, 19.0, 32.7, 300.0])
 def test_a_follower_turns_back_at_the_places_that_are_named_and_nowhere_else(chord):
     lock = lock_angle(chord) * (1 + 1e-12)
-    turns = turning_places(chord, chord, lock, chord + 5)
+    turns = turning_places([chord, chord], lock, chord + 5)
     assert len(turns) == (0 if chord < 2 else 2 if 1.5 * np.pi < chord < 5.78 else 1)
     for low, high in pairwise([lock, *turns, chord + 5]):
         steps = np.diff([follower(theta, chord) for theta in np.linspace(low, high, 400)])
@@ -104,8 +104,8 @@ def test_a_follower_turns_back_at_the_places_that_are_named_and_nowhere_else(cho
 
 
 def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
-    (place_,) = turning_places(5.0, 19.0, 5.5, 40.0)
-    assert follower(place_, 5.0) == pytest.approx(turning_places(19.0, 19.0, 7.9, 40.0)[0], abs=1e-12)
+    (place_,) = turning_places([5.0, 19.0], 5.5, 40.0)
+    assert follower(place_, 5.0) == pytest.approx(turning_places([19.0, 19.0], 7.9, 40.0)[0], abs=1e-12)
 
 
 def sampler(dragon, first=1):
@@ -129,7 +129,7 @@ def test_each_bench_is_further_beyond_the_circle_than_the_one_before_it(body, th
 
 def test_a_stretch_on_which_a_handle_turns_back_is_never_cleared():
     dragon, b_m = Dragon(COUNT), Spiral().b_m
-    (turn,) = turning_places(dragon.head_link_m / b_m, float(dragon.link_lengths_m[-1]) / b_m, 14.75, 60.0)
+    (turn,) = turning_places((dragon.link_lengths_m[:2] / b_m).tolist(), 14.75, 60.0)
     watch = sampler(dragon, 0)
     view = watch.sample(np.array([turn - 1e-3, turn, turn + 1e-3]))
     rows = [view.rows(np.array([n])) for n in range(3)]
