@@ -5,18 +5,20 @@ leader has gone at one follows from them exactly, in rational arithmetic, as wit
 recording of the speeds is enough to place every handle again, bit for bit.
 """
 from bisect import bisect_right
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
+from functools import cached_property
 from itertools import pairwise
 from math import copysign, inf, sqrt
 from typing import Any, NoReturn
 
 import numpy as np
 
-from dragon_ros.core.chain.head_law import Head, Profile, check_lead
+from dragon_ros.core.chain.head_law import Head, Knot, Profile, check_lead, ramp, ramp_m
 from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
+from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
 SHORT_M = 0.01      # the leader rests at least so far from a lock, where speeds grow without bound, or a track's end
 
@@ -99,48 +101,39 @@ class Walked:
 
     def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
         """Return the law with one more knot; of the knots before, those of the last ``keep_s`` are kept."""
-        last, new = self.knots[-1], (t_s, speed_m_s)
-        reached_m = self.reached_m[-1] + (Fraction(t_s) - Fraction(last[0])) * (
-            Fraction(last[1]) + Fraction(speed_m_s)) / 2
+        new = t_s, speed_m_s
+        reached_m = self.reached_m[-1] + ramp_m(self.knots[-1], new)
         first = max(0, bisect_right(self.knots, (t_s - keep_s, inf)) - 1)
         return Walked(self.settings, (*self.knots[first:], new), (*self.reached_m[first:], reached_m))
 
-    def _gone(self, t_s: float) -> Fraction:
+    def _ramp_at(self, t_s: float) -> tuple[ExactPolynomial, ...]:
+        """Return distance, speed and acceleration by time on the ramp at ``t_s``."""
         n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
-        (start_s, speed), since = self.knots[n], Fraction(t_s) - Fraction(self.knots[n][0])
-        if not since:
-            return self.reached_m[n]
-        gone = self.reached_m[n] + Fraction(speed) * since
-        if n + 1 < len(self.knots):
-            end_s, then = self.knots[n + 1]
-            gone += (Fraction(then) - Fraction(speed)) * since * since / (2 * (Fraction(end_s) - Fraction(start_s)))
-        return gone
+        return ramp(self.knots[n:n + 2], self.reached_m[n]) if n + 1 < len(self.knots) else self._from_the_last_on
+
+    @cached_property
+    def _from_the_last_on(self) -> tuple[ExactPolynomial, ...]:
+        return ramp(self.knots[-1:], self.reached_m[-1])
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
         """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
-            gone = np.array([_halves(self._gone(t)) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
+            gone = np.array([self.travelled_m(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
-        return _halves(self._gone(t_s))
+        return self._ramp_at(t_s)[0].halves_at(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
         """Return the leader's speed at a tick, or the one between two as the ramp has it."""
-        n = max(0, bisect_right(self.knots, (t_s, inf)) - 1)
-        (start_s, speed), since = self.knots[n], Fraction(t_s) - Fraction(self.knots[n][0])
-        if not since or n + 1 == len(self.knots):
-            return speed
-        end_s, then = self.knots[n + 1]
-        share = since / (Fraction(end_s) - Fraction(start_s))
-        return float(Fraction(speed) + (Fraction(then) - Fraction(speed)) * share)
+        return self._ramp_at(t_s)[1].at(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
         """Return the rate of the leader's speed in m/s^2; at a tick, the one that led to it."""
         n = max(1, next((n for n, (at_s, _) in enumerate(self.knots) if at_s >= t_s), len(self.knots)))
-        return _rate(self.knots[n - 1], self.knots[n]) if n < len(self.knots) else 0.0
+        return _rate(self.knots[n - 1:n + 1]) if n < len(self.knots) else 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the least and the greatest rate of the leader's speed of all that is known."""
-        rates = [0.0, *(_rate(one, two) for one, two in pairwise(self.knots))]
+        rates = [0.0, *map(_rate, pairwise(self.knots))]
         return min(rates), max(rates)
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
@@ -196,10 +189,5 @@ def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Pr
     return Profile(tuple(knots), 'linear', settings.lead)
 
 
-def _rate(one: tuple[float, float], two: tuple[float, float]) -> float:
-    return float((Fraction(two[1]) - Fraction(one[1])) / (Fraction(two[0]) - Fraction(one[0])))
-
-
-def _halves(value: Fraction) -> tuple[float, float]:
-    hi = float(value)
-    return hi, float(value - Fraction(hi))
+def _rate(knots: Sequence[Knot]) -> float:
+    return ramp(knots, Fraction(0))[2].at(knots[0][0])

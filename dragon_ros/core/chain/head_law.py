@@ -5,11 +5,11 @@ wound in as the head's start says, the tail walks out along the track, and each 
 nearer the tail puts it.
 """
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from itertools import pairwise
+from itertools import accumulate, pairwise
 from math import isfinite
 from typing import Any
 
@@ -24,6 +24,8 @@ from dragon_ros.core.numerics.roots import bracketed_newton
 LEADERS = ('head', 'tail')
 RAMPS = ('linear', 'smooth')
 _MOST = 10_000
+
+Knot = tuple[float, float]      # a time in s, and the speed in m/s there
 
 
 @dataclass(frozen=True)
@@ -103,21 +105,11 @@ class Profile(Settings):
 
     @cached_property
     def _reached(self) -> list[Fraction]:
-        """Distance at each knot: a ramp's mean speed is the mean of its ends."""
-        out = [Fraction(0)]
-        for (t0, v0), (t1, v1) in pairwise(self.knots):
-            out.append(out[-1] + (Fraction(t1) - Fraction(t0)) * (Fraction(v0) + Fraction(v1)) / 2)
-        return out
+        """Distance at each knot."""
+        return [*accumulate((ramp_m(*pair) for pair in pairwise(self.knots)), initial=Fraction(0))]
 
     def _knot_before(self, t_s: float) -> int:
         return bisect_right(self._times, t_s) - 1
-
-    def _ramp(self, n: int) -> tuple[Fraction, Fraction]:
-        """Return the length of the ramp after a knot, and the change of speed on it; 0 after the last."""
-        if n + 1 == len(self.knots):
-            return Fraction(0), Fraction(0)
-        (t0, v0), (t1, v1) = self.knots[n], self.knots[n + 1]
-        return Fraction(t1) - Fraction(t0), Fraction(v1) - Fraction(v0)
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
         """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
@@ -143,15 +135,7 @@ class Profile(Settings):
         return {}
 
     def _polynomials_from(self, n: int) -> tuple[ExactPolynomial, ...]:
-        (t_s, speed), (length, change) = self.knots[n], self._ramp(n)
-        rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first on
-        if change:
-            rise = ([change / length] if self.ramps == 'linear' else
-                    [Fraction(0), 3 * change / length**2, -2 * change / length**3])
-        speeds = [Fraction(speed), *rise]
-        way = [self._reached[n], *(one / power for power, one in enumerate(speeds, 1))]
-        rates = [power * one for power, one in enumerate(rise, 1)] or [Fraction(0)]
-        out = self._polynomials[n] = tuple(ExactPolynomial(t_s, values) for values in (way, speeds, rates))
+        out = self._polynomials[n] = ramp(self.knots[n:n + 2], self._reached[n], self.ramps == 'smooth')
         return out
 
     def speed_before_m_s(self, t_s: float) -> float:
@@ -166,7 +150,8 @@ class Profile(Settings):
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
         """Return the least and the greatest rate of the leader's speed between two times without a knot in between."""
         n = self._knot_before(start_s)
-        middle = Fraction(self.knots[n][0]) + self._ramp(n)[0] / 2     # the steepest place of a smooth ramp
+        ends = [Fraction(t_s) for t_s, _ in self.knots[n:n + 2]]
+        middle = (ends[0] + ends[-1]) / 2       # the steepest place of a smooth ramp
         times: list[float | Fraction] = [start_s, stop_s]
         if start_s < middle < stop_s:
             times.append(middle)
@@ -211,6 +196,27 @@ class Profile(Settings):
         """Return the least and the greatest distance that the leader has gone by ``t_s`` (0 is among them)."""
         gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
         return min(gone), max(gone)
+
+
+def ramp(knots: Sequence[Knot], reached_m: Fraction, smooth: bool = False) -> tuple[ExactPolynomial, ...]:
+    """Return distance, speed and acceleration by time from the first of one or two knots on, at which it is reached.
+
+    After a single one, the last of a law, its speed stays.
+    """
+    (t_s, speed), (end_s, then) = knots[0], knots[-1]
+    length, change = Fraction(end_s) - Fraction(t_s), Fraction(then) - Fraction(speed)
+    rise: list[Fraction] = []       # of the speed, by powers of the time since the knot, from the first on
+    if change:
+        rise = [Fraction(0), 3 * change / length**2, -2 * change / length**3] if smooth else [change / length]
+    speeds = [Fraction(speed), *rise]
+    way = [reached_m, *(one / power for power, one in enumerate(speeds, 1))]
+    rates = [power * one for power, one in enumerate(rise, 1)] or [Fraction(0)]
+    return tuple(ExactPolynomial(t_s, values) for values in (way, speeds, rates))
+
+
+def ramp_m(one: Knot, two: Knot) -> Fraction:
+    """Return the distance on a ramp between two knots: its mean speed is the mean of its ends."""
+    return (Fraction(two[0]) - Fraction(one[0])) * (Fraction(one[1]) + Fraction(two[1])) / 2
 
 
 def check_lead(lead: str) -> None:
