@@ -8,6 +8,7 @@ import gc
 import importlib
 import os
 import sys
+from collections.abc import Callable
 from typing import NoReturn
 
 from dragon_ros.executables import EXECUTABLES, NODES
@@ -46,8 +47,8 @@ def usage() -> str:
     return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (more: NAME --help)\n\n{rows}'
 
 
-def run(argv: list[str]) -> NoReturn:
-    """Be the process of an executable: run it and exit.
+def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn:
+    """Be the process of a program, by default of an executable: run it and exit.
 
     Imports leave hundreds of thousands of objects and no garbage. To look for cycles among them again and again, and at
     the end to take them apart that way, takes a tenth of a command.
@@ -55,7 +56,7 @@ def run(argv: list[str]) -> NoReturn:
     os.environ.setdefault('OPENBLAS_THREAD_TIMEOUT', _SPIN)
     gc.set_threshold(_GARBAGE, *gc.get_threshold()[1:])
     try:
-        sys.exit(main(argv))
+        sys.exit(program(argv))
     finally:
         gc.freeze()
 

@@ -21,7 +21,7 @@ PACKAGE = ROOT / 'dragon_ros'
 BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags', 'cli')
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
-         'cost': (*BELOW_NODES, 'studies'), 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
+         'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
 # The rooms and modules of the core, from the bottom: each may import those before it.
 CORE = ('numerics', 'tracks', 'chain', 'geometry', 'enclosures', 'shift_map', 'model', 'effects', 'step')
 CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'search': CORE[:CORE.index('model') + 1]}
@@ -31,7 +31,9 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
-             'cost': {'numpy', 'scipy', 'matplotlib', 'tqdm', 'psutil', 'mcap', 'distributed'}}
+             'cost': {'numpy', 'matplotlib'}}
+# What stands beside the package in a checkout alone, and which of its own folders each may import.
+BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
 
 
 def imports(path):
@@ -60,6 +62,19 @@ def test_imports_point_down(room, path):
             assert rest[0] in (room, *ROOMS[room]), f'{path.name} imports {name}'
         elif top != 'dragon_ros' and room in LIBRARIES:
             assert top in LIBRARIES[room] or top in sys.stdlib_module_names, f'{path.name} imports {name}'
+
+
+@pytest.mark.parametrize('path', sorted(PACKAGE.rglob('*.py')), ids=lambda path: path.name)
+def test_the_package_imports_nothing_that_an_install_lacks(path):
+    assert not {name.split('.')[0] for name in imports(path)} & {*BESIDE, 'test', 'mpmath'}
+
+
+@pytest.mark.parametrize('path', [path for folder in BESIDE for path in sorted((ROOT / folder).glob('*.py'))],
+                         ids=lambda path: f'{path.parent.name}-{path.name}')
+def test_hard_cases_import_nothing_of_the_benchmarks_and_both_nothing_of_the_tests(path):
+    tests = {each.stem for each in (ROOT / 'test').rglob('*.py')}
+    used = {name.split('.')[0] for name in imports(path)}
+    assert used & {*BESIDE, *tests} <= BESIDE[path.parent.name]
 
 
 @pytest.mark.skipif(not CORE_IS_IN_ROOMS, reason='the core has no rooms yet')
@@ -157,7 +172,7 @@ def copy_source(target):
     target.mkdir(parents=True)
     for name in ('package.xml', 'setup.py', 'setup.cfg', 'pyproject.toml', 'README.md', 'LICENSE'):
         shutil.copy(ROOT / name, target)
-    for name in ('dragon_ros', 'launch', 'msg_configs', 'resource', 'scripts', 'test'):
+    for name in ('dragon_ros', 'benchmarks', 'hard_cases', 'launch', 'msg_configs', 'resource', 'scripts', 'test'):
         shutil.copytree(ROOT / name, target / name, symlinks=True, ignore=shutil.ignore_patterns('__pycache__'))
     return target
 
@@ -188,6 +203,7 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
     packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
     modules = [name for name in names if name.startswith('dragon_ros/') and name.endswith('.py')]
     assert packages == {name.rpartition('/')[0] for name in modules}
+    assert not [name for name in names if name.startswith(tuple(BESIDE))]
 
 
 @pytest.mark.skipif(not find_spec('colcon_core'), reason='colcon is not installed here')

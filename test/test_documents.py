@@ -45,7 +45,7 @@ SUBSTITUTES = {
                                           'smaller ones'),
     './dragon study tolerances': ('study --help', 'it takes hours; test/studies runs smaller ones'),
     'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py has both'),
-    './dragon cost': ('cost --help', 'it measures for minutes; test/cost measures each page in small'),
+    './dragon cost': ('cost --help', 'it measures for minutes; test/benchmarks measures each page in small'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '

@@ -8,8 +8,9 @@ import pytest
 
 ROOT = Path(__file__).parents[1]
 APACHE_2 = 'cfc7749b96f63bd31c3c42b5c471bf756814053e847c10f3eb003417bc523d30'     # the text as the foundation gives it
-SOURCES = sorted(path for folder in ('dragon_ros', 'launch', 'msg_configs', 'scripts', 'test') for path in
-                 (ROOT / folder).rglob('*') if path.suffix == '.py' or path.parent.name == 'scripts')
+FOLDERS = ('dragon_ros', 'benchmarks', 'hard_cases', 'launch', 'msg_configs', 'scripts', 'test')
+SOURCES = sorted(path for folder in FOLDERS for path in (ROOT / folder).rglob('*')
+                 if path.suffix == '.py' or path.parent.name == 'scripts')
 
 
 def test_one_licence_covers_every_file_and_is_named_alike_everywhere():

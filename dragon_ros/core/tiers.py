@@ -3,7 +3,7 @@
 A tier promises the largest position error over all handles and times of a scene. Close to a lock, where the last bit of
 the head's place moves the handles C times as much (C is ``chain.conditioning``), (C - 1) times what floats can keep is
 added. A speed is promised to the same figure for each link length of error, relative to the speed and times C^2. All
-are measured against a 50-digit reference on every case of ``cost/problems.py``.
+are measured against a 50-digit reference on every case of ``hard_cases``.
 """
 from dataclasses import dataclass
 from math import inf, sqrt

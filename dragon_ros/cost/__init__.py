@@ -1,1 +1,1 @@
-"""The cost of accuracy and effects: the named hard cases, and the pages that measure them."""
+"""The cost of accuracy, effects, contact and bags for a scene on this machine."""

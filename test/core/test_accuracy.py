@@ -21,9 +21,9 @@ from dragon_ros.core.tracks.chord import first_guess
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
-from dragon_ros.cost.dances import dances
-from dragon_ros.cost.problems import problems
-from dragon_ros.cost.reference import truth
+from hard_cases.dances import dances
+from hard_cases.problems import problems
+from hard_cases.truth import truth
 
 PROMISING = ['preview', 'standard', 'fine', 'exact']
 SPIRALS = {problem.name: problem for problem in problems()}

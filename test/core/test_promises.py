@@ -11,6 +11,8 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from properties import examples
 
+from benchmarks import promises
+from benchmarks.promises import measure, shares, table
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import DragonError
@@ -18,8 +20,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
-from dragon_ros.cost import promises
-from dragon_ros.cost.promises import measure, shares, table
 
 TIERS = ('preview', 'standard', 'fine', 'exact')
 

@@ -10,10 +10,10 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.cost.dances import dances
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import LedFrames
 from dragon_ros.scenes.load import load_scene
+from hard_cases.dances import dances
 
 SCENE = Scene(dragon=Dragon(40), run=Run(100, 101))
 

@@ -15,7 +15,7 @@ from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
-from dragon_ros.cost.problems import MIXED
+from hard_cases.problems import MIXED
 
 
 def of_all_pairs(benches):

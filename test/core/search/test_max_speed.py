@@ -1,9 +1,7 @@
 """The largest speed of any handle, and so of the leader: on every track, under every law, behind head and tail."""
-import json
 from dataclasses import replace
 from itertools import pairwise
 from math import inf, nextafter
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -20,8 +18,9 @@ from dragon_ros.core.search.max_speed import max_speed
 from dragon_ros.core.step import states, velocity_of
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from hard_cases.truth import design_figures
 
-FIGURES = json.loads((Path(__file__).parents[2] / 'data' / 'dances.json').read_text())['figures']
+FIGURES = design_figures()
 TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 
 

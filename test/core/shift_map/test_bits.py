@@ -18,7 +18,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import frame_of, state, states, tick
 from dragon_ros.core.tiers import tier_for
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
-from dragon_ros.cost.dances import dances
+from hard_cases.dances import dances
 
 TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 # Its joints lie within a link of where the first tile ends, 448 links from the track's beginning.

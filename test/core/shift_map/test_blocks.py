@@ -28,7 +28,7 @@ from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
-from dragon_ros.cost.dances import dances
+from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
 MARCHED = {'turn-joined-handles', 'far-joined'}        # links of no length; coordinates of 16 km

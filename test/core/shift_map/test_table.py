@@ -22,8 +22,8 @@ from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
-from dragon_ros.cost.dances import dances
-from dragon_ros.cost.problems import problems
+from hard_cases.dances import dances
+from hard_cases.problems import problems
 
 CLASSIC, MARCHED = Scene(), Scene(solver='march')
 # Their blocks of equal links are shorter than 8, or their links so short that a tile would be shorter than the dragon.

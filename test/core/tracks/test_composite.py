@@ -14,7 +14,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
-from dragon_ros.cost.dances import dances
+from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
 TURNING = CASES['turning'].scene

@@ -1,9 +1,7 @@
 """Random joined tracks, long and short, near and far, against the walk of 60 digits that makes the reference data."""
 import importlib
-import sys
 from dataclasses import replace
 from math import exp, log
-from pathlib import Path
 from random import Random
 
 import numpy as np
@@ -23,9 +21,7 @@ SCENES, LATEST_S = 50, 1e5
 
 @pytest.fixture(scope='module')
 def walk():
-    sys.path.append(str(Path(__file__).parents[2] / 'data'))
-    yield importlib.import_module('make_dances')
-    sys.path.pop()
+    return importlib.import_module('hard_cases.make_dances')
 
 
 def between(dice, low, high):

@@ -9,7 +9,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
-from dragon_ros.cost.dances import dances
+from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
 

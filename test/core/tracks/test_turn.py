@@ -1,7 +1,5 @@
 """The design questions about the turn: figures to 9 digits and more, and the claims beside them."""
-import json
 from math import degrees
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -11,8 +9,9 @@ from hypothesis import strategies as st
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.s_turn import shortest_bent
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, STurn
+from hard_cases.truth import design_figures
 
-FIGURES = json.loads((Path(__file__).parents[2] / 'data' / 'dances.json').read_text())['figures']
+FIGURES = design_figures()
 
 
 def test_the_turn_is_13_6212449068_m_long():

@@ -2,12 +2,11 @@
 import numpy as np
 import pytest
 
-from dragon_ros.cost import command, workprec
-from dragon_ros.cost.baselines import euler_steps
-from dragon_ros.cost.dances import dances
-from dragon_ros.cost.problems import problems
+from benchmarks import command, workprec
+from benchmarks.baselines import euler_steps
+from hard_cases import hard_cases
 
-CASES = {problem.name: problem for problem in (*problems(), *dances())}
+CASES = {problem.name: problem for problem in hard_cases()}
 
 
 @pytest.mark.parametrize('solver', ['table', 'march'])

@@ -15,6 +15,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.stages import ticks_from
 from dragon_ros.bags.write.mcap import compressor
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
@@ -27,7 +28,6 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map.blocks import TabulatedLinks
 from dragon_ros.core.step import batches, state, tick, velocity_of
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
-from dragon_ros.cost.stages import ticks_from
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 

@@ -6,8 +6,8 @@ import pytest
 
 pytest.importorskip('distributed')
 
-from dragon_ros.cost import study
-from dragon_ros.cost.command import write
+from benchmarks import study
+from benchmarks.command import write
 
 
 def rows():

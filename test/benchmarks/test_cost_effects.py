@@ -1,10 +1,10 @@
 """The page ``cost effects``: its prices, its whole ticks and its files."""
 import numpy as np
 
+from benchmarks import command, effects, prices
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
-from dragon_ros.cost import command, effects, prices
 from dragon_ros.cost.measure import Timing
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene

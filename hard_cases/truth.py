@@ -11,9 +11,9 @@ import numpy as np
 
 from dragon_ros.core.errors import MissingError
 from dragon_ros.core.numerics.types import Array, Floats
-from dragon_ros.cost.problems import Problem
+from hard_cases.problems import Problem
 
-_FOLDER = Path(__file__).resolve().parents[2] / 'test' / 'data'
+_FOLDER = Path(__file__).resolve().parent
 _FILES = ('reference.json', 'dances.json')
 _KEYS = ('x', 'y', 'speed', 'vx', 'vy')     # the first file has signed speeds along a spiral, the second velocities
 Solve = Callable[[float], tuple[Floats, Floats]]
@@ -38,14 +38,18 @@ class Truth:
 
 @lru_cache(maxsize=1)
 def _everything() -> dict[str, Any]:
-    out: dict[str, Any] = {}
-    for name in _FILES:
-        try:
-            out |= json.loads((_FOLDER / name).read_text(encoding='ascii'))['problems']
-        except OSError as error:
-            raise MissingError(f'{_FOLDER / name}: cannot be read: {error.strerror}; the cost pages run from a '
-                               'checkout') from None
-    return out
+    return {name: row for file in _FILES for name, row in _read(file)['problems'].items()}
+
+
+def design_figures() -> dict[str, str]:
+    """Return the length of the contest's turn and the largest speed of a head on it, as decimal strings."""
+    figures: dict[str, str] = _read(_FILES[1])['figures']
+    return figures
+
+
+def _read(file: str) -> dict[str, Any]:
+    content: dict[str, Any] = json.loads((_FOLDER / file).read_text(encoding='ascii'))
+    return content
 
 
 @lru_cache(maxsize=64)

@@ -10,7 +10,7 @@ from dragon_ros.core.chain.dragon import AnyDragon, Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn
-from dragon_ros.cost.problems import MIXED, Problem
+from hard_cases.problems import MIXED, Problem
 
 _TURNING = Scene(track=STurn(before_m=100.0), run=Run(0, 200))
 _SHORT = Dragon(12, 2.2, 2.2)

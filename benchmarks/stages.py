@@ -3,6 +3,7 @@ from collections.abc import Callable, Iterator
 from functools import partial
 from itertools import cycle
 
+from benchmarks.solvers import CHAIN_SOLVERS
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -10,7 +11,6 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of, state, velocity_of
 from dragon_ros.core.tracks.composite import Place
-from dragon_ros.cost.solvers import CHAIN_SOLVERS
 from dragon_ros.messages.encode import encoders
 
 MODEL = ('head', 'chain', 'velocities', 'benches')

@@ -1,6 +1,6 @@
-"""Make ``dances.json``: 50-digit positions and speeds for every case of ``dragon_ros.cost.dances``, and design figures.
+"""Make ``dances.json``: 50-digit positions and speeds for every case of ``hard_cases.dances``, and design figures.
 
-    PYTHONPATH=. python test/data/make_dances.py
+    ./dragon python -m hard_cases.make_dances
 
 It needs mpmath and some minutes, and shares no numerical code with the package: it reads the scene's floats as the
 exact numbers that they are, and lays the pieces out anew. The next handle is found by steps that cannot pass it: a
@@ -15,14 +15,14 @@ from pathlib import Path
 from typing import Any
 
 import mpmath
-from make_reference import AGREED, DIGITS, WRITTEN, Handle, Number, joined, note
 from mpmath import mp, mpc, mpf
 
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
-from dragon_ros.cost.dances import dances
-from dragon_ros.cost.problems import Problem
+from hard_cases.dances import dances
+from hard_cases.make_reference import AGREED, DIGITS, WRITTEN, Handle, Number, joined, note
+from hard_cases.problems import Problem
 
 TARGET = Path(__file__).with_name('dances.json')
 GUARD, MORE = 15, 15            # further digits of the first computation, and of the second

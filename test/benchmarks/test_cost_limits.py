@@ -1,9 +1,9 @@
 """The page ``cost limits``: stages against the machine's own rates."""
 import pytest
 
+from benchmarks import command, limits
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.cost import command, limits
 from dragon_ros.cost.measure import Timing
 
 RATES = dict.fromkeys(limits._RATES, 1e9)

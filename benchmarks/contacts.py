@@ -9,6 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.broad_phase import candidates
@@ -18,7 +19,6 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state
-from dragon_ros.cost.growth import SIZES, Check, check_table, checks_of, panel
 from dragon_ros.cost.measure import TIMES, circumstances, timed
 
 T_STAR_S = 412.473837682115         # of the classic run, to the last digit

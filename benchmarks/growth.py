@@ -7,6 +7,7 @@ from itertools import count
 import numpy as np
 from matplotlib.axes import Axes
 
+from benchmarks.stages import ticks_from
 from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.broad_phase import box_pairs, candidates, default_reach_m
@@ -18,7 +19,6 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.cost.measure import Timing, timed
-from dragon_ros.cost.stages import ticks_from
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 20_000, 30_000, 100_000)
 _MOST_OF_ALL_PAIRS = 3000

@@ -2,8 +2,8 @@
 import numpy as np
 import pytest
 
+from benchmarks import startup
 from dragon_ros.cli import figures
-from dragon_ros.cost import startup
 from dragon_ros.cost.measure import Timing
 from dragon_ros.executables import EXECUTABLES
 

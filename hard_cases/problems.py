@@ -1,7 +1,4 @@
-"""The named hard cases: one list, with ladders towards each singularity, shared by the tests and the cost pages.
-
-Reference positions and speeds of every case, to 50 digits, are in ``test/data`` beside the script that computes them.
-"""
+"""The hard cases of one spiral, with ladders towards each singularity; ``dances`` has the others."""
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from math import pi

@@ -4,8 +4,8 @@ import io
 
 import pytest
 
+from benchmarks import bags, command
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.cost import bags, command
 from dragon_ros.cost.measure import Timing
 
 

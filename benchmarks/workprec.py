@@ -8,6 +8,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.baselines import SOLVERS, euler_steps
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.chain import conditioning
@@ -18,11 +19,9 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state, states, velocity_of
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.cost.baselines import SOLVERS, euler_steps
-from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
-from dragon_ros.cost.problems import Problem, problems
-from dragon_ros.cost.reference import truth
+from hard_cases import Problem, hard_cases
+from hard_cases.truth import truth
 
 _TICK_S = 1.0           # step between ticks, for solvers that integrate
 _EULER_S = (1.0, 0.1, 0.01)
@@ -67,13 +66,8 @@ def measure(budget_s: float = 0.3) -> list[Row]:
     return [row for job in tqdm(jobs, desc='cost accuracy', unit='job', disable=None) for row in job()]
 
 
-def _hard() -> tuple[Problem, ...]:
-    """Return the hard cases of single spirals, then those of composite tracks, head laws and leading tails."""
-    return (*problems(), *dances())
-
-
 def _jobs(budget_s: float) -> Iterator[Callable[[], list[Row]]]:
-    for problem in _hard():
+    for problem in hard_cases():
         yield partial(_tiers, problem, tuple(_ways(problem)), budget_s)
         if problem.name != 'long' and _is_one_spiral(problem.scene):     # the others know no other track
             for name in SOLVERS:
@@ -230,8 +224,8 @@ def summary(rows: list[Row]) -> str:
               f'| {_us(row.timing.median_s)} | {_us(row.with_velocities.median_s)} |'
               for row in tiers if row.timing and row.with_velocities]
     kept, broken = (sum(row.verdict == verdict for row in rows) for verdict in ('kept', 'BROKEN'))
-    return '\n'.join([*lines, '', f'On all {len(_hard())} hard cases {kept} promises are kept and {broken} broken. '
-                      f'{circumstances()}.'])
+    return '\n'.join([*lines, '', f'On all {len(hard_cases())} hard cases {kept} promises are kept and {broken} '
+                      f'broken. {circumstances()}.'])
 
 
 def csv_text(rows: list[Row]) -> str:
@@ -278,7 +272,7 @@ def _labels(rows: list[Row]) -> dict[str, str]:
 
 def _hard_panel(axes: Axes, rows: list[Row]) -> None:
     """Draw, for each tier, the error of every hard case as a share of its promise."""
-    names = [problem.name for problem in _hard()]
+    names = [problem.name for problem in hard_cases()]
     styles = {'preview': ('v', '#56B4E9'), 'standard': ('^', '#009E73'), 'fine': ('D', '#E69F00'),
               'exact': ('o', '#0072B2')}
     for tier, (marker, colour) in styles.items():

@@ -12,9 +12,9 @@ from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import state
-from dragon_ros.cost.dances import dances
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn
 from dragon_ros.scenes.load import load_scene
+from hard_cases.dances import dances
 
 _NAMED = ('winding', 'long')
 _TICKS = 50             # of which the time of a later one is the mean

@@ -12,9 +12,9 @@ from matplotlib.figure import Figure
 from mcap.reader import make_reader
 from tqdm import tqdm
 
+from benchmarks.live import Start, alive, ended, processes
 from dragon_ros.bags.write.mcap import packed_bytes
 from dragon_ros.cli.figures import legend_below
-from dragon_ros.cost.live import Start, alive, ended, processes
 from dragon_ros.cost.measure import circumstances
 
 _BENCHES, _RATE_HZ, _TOPICS = 223, 100, ('handles', 'benches', 'velocities')

@@ -2,15 +2,15 @@
 import numpy as np
 import pytest
 
+from benchmarks import command, first_ticks, live, scale, ticks
+from benchmarks.scale import build
+from benchmarks.solvers import CHAIN_SOLVERS
+from benchmarks.stages import STAGES, stages_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.cost import command, first_ticks, live, scale, ticks
 from dragon_ros.cost.measure import Timing
-from dragon_ros.cost.scale import build
-from dragon_ros.cost.solvers import CHAIN_SOLVERS
-from dragon_ros.cost.stages import STAGES, stages_of
 
 
 def timing(seconds):

@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dragon_ros.cost import command, memory
+from benchmarks import command, memory
 
 
 def recorded(seconds=600.0, growth_mb_s=1e-4):

@@ -11,13 +11,13 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.solvers import CHAIN_SOLVERS
+from benchmarks.stages import STAGES, stages_of
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.dds_domain import free_domain, local_environment
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT, PAPER, TIERS
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
-from dragon_ros.cost.solvers import CHAIN_SOLVERS
-from dragon_ros.cost.stages import STAGES, stages_of
 
 _TIMES_S = (0.0, 60.0, 150.0, 240.0, 300.0, 360.0, 400.0, 412.0)
 _ALL = (*STAGES, 'publish')
@@ -76,7 +76,7 @@ def _row(solver: str, tier: str, messages: dict[str, Timing], budget_s: float) -
 
 def _messages(budget_s: float) -> dict[str, Timing]:
     """Return the cost of building and publishing messages, measured in a process with rclpy; {} without rclpy."""
-    done = subprocess.run([sys.executable, '-m', 'dragon_ros.nodes.publish_cost', str(budget_s)],
+    done = subprocess.run([sys.executable, '-m', 'benchmarks.publish_cost', str(budget_s)],
                           capture_output=True, text=True, check=False, timeout=_LONGEST_S,
                           env=local_environment(free_domain()))
     if done.returncode:

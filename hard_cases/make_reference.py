@@ -1,6 +1,6 @@
-"""Make ``reference.json``: 50-digit positions and speeds for every case of ``dragon_ros.cost.problems``.
+"""Make ``reference.json``: 50-digit positions and speeds for every case of ``hard_cases.problems``.
 
-    PYTHONPATH=. python test/data/make_reference.py
+    ./dragon python -m hard_cases.make_reference
 
 It needs mpmath (gmpy2 makes it faster, with the same result) and a minute or a few. It shares no numerical code with
 the package: it reads the scene's floats as the exact binary numbers that they are. Lengths are in units of
@@ -18,7 +18,7 @@ import mpmath
 from mpmath import iv, mp
 
 from dragon_ros.core.scene import Scene
-from dragon_ros.cost.problems import Problem, problems
+from hard_cases.problems import Problem, problems
 
 DIGITS = 50                     # of every result, relative to the distance from the centre
 GUARD = 40                      # further digits of the computation: the law of cosines loses up to 20

@@ -1,5 +1,8 @@
-"""``cost``: pages that keep their text, the README's rows, and all pages one after the other."""
-from dragon_ros.cost import command
+"""``./dragon cost``: pages that keep their text, the README's rows, and all pages one after the other."""
+import pytest
+
+from benchmarks import command
+from dragon_ros.cost.command import PAGES
 
 PAGE = """
 def measure(budget_s):
@@ -30,7 +33,7 @@ def test_all_measures_every_page_and_names_the_one_that_fails(tmp_path, monkeypa
         body = "raise ZeroDivisionError('no clock')" if name == 'broken' else 'return []'
         (pages / f'{name}_page.py').write_text(PAGE.format(body=body))
     known = {name: f'{name}_page' for name in NAMES}
-    (pages / 'sitecustomize.py').write_text(f'from dragon_ros.cost import command\ncommand.PAGES = {known}\n')
+    (pages / 'sitecustomize.py').write_text(f'from benchmarks import command\ncommand.PAGES = {known}\n')
     monkeypatch.setenv('PYTHONPATH', f'{pages}:{command._CHECKOUT}')
     monkeypatch.setattr(command, 'PAGES', known)
     assert command.main(['all', '--output', str(tmp_path / 'out')]) == 1
@@ -40,3 +43,17 @@ def test_all_measures_every_page_and_names_the_one_that_fails(tmp_path, monkeypa
     assert shown.rstrip().endswith('cost: 1 of 3 pages failed: broken')
     assert {path.name for path in (tmp_path / 'out').iterdir()} == {
         f'{name}.{suffix}' for name in ('quick', 'last') for suffix in ('md', 'csv', 'png', 'svg')}
+
+
+def test_the_package_knows_the_names_of_all_pages():
+    assert (*command.PAGES, command.ALL) == PAGES
+
+
+@pytest.mark.parametrize(('page', 'option', 'value', 'says'), [
+    ('tick', '--minutes', '1', '--minutes: page tick does not take it'),
+    ('memory', '--minutes', '0', '--minutes: 0.0 is not possible')])
+def test_an_option_that_a_page_does_not_take_is_refused_in_one_line(capsys, page, option, value, says):
+    assert command.main([page, option, value]) == 2
+    error = capsys.readouterr().err
+    assert says in error
+    assert len(error.splitlines()) == 1

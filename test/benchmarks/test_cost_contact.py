@@ -2,10 +2,10 @@
 import numpy as np
 import pytest
 
+from benchmarks import command, contacts, growth
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.cost import command, contacts, growth
 from dragon_ros.cost.measure import Timing
 
 

@@ -9,16 +9,16 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
+from benchmarks.live import RATES_HZ, ROLES, Live, highest, run
+from benchmarks.solvers import CHAIN_SOLVERS
+from benchmarks.stages import STAGES, stages_of
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import legend_below
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.shift_map.table import Tile
-from dragon_ros.cost.live import RATES_HZ, ROLES, Live, highest, run
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
-from dragon_ros.cost.solvers import CHAIN_SOLVERS
-from dragon_ros.cost.stages import STAGES, stages_of
 
 SIZES = (10, 30, 100, 223, 1000, 3000, 10_000, 30_000, 100_000)
 LIVE = (223, 2000, 20_000)

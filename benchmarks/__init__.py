@@ -1,0 +1,1 @@
+"""The pages of ``docs/cost``: what they measure, and how they are written."""

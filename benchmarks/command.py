@@ -1,0 +1,141 @@
+"""``./dragon cost PAGE``: measures the pages of ``docs/cost``."""
+import subprocess
+import sys
+from argparse import Namespace
+from functools import partial
+from importlib import import_module
+from pathlib import Path
+from typing import Any
+
+from dragon_ros.cli import command_line, figures
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import DragonError, MissingError
+
+PAGES = {'limits': 'benchmarks.limits', 'accuracy': 'benchmarks.workprec',
+         'promises': 'benchmarks.promises', 'contact': 'benchmarks.contacts',
+         'effects': 'benchmarks.effects', 'tick': 'benchmarks.ticks',
+         'first': 'benchmarks.first_ticks', 'scale': 'benchmarks.scale',
+         'bag': 'benchmarks.bags', 'memory': 'benchmarks.memory', 'startup': 'benchmarks.startup',
+         'study': 'benchmarks.study'}
+ALL = 'all'
+_CHECKOUT = Path(__file__).parents[1]
+_CHAINS, _CHAINS_OF_ALL = 1000, 100_000
+_BUDGET_S, _MINUTES = 0.3, 10.0
+_EFFORTS = {'memory': 'minutes', 'promises': 'chains'}      # the option of a page; of all others budget
+_RANGES = {'budget': (_BUDGET_S, 1e-6, 1e6), 'minutes': (_MINUTES, 0.05, 1e4), 'chains': (_CHAINS, 1, 1e9)}
+_END = '<!-- end -->'
+
+
+def main(argv: list[str]) -> int:
+    """Measure one page or all; return the exit code."""
+    options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
+                                  './dragon cost accuracy --output docs/cost')
+    options.add_argument('page', choices=(*PAGES, ALL), help='limits: how far each stage is from what the machine '
+                         'can do; accuracy: error against time, for every tier and other solvers; '
+                         'promises: error over promise on random chains; '
+                         'contact: the first contact against sampling at fixed steps, and growth with benches; '
+                         'effects: what each effect adds to a tick; tick: where the time of one tick goes; '
+                         'first: what the first tick of a track takes; '
+                         'scale: growth of each stage, and rates held over DDS; '
+                         'bag: throughput and size of bags by compression; memory: that of a recorder during a long '
+                         'run; startup: of every executable; study: rows a second of studies on Dask; all: one after '
+                         'the other, for half an hour or more')
+    options.add_argument('--output', type=Path, metavar='FOLDER',
+                         help='folder for the results (cost; for all: docs/cost of the checkout). A page that is there '
+                         'already keeps its text, only its table is renewed')
+    options.add_argument('--budget', type=float, metavar='S', help=f'seconds per timing ({_BUDGET_S:g}); not of '
+                         'the pages memory and promises')
+    options.add_argument('--minutes', type=float, metavar='MIN',
+                         help=f'length of the run of the page memory ({_MINUTES:g})')
+    options.add_argument('--chains', type=float, metavar='N',
+                         help=f'how many chains the page promises draws ({_CHAINS:g}; for all: {_CHAINS_OF_ALL:g}, an '
+                         'hour); Ctrl-C ends it early with what is done')
+    options.add_argument('--readme', type=Path, metavar='FILE', help='also renew the table between the marks in FILE '
+                         '(for all: README.md of the checkout)')
+    return command_line.guarded('cost', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    if arguments.page == ALL:
+        return _all(arguments)
+    _page(arguments.page, arguments, arguments.output or Path('cost'), arguments.readme)
+    return command_line.OK
+
+
+def _all(arguments: Namespace) -> int:
+    """Measure every page, each in a process of its own; one that fails is named, and the others are measured."""
+    pages, readme = _CHECKOUT / 'docs' / 'cost', arguments.readme or _CHECKOUT / 'README.md'
+    folder = arguments.output or (pages if pages.is_dir() else Path('cost'))
+    failed = list[str]()
+    for n, name in enumerate(PAGES, 1):
+        print(f'cost: page {n} of {len(PAGES)}: {name}', file=sys.stderr)
+        option = _EFFORTS.get(name, 'budget')
+        effort = getattr(arguments, option)
+        if effort is None and option == 'chains':
+            effort = _CHAINS_OF_ALL
+        options = ['--output', folder, *([] if effort is None else [f'--{option}', effort])]
+        if readme.is_file() and _mark(name) in readme.read_text(encoding='utf-8'):
+            options += ['--readme', readme]
+        measured = [sys.executable, '-m', 'benchmarks', name, *map(str, options)]
+        if subprocess.run(measured, check=False).returncode:
+            print(f'cost: page {name} failed, see above', file=sys.stderr)
+            failed.append(name)
+    if failed:
+        raise DragonError(f'{len(failed)} of {len(PAGES)} pages failed: {", ".join(failed)}')
+    return command_line.OK
+
+
+def _page(name: str, arguments: Namespace, folder: Path, readme: Path | None) -> None:
+    """Measure one page, write it, and print its table and what was written."""
+    effort = _effort(name, arguments)
+    try:
+        page = import_module(PAGES[name])
+    except ImportError as error:
+        raise MissingError(f'{error.name}: is not installed; the cost pages compare with it: pip install {error.name}'
+                           ) from None
+    rows = page.measure(effort)
+    try:
+        paths = write(name, rows, folder)
+    except OSError as error:
+        raise MissingError(f'--output {folder}: cannot be written: {error.strerror}') from None
+    print(page.table(rows))
+    if readme:
+        renew(readme, name, page.summary(rows) if hasattr(page, 'summary') else page.table(rows))
+        paths.append(readme)
+    print('\n' + '\n'.join(map(str, paths)))
+
+
+def _effort(name: str, arguments: Namespace) -> float:
+    """Return what a page is measured with: seconds of a timing or of a run, or a number of chains."""
+    option = _EFFORTS.get(name, 'budget')
+    command_line.check_taken(f'page {name}', {f'--{each}': getattr(arguments, each) is not None
+                                              for each in ('budget', *_EFFORTS.values())}, {f'--{option}'})
+    given, (usual, low, high) = getattr(arguments, option), _RANGES[option]
+    value = number(f'--{option}', usual if given is None else given, low=low, high=high)
+    return 60 * value if option == 'minutes' else value
+
+
+def write(name: str, rows: Any, folder: Path) -> list[Path]:
+    """Write a page, its CSV and its pictures into a folder and return their paths. A page keeps its text."""
+    page, text, data = import_module(PAGES[name]), folder / f'{name}.md', folder / f'{name}.csv'
+    folder.mkdir(parents=True, exist_ok=True)
+    if not (text.is_file() and _mark(name) in text.read_text(encoding='utf-8')):
+        text.write_text(f'{_mark(name)}\n{_END}\n', encoding='utf-8')
+    renew(text, name, page.table(rows))
+    data.write_text(page.csv_text(rows), encoding='utf-8')
+    return [text, data, *figures.save(page.picture(rows), folder / name)]
+
+
+def _mark(name: str) -> str:
+    return f'<!-- cost {name} -->'
+
+
+def renew(path: Path, page: str, text: str) -> None:
+    """Put ``text`` between the marks <!-- cost PAGE --> and <!-- end --> of a file."""
+    try:
+        old = path.read_text(encoding='utf-8')
+        head, rest = old.split(_mark(page), 1)
+        tail = rest.split(_END, 1)[1]
+        path.write_text(f'{head}{_mark(page)}\n{text}\n{_END}{tail}', encoding='utf-8')
+    except (OSError, ValueError, IndexError):
+        raise MissingError(f'--readme {path}: cannot be renewed; it needs the marks {_mark(page)} and {_END}') from None
