@@ -37,8 +37,8 @@ class Handle:
     """A handle on an interval: its segment (None: it passes a joint) and bounds of its coordinate there.
 
     ``ends`` number the ends of the interval at which it is at these bounds (None: at neither). ``moved_m`` bounds the
-    way that it goes along the track, there and back where it may turn. ``slopes`` are those of the link to the handle
-    in front of it, where they had to be known for this.
+    ways along the track from either end to any place in between and on to the other end, together. ``slopes`` are those
+    of the link to the handle in front of it, where they had to be known for this.
     """
 
     track: Track
@@ -164,13 +164,14 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
                  for u, end in zip((front.low, front.high), front.ends, strict=True))
     spans = low - front.low, high - front.high
     slopes = spiral_slopes(segment, front.u, spans[0].union(spans[1]), link)
-    ratio, numbers, times = ONE + slopes.delta_1, front.ends, 1.0
+    ratio, numbers = ONE + slopes.delta_1, front.ends
     if ratio < 0:
         low, high, numbers = high, low, numbers[::-1]
     elif not ratio > 0:
-        low, high, numbers, times = *_turning(front, (low, high), spans, ratio), (None, None), 2.0
-    moved_m = up(times * above(segment.b * abs(high - low) * root_of(high)))
-    return Handle(front.track, front.segment, low, high, numbers, moved_m, slopes)
+        low, high, numbers = *_turning(front, (low, high), spans, ratio), (None, None)
+    both = ends[0].place(n + 1).u + ends[1].place(n + 1).u      # a place outside of them is furthest from both
+    ways = max(above(TWO * high - both), above(both - TWO * low))
+    return Handle(front.track, front.segment, low, high, numbers, up(ways * above(segment.speed(high))), slopes)
 
 
 def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], ratio: arb) -> tuple[arb, arb]:

@@ -12,7 +12,7 @@ from typing import NamedTuple, Protocol
 
 from flint import acb, arb
 
-from dragon_ros.verify.balls import above, direction, half_turn
+from dragon_ros.verify.balls import above, certainly, direction, half_turn
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
 
@@ -184,9 +184,10 @@ class Chord(NamedTuple):
 
     @classmethod
     def of(cls, chord: arb, segment: 'SpiralSegment') -> 'Chord':
-        """Return a chord; the curvature falls outwards, and beyond ``wide`` it is below 2 / chord."""
+        """Return a chord; the curvature falls outwards to either side, and beyond ``wide`` it is below 2 / chord."""
+        certainly(chord.is_finite(), 'scene.dragon: a link is too long for its spiral')
         square, wide = chord * chord, ZERO
-        while chord.is_finite() and not segment.curvature(wide) * segment.b * chord < 2:
+        while not abs(segment.curvature(wide)) * segment.b * chord < 2:
             wide = wide * 1.125 + 0.25
         return cls(float(chord), HALF * square, ONE / square, wide)
 

@@ -2,46 +2,17 @@
 from contextlib import suppress
 
 import pytest
-from flint import acb, arb
+from flint import arb
 from hypothesis import assume, given
 from hypothesis import strategies as st
+from motions import BENCHES, STEP, SWAY, around, compiled, corners, dragons
 from properties import examples
 
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
-from dragon_ros.core.scene import Scene
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
-from dragon_ros.scenes.load import scene_values
-from dragon_ros.verify import reading
-from dragon_ros.verify.balls import precise
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.interval import Interval, Overlap
-from dragon_ros.verify.posture import Dragon as Benches
 from dragon_ros.verify.posture import Posture, overlap
-from dragon_ros.verify.track import Place, track_of
-
-SWAY = Composite((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 1.4, 'left'), Line(0.7),
-                  Arc(2.5, 90.0),
-               SpiralArc(1.1, 1.2, 2.5, 'right')), 0.0)
-BENCHES = 9
-STEP = 1e-9         # of differences, in balls of 128 bits: they lose nothing
-
-
-def compiled(dragon, track):
-    """What an interval needs, of benches on a track."""
-    values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
-    plain = reading._claims(values).scene
-    values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
-    shape = reading._kind('scene.track', values['track'], reading._TRACKS)
-    precise(1e3)
-    placed = track_of(reading.Scene(plain.lengths_m, plain.width_m, plain.inset_m, shape, plain.law, False, 0.0, None))
-    benches = Benches(plain)
-    return placed, benches, None if placed.to_centre else placed.bend
-
-
-def corners(pose):
-    """The corners of a bench, in balls."""
-    length, width = pose.axis * pose.shape.half_length, pose.axis * acb(0, 1) * pose.shape.half_width
-    return [pose.middle + length * x + width * y for x in (1, -1) for y in (1, -1)]
 
 
 def seen(posture, n):
@@ -49,13 +20,6 @@ def seen(posture, n):
     lead, other = posture.pose(0), posture.pose(n)
     return ([(corner - lead.middle) * lead.axis.conjugate() for corner in corners(other)],
             [(corner - other.middle) * other.axis.conjugate() for corner in corners(lead)])
-
-
-def around(track, benches, at, by_metres):
-    """The dragon at a place and a step before and after it, in the leading handle's coordinate or in metres."""
-    here = track.place_at(arb(at))
-    return [Posture(track, benches, 0, track.place_at(arb(at) + STEP * k) if by_metres
-                    else Place(here.segment, here.u + STEP * k)) for k in (-1, 0, 1)]
 
 
 def bends(postures, n):
@@ -82,13 +46,6 @@ def check(track, benches, bend, start, stop, count=3):
     with suppress(Overlap):
         if interval.clear(2, BENCHES - 1) is None:
             assert not any(overlap(three[1].pose(0), three[1].pose(n)) for three in postures for n in range(2, BENCHES))
-
-
-dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
-                     st.just(0.0) | st.floats(0.2, 2.2), st.floats(0.2, 2.2), st.floats(0.05, 0.4),
-                     st.floats(0.05, 0.5))
-           | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),
-                       st.lists(st.just(0.0) | st.floats(0.2, 2.2), min_size=BENCHES, max_size=BENCHES)))
 
 
 @examples(30)

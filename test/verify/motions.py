@@ -1,0 +1,114 @@
+"""Benches on a track as the checker holds them, on intervals of the leading handle: shared by the tests of bounds."""
+from flint import acb, arb
+from hypothesis import strategies as st
+
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.load import scene_values
+from dragon_ros.verify import reading
+from dragon_ros.verify.balls import exact, half_turn, precise
+from dragon_ros.verify.cover import Budget
+from dragon_ros.verify.interval import Interval
+from dragon_ros.verify.posture import Dragon as Benches
+from dragon_ros.verify.posture import Posture
+from dragon_ros.verify.run import Leader
+from dragon_ros.verify.segments import SpiralSegment
+from dragon_ros.verify.track import Place, Track, track_of
+
+BENCHES = 9
+STEP = 1e-9         # of differences: places are known to 1e-28, so that a second difference errs by 1e-10
+
+
+def mirrored(track):
+    """A composite track with left and right exchanged."""
+    def piece(one):
+        if isinstance(one, Arc):
+            return Arc(one.radius_m, -one.angle_deg)
+        if isinstance(one, SpiralArc):
+            return SpiralArc(one.pitch_m, one.from_turns, one.to_turns, {'left': 'right', 'right': 'left'}[one.side])
+        return one
+    return Composite(tuple(map(piece, track.pieces)), track.start_m)
+
+
+SWAY = Composite((Line(6.0), Arc(1.6, 150.0), Arc(1.5, -100.0), SpiralArc(1.2, 2.0, 1.4, 'left'), Line(0.7),
+                  Arc(2.5, 90.0), SpiralArc(1.1, 1.2, 2.5, 'right')), 0.0)
+COILS = Composite((SpiralArc(1.3, 4.0, 1.4, 'right'), Arc(1.7, 120.0), SpiralArc(1.2, 1.5, 3.0, 'left'), Arc(9.0, 20.0),
+                   SpiralArc(1.4, 2.6, 1.5, 'left')), 0.0)
+CENTRED = {'to the centre': 1, 'to the centre, mirrored': -1}
+BENT = {'sway': SWAY, 'sway, mirrored': mirrored(SWAY), 'coils': COILS, 'coils, mirrored': mirrored(COILS),
+        'turn': STurn(1.7, 5.0, 1.5), 'out of a spiral': Spiral(0.9, 3.4)}
+
+
+def plain(dragon):
+    """Benches as the checker reads them."""
+    values = {'scene': scene_values(Scene(dragon=dragon, track=Spiral())), 'contact': {'t_s': None}, 'intervals': []}
+    return reading._claims(values).scene
+
+
+def compiled(dragon, track, tail_leads=False):
+    """The track, the benches and the largest curvature (None to the centre), as an interval needs them."""
+    scene = plain(dragon)
+    values = scene_values(Scene(dragon=Dragon(1, 0.2, 0.2, 0.1, 0.0), track=track))
+    shape = reading._kind('scene.track', values['track'], reading._TRACKS)
+    precise(1e3)
+    placed = track_of(reading.Scene(scene.lengths_m, scene.width_m, scene.inset_m, shape, scene.law, tail_leads, 0.0,
+                                    None))
+    return placed, Benches(scene), None if placed.to_centre else placed.bend
+
+
+def centred(dragon, pitch_m=0.9, turns=3.4, side=1):
+    """The same on a spiral to its centre, on either side."""
+    precise(1e3)
+    start = 2 * half_turn() * exact(turns)
+    b = exact(pitch_m) / (2 * half_turn())
+    segment = SpiralSegment(b, acb(0), acb(1), side, -1, start, None, arb(0))
+    return Track([segment], [arb(0)], arb(0), True, [0]), Benches(plain(dragon)), None
+
+
+def made(kind, dragon):
+    """The track of a kind, the benches and the largest curvature."""
+    if kind in CENTRED:
+        return centred(dragon, side=CENTRED[kind])
+    return compiled(dragon, BENT[kind], tail_leads=kind == 'out of a spiral')
+
+
+def reach_m(track, benches):
+    """About the places between which the head may be: up to a lock, or to the track's end."""
+    if track.to_centre:
+        return 0.0, float(Leader(track, benches, False, Budget(10**7)).limits(1e-12, None)[1].gone)
+    links = sum(bench.link.near for bench in benches.benches)
+    begin = -10.0 if track.begin is None else float(track.begin) + 1.6 * links
+    return begin, 40.0 if track.end is None else float(track.end)
+
+
+def at(track, benches, metres):
+    """The dragon with its head at a distance along the track."""
+    return Posture(track, benches, 0, track.place_at(metres if isinstance(metres, arb) else arb(metres)))
+
+
+def interval(made_of, start, stop):
+    """An interval, and the dragon at its ends."""
+    track, benches, bend = made_of
+    ends = at(track, benches, start), at(track, benches, stop)
+    return Interval(track, benches, 0, ends, bend), ends
+
+
+def around(track, benches, metres, by_metres):
+    """The dragon at a place and a step before and after it, in the leading handle's coordinate or in metres."""
+    here = track.place_at(arb(metres))
+    return [Posture(track, benches, 0, track.place_at(arb(metres) + STEP * k) if by_metres
+                    else Place(here.segment, here.u + STEP * k)) for k in (-1, 0, 1)]
+
+
+def corners(pose):
+    """The corners of a bench, in balls."""
+    length, width = pose.axis * pose.shape.half_length, pose.axis * acb(0, 1) * pose.shape.half_width
+    return [pose.middle + length * x + width * y for x in (1, -1) for y in (1, -1)]
+
+
+lengths = st.just(0.0) | st.floats(0.2, 2.2)
+dragons = (st.builds(lambda head, body, inset, width: Dragon(BENCHES, 2 * inset + head, 2 * inset + body, width, inset),
+                     lengths, st.floats(0.2, 2.2), st.floats(0.05, 0.4), st.floats(0.05, 0.5))
+           | st.builds(lambda links: Mixed(tuple(Group(0.5 + link) for link in links), 0.3, 0.25),
+                       st.lists(lengths, min_size=BENCHES, max_size=BENCHES)))

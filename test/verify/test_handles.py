@@ -1,0 +1,110 @@
+"""Where handles are on an interval, and how far they go on it: no handle leaves what the checker says of it."""
+
+import pytest
+from flint import arb
+from hypothesis import assume, given
+from hypothesis import strategies as st
+from motions import BENCHES, BENT, CENTRED, at, centred, dragons, interval, made, reach_m
+from properties import examples
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.track import Place
+
+NEVER_LESS = 1 - 1e-12      # of a bound: what balls and floats may make of an equality
+
+
+def gone_m(track, one, two):
+    """The way along the track between two places."""
+    return float(abs(track.distance(one) - track.distance(two)))
+
+
+def hold(made_of, start, stop, shares):
+    """Hold all handles of an interval against where they are inside of it, and how far from both ends."""
+    track, benches, _ = made_of
+    piece, ends = interval(made_of, start, stop)
+    inside = [at(track, benches, start + (stop - start) * share) for share in shares]
+    for n in range(BENCHES + 1):
+        handle = piece._handle(n)
+        for number, known in enumerate(handle.ends):
+            if known is not None:
+                assert (handle.low, handle.high)[number].overlaps(ends[known].place(n).u)
+        for posture in (*inside, *ends):
+            place = posture.place(n)
+            if handle.segment is not None:
+                assert place.segment == handle.segment
+                assert not place.u < handle.low
+                assert not place.u > handle.high
+            ways = [gone_m(track, place, end.place(n)) for end in ends]
+            assert NEVER_LESS * sum(ways) <= handle.moved_m + 1e-25
+
+
+def held(kind, dragon, begin, length, shares):
+    """Hold an interval of a track, which begins at a share of the way."""
+    made_of = made(kind, dragon)
+    track, benches, bend = made_of
+    assume(bend is None or bend * max(benches.longest_links) < 1.98)
+    try:
+        low, high = reach_m(track, benches)
+        assume(low < high)
+        start = low + begin * (high - low)
+        hold(made_of, start, min(start + length, high - 1e-9 * max(high, 1.0)), shares)
+    except Refused:     # locked, or off the track
+        assume(False)
+
+
+shares = st.lists(st.floats(0, 1), min_size=2, max_size=5)
+
+
+@pytest.mark.parametrize('kind', [*CENTRED, *BENT])
+@examples(25)
+@given(dragons, st.floats(0, 1), st.floats(1e-6, 2), shares)
+def test_handles_stay_where_they_are_said_to_be_and_go_no_further(kind, dragon, begin, length, shares):
+    held(kind, dragon, begin, length, shares)
+
+
+@pytest.mark.parametrize('kind', CENTRED)
+@examples(25)
+@given(dragons, st.floats(0, 9), st.floats(-9, 0.5), shares)
+def test_so_do_handles_that_turn_back_up_to_a_nanometre_before_a_lock(kind, dragon, before, length, shares):
+    made_of = made(kind, dragon)
+    stop = reach_m(*made_of[:2])[1] - 10**-before
+    try:
+        hold(made_of, max(stop - 10**length, 0.0), stop, [*shares, *(1 - share * 10**-before for share in shares)])
+    except Refused:
+        assume(False)
+
+
+@pytest.mark.parametrize('side', [1, -1])
+def test_the_first_links_of_the_classic_dragon_turn_back_and_what_follows_them_does_too(side):
+    """The head from 16.5 to 14.735 rad: handle 1 turns back at 17.876 rad, and goes 1.750 m in all."""
+    track, benches, bend = centred(Dragon(BENCHES), 0.55, 16.0, side)
+    ends = [float(track.distance(Place(0, arb(theta)))) for theta in (16.5, 14.735)]
+    piece, _ = interval((track, benches, bend), *ends)
+    inside = [at(track, benches, arb(ends[0] + (ends[1] - ends[0]) * k / 400)) for k in range(401)]
+    for n in range(1, 5):
+        handle, places = piece._handle(n), [posture.place(n) for posture in inside]
+        least, most = (chosen(float(place.u) for place in places) for chosen in (min, max))
+        turning = min(places, key=lambda place: float(place.u))
+        gone = gone_m(track, places[0], turning) + gone_m(track, turning, places[-1])
+        assert float(handle.low) <= least
+        assert float(handle.high) >= most * NEVER_LESS
+        assert handle.moved_m >= gone
+        if n == 1:
+            assert (least, most, gone) == pytest.approx((17.876, 18.856, 1.750), abs=1e-3)
+
+
+@pytest.mark.parametrize('half', [0.01, 0.03])
+def test_how_far_handles_go_that_turn_back_is_bounded_tightly(half):
+    """By five times at most: the bound by the mean value theorem takes the steepest slope for all of an interval."""
+    track, benches, bend = centred(Dragon(BENCHES), 0.55, 16.0)
+    middle = float(track.distance(Place(0, arb(14.863))))
+    piece, ends = interval((track, benches, bend), middle - half, middle + half)
+    inside = [at(track, benches, arb(middle + half * k / 100)) for k in range(-100, 101)]
+    for n in range(1, BENCHES + 1):
+        handle, places = piece._handle(n), [posture.place(n) for posture in inside]
+        ways = max(sum(gone_m(track, place, end.place(n)) for end in ends) for place in places)
+        assert handle.ends == (None, None)
+        assert ways <= handle.moved_m < 5 * ways
+        furthest = max(sum(gone_m(track, Place(0, u), end.place(n)) for end in ends) for u in (handle.low, handle.high))
+        assert furthest * NEVER_LESS <= handle.moved_m < 1.001 * furthest
