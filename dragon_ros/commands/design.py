@@ -32,11 +32,11 @@ class Question(NamedTuple):
 def main(argv: list[str]) -> int:
     """Answer a design question; return the exit code."""
     options = command_line.parser('design', 'Answer a question about what to build.',
-                                  'python -m dragon_ros design turn')
+                                  'design turn')
     questions = options.add_subparsers(dest='question', required=True, metavar='QUESTION')
     for name, question in QUESTIONS.items():
         one = questions.add_parser(name, help=question.help, description=f'Find {question.help}.', allow_abbrev=False,
-                                   epilog=f'example: python -m dragon_ros design {question.example}')
+                                   epilog=f'example: {command_line.program()} design {question.example}')
         question.options(one)
         command_line.add_output_options(one, ('text', 'json'))
     arguments = options.parse_args(argv)
@@ -114,8 +114,8 @@ def _turn_text(values: dict[str, Any]) -> str:
     lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each by '
              f'{values["angle_rad"]:.9g} rad',
              'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set',
-             f'what limits the ratio: both radii must be at least {least:.9g} m, a hair over half the longest link, '
-             f'or links could lock; that allows ratios from {1 / values["largest_ratio"]:.9g} to '
+             f'what limits the ratio: both radii must be at least {least:.9g} m, 1.01 times half the longest link, or '
+             f'links could lock; that allows ratios from {1 / values["largest_ratio"]:.9g} to '
              f'{values["largest_ratio"]:.9g}']
     if values['length_there_m']:
         lines.append(f'a smaller circle shortens it: down to {values["smallest_diameter_m"]:.9g} m, both arcs of '

@@ -4,12 +4,15 @@ from typing import Any
 
 from dragon_ros.core.errors import FieldError, did_you_mean
 
+_KINDS = {type(None): 'empty', str: 'text', bool: 'true or false', float: 'a fraction', list: 'a list',
+          tuple: 'a list', dict: 'a mapping'}
+
 
 def number(field: str, value: Any, *, low: float | None = None, above: float | None = None,
            high: float | None = None) -> float:
     """Return the value as a float (0.0 for -0.0) if it is a finite number within the limits, else raise FieldError."""
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise FieldError(field, value, f'it is {_kind(value)}, not a number', 'give a number')
+        raise FieldError(field, value, f'it is {_kind(value)}, not a number', _unquoted(value) or 'give a number')
     if not _is_finite(value):
         raise FieldError(field, value, 'only finite numbers are', 'give a finite number')
     if low is not None and value < low:
@@ -24,7 +27,8 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
 def whole(field: str, value: Any, *, low: int, high: int) -> int:
     """Return the value if it is an integer within the limits, else raise FieldError."""
     if isinstance(value, bool) or not isinstance(value, int):
-        raise FieldError(field, value, f'it is {_kind(value)}, not a whole number', 'give a whole number')
+        raise FieldError(field, value, f'it is {_kind(value)}, not a whole number',
+                         _unquoted(value) or 'give a whole number')
     number(field, value, low=low, high=high)
     return int(value)
 
@@ -63,4 +67,15 @@ def _is_finite(value: float) -> bool:
 
 
 def _kind(value: Any) -> str:
-    return 'empty' if value is None else f'a {type(value).__name__}'
+    """Return the type of a value in the words of a scene file."""
+    return _KINDS.get(type(value), f'a {type(value).__name__}')
+
+
+def _unquoted(value: Any) -> str | None:
+    """Return the cure for a number in quotes."""
+    if not isinstance(value, str):
+        return None
+    try:
+        return f'write {float(value):g} without quotes'
+    except ValueError:
+        return None

@@ -27,10 +27,10 @@ from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.tiers import EXACT, PAPER, Tier, tier_for
-from dragon_ros.core.tracks.composite import Place, Track, track_of
+from dragon_ros.core.tracks.composite import Place, Track, least_radius_m, track_of
 from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
-from dragon_ros.core.tracks.spec import TrackSpec
+from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
 _LAST_FLOAT = 1.7976931348623157e308    # a time that is no end
 _MOST_SIMULATIONS = 64              # kept compiled
@@ -86,6 +86,8 @@ class Model:
     @cached_property
     def leader(self) -> Leader:
         """The leader on the track. Raises FieldError for bends that are too tight and a start without track."""
+        if isinstance(self.spec, STurn):
+            self.spec.check_arcs(least_radius_m(self.links_m))
         return Leader(self.track, self.links_m, self.spec.start_m, self.direction)
 
     @cached_property

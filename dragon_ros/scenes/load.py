@@ -154,6 +154,8 @@ def _find(name_or_file: str) -> Path:
     if '/' in name_or_file or name_or_file.endswith(('.yaml', '.yml')):
         return Path(name_or_file)
     known = scene_names()
+    if name_or_file not in known and Path(name_or_file).is_file():
+        return Path(name_or_file)
     if name_or_file not in known:
         hint = did_you_mean(name_or_file, known, 'give one of these or the path of a .yaml file')
         raise MissingError(f'scene: {shown(name_or_file)} is not known, the scenes are {", ".join(known)}; {hint}')
@@ -242,10 +244,27 @@ def _override(document: Document, text: str) -> None:
         raise InputError(f'{place}: is not key=value; write for example --set track.pitch_m=0.5', field='set')
     parsed = parse_document(place, f'value: {value}').values.get('value')
     *sections, last = key.split('.')
-    target = document.values
+    target: Any = document.values
     for section in sections:
-        target = target.setdefault(section, {})
-        if not isinstance(target, dict):
-            raise InputError(f'{place}: {section} is not a section', field=key)
-    target[last] = parsed
+        target = _below(target, section, place, key)
+    if isinstance(target, list):
+        target[_item(target, last, place, key)] = parsed
+    else:
+        target[last] = parsed
     document.places[key] = place
+
+
+def _below(target: Any, section: str, place: str, key: str) -> Any:
+    """Return the section, or the item of a list counted from 1, that one part of a dotted key selects."""
+    below = target[_item(target, section, place, key)] if isinstance(target, list) else target.setdefault(section, {})
+    if not isinstance(below, (dict, list)):
+        raise InputError(f'{place}: {section} is not a section', field=key)
+    return below
+
+
+def _item(items: list[Any], number: str, place: str, key: str) -> int:
+    """Return the index of an item that a dotted key counts from 1."""
+    if not (number.isdecimal() and 1 <= int(number) <= len(items)):
+        raise InputError(f'{place}: {shown(number)} is not an item of a list of {len(items)}; '
+                         f'count from 1 to {len(items)}', field=key)
+    return int(number) - 1

@@ -2,12 +2,15 @@
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field
 from pathlib import Path
+from re import compile as pattern
 from typing import Any, NoReturn
 
 import yaml
 
 from dragon_ros.core.errors import InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.limits import SCENE_FILE_BYTES, YAML_DEPTH, YAML_VALUES
+
+_EXPONENT = pattern(r'[-+]?(\d+\.?\d*|\.\d+)[eE][-+]?\d+')
 
 
 @dataclass
@@ -23,8 +26,12 @@ class Document:
         raise InputError(f'{self.place(key)}: {key}: {why}', field=key)
 
     def place(self, key: str) -> str:
-        """Return the place of ``key``, of a key below it, or of the nearest section above it."""
-        key = next((place for place in self.places if place.startswith(f'{key}.')), key)
+        """Return the place of ``key``, of a key below it, or of the nearest section above it.
+
+        Items of lists have numbers, from 1: ``track.pieces.2``. A list itself is where its key stands.
+        """
+        below = (place for place in self.places if place.startswith(f'{key}.') and not place[len(key) + 1].isdigit())
+        key = key if key.rpartition('.')[2].isdigit() and key in self.places else next(below, key)
         while key and key not in self.places:
             key = key.rpartition('.')[0]
         return self.places.get(key, self.name)
@@ -151,13 +158,18 @@ def _collect(document: Document, node: yaml.MappingNode, prefix: str) -> None:
         document.places[dotted] = place
         if isinstance(value, yaml.MappingNode):
             _collect(document, value, f'{dotted}.')
+        elif isinstance(value, yaml.SequenceNode):
+            _collect_items(document, value, dotted)
+
+
+def _collect_items(document: Document, node: yaml.SequenceNode, key: str) -> None:
+    """Record the line of each mapping in a list, and of its keys."""
+    for n, item in enumerate(node.value, 1):
+        if isinstance(item, yaml.MappingNode):
+            document.places[f'{key}.{n}'] = f'{document.name}:{item.start_mark.line + 1}'
+            _collect(document, item, f'{key}.{n}.')
 
 
 def plain_number(value: Any) -> Any:
-    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else unchanged."""
-    if isinstance(value, str):
-        try:
-            return float(value)
-        except ValueError:
-            return value
-    return value
+    """Return a number that YAML 1.1 parses as text, such as 1e-9; anything else, quoted numbers too, unchanged."""
+    return float(value) if isinstance(value, str) and _EXPONENT.fullmatch(value) else value

@@ -69,7 +69,7 @@ def test_an_empty_file_is_the_classic_scene():
     ('track: {pitch_m: 1e400}', r'f:1: track.pitch_m'),
     ('1: 2', r'f:1: 1: unknown key'),
     ('track: {kind: turn, start_turns: 3}', r'f:1: track.start_turns: unknown key for kind turn; write kind: spiral'),
-    ('track: {kind: turn, ratio: 3}', r'f:1: track: .*bends tighter than'),
+    ('track: {kind: turn, ratio: 3}', r'f:1: track.ratio: .*bends tighter than'),
     ('track: {kind: joined}', r'f:1: track.pieces: it is missing; kind joined requires it'),
     ('track: {kind: joined, pieces: 3}', r'f:1: track.pieces: 3 is not a list of pieces'),
     ('track: {kind: joined, pieces: [3]}', r'f:1: track.pieces.1: it holds 3; write for example'),
@@ -90,7 +90,7 @@ def test_an_empty_file_is_the_classic_scene():
     ('dragon: {kind: mixed, groups: [{length_m: 2, count: 0}]}', r'f:1: dragon.groups.1.count: 0 .* smallest is 1'),
     ('head: {kind: profile}', r'f:1: head.knots: it is missing'),
     ('head: {kind: profile, knots: [1, 2]}', r'f:1: head.knots: .* is not a list of pairs'),
-    ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not possible, it is a str'),
+    ('head: {kind: profile, knots: [[0, fast]]}', r'f:1: head.knots.1: .fast. is not possible, it is text'),
     ('head: {lead: middle}', r'f:1: head.lead: .middle.'),
     ('accuracy: paper\nhead: {lead: tail}', r'f:1: accuracy: .paper.* one spiral, led by the head'),
 ], ids=lambda text: text[:40])
@@ -126,6 +126,51 @@ def test_a_kind_can_be_overridden_with_its_keys():
 
 def test_numbers_that_yaml_takes_for_text_are_numbers():
     assert scene_of(parse_document('f', 'accuracy: 1e-9')).accuracy == 1e-9
+
+
+@pytest.mark.parametrize('text', ['dragon: {benches: "40"}', 'dragon: {width_m: "0.3"}'])
+def test_a_number_in_quotes_is_refused_with_its_cure(text):
+    with pytest.raises(InputError, match=r'it is text, not a .*number; write [\d.]+ without quotes'):
+        scene_of(parse_document('f', text))
+
+
+def test_the_scene_of_a_file_that_is_there_is_read_whatever_its_suffix(tmp_path, monkeypatch):
+    (tmp_path / 'street.txt').write_text('dragon: {benches: 7}')
+    monkeypatch.chdir(tmp_path)
+    assert load_scene('street.txt').dragon.benches == 7
+
+
+STREET = """
+track:
+  kind: joined
+  pieces:
+    - {kind: line, length_m: 60}
+    - kind: arc
+      radius_m: 9
+      angle_deg: 90
+"""
+
+
+def test_an_override_reaches_a_piece_by_the_number_that_errors_print(tmp_path):
+    path = tmp_path / 'street.yaml'
+    path.write_text(STREET)
+    pieces = load_scene(str(path), ['track.pieces.2.radius_m=5', 'track.pieces.1.length_m=70']).track.pieces
+    assert (pieces[0].length_m, pieces[1].radius_m) == (70, 5)
+    for bad, says in (('track.pieces.3.radius_m=5', 'count from 1 to 2'), ('track.pieces.0.radius_m=5', 'from 1 to 2'),
+                      ('track.pieces.two.radius_m=5', 'count from 1 to 2'), ('track.pieces.2.radius_m=x', 'it is text'),
+                      ('track.pieces.1.length_m.x=5', 'length_m is not a section')):
+        with pytest.raises(InputError, match=re.escape(f'--set {bad}')) as error:
+            load_scene(str(path), [bad])
+        assert says in str(error.value)
+
+
+@pytest.mark.parametrize(('old', 'new', 'line', 'key'), [
+    ('radius_m: 9', 'radius_m: 0.1', 5, 'track.pieces.2'),
+    ('radius_m: 9', 'radius_m: -1', 6, 'track.pieces.2.radius_m'),
+    ('length_m: 60', 'length_m: 0', 4, 'track.pieces.1.length_m')])
+def test_an_error_in_a_piece_names_the_line_of_the_piece(old, new, line, key):
+    with pytest.raises(InputError, match=f'^f:{line}: {key}: '):
+        scene_of(parse_document('f', STREET.replace(old, new).lstrip()))
 
 
 def test_overrides_reach_any_key_and_say_where_they_are_wrong():

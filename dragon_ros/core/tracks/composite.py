@@ -130,13 +130,13 @@ class Track:
         return self._distance(place.segment, place.u.hi)
 
     def check_links(self, links_m: Floats) -> None:
-        """Refuse links that are too long for the tightest bend of a composite track."""
+        """Refuse links that are too long for the tightest bend of a composite track, which the error names."""
         least = least_radius_m(links_m)
         if not self.may_lock and self.bend * least > 1:
             tight = max(range(len(self.segments)), key=lambda k: self.segments[k].bend)
-            raise FieldError('track', f'radius {1 / self.bend:.6g} m', f'piece {tight + 1} bends tighter than '
-                             f'{least:.6g} m, a hair over half the longest link, and the chain could lock there',
-                             'use larger radii or shorter benches')
+            raise FieldError(f'track.pieces.{tight + 1}', f'radius {1 / self.bend:.6g} m', f'it bends tighter than '
+                             f'{least:.6g} m, 1.01 times half the longest link, and the chain could lock there',
+                             'use a larger radius or shorter benches')
 
     def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
         """Return the place so far along the track. Raises TrackEndError where there is no track.

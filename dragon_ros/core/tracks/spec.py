@@ -84,7 +84,7 @@ class STurn:
 
     @property
     def gamma_rad(self) -> float:
-        """DoubleDouble between the track and the radius at the entry."""
+        """Angle between the track and the radius at the entry."""
         return atan(2 * pi * self.entry_turns)
 
     @property
@@ -95,7 +95,7 @@ class STurn:
 
     @property
     def angle_rad(self) -> float:
-        """DoubleDouble by which each arc turns."""
+        """Angle by which each arc turns."""
         return 2 * self.gamma_rad
 
     @property
@@ -111,6 +111,19 @@ class STurn:
     def largest_ratio(self, least_radius_m: float) -> float:
         """Return the largest ratio at which both radii are at least ``least_radius_m``; below 1 there is none."""
         return sum(self.radii_m) / least_radius_m - 1
+
+    def check_arcs(self, least_radius_m: float) -> None:
+        """Refuse arcs that bend tighter than a radius. Raises FieldError naming the diameter or the ratio."""
+        if min(self.radii_m) >= least_radius_m:
+            return
+        limit = (f'an arc of {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times half '
+                 'the longest link, and the chain could lock there')
+        largest, smallest_m = self.largest_ratio(least_radius_m), self.smallest_diameter_m(least_radius_m)
+        if largest >= 1:
+            raise FieldError('track.ratio', self.ratio, limit, f'give a ratio from {1 / largest:.6g} to {largest:.6g}, '
+                             'a larger track.diameter_m, or shorter benches')
+        raise FieldError('track.diameter_m', self.diameter_m, limit, f'give more than {smallest_m:.6g} m with '
+                         'track.ratio 1, or shorter benches')
 
     def smallest_diameter_m(self, least_radius_m: float) -> float:
         """Return the diameter of the smallest circle with arcs of at least that radius (both have it, ratio 1).

@@ -79,7 +79,7 @@ def test_a_scene_whose_pieces_do_not_meet_is_refused_when_it_is_compiled():
 
 @pytest.mark.parametrize('track', [STurn(ratio=2.3), Composite((Line(9.0), Arc(1.44, 90.0)))])
 def test_a_bend_in_which_a_link_could_lock_is_refused(track):
-    with pytest.raises(FieldError, match='bends tighter than 1.44444 m, a hair over half the longest link'):
+    with pytest.raises(FieldError, match='bends tighter than 1.44444 m, 1.01 times half the longest link'):
         compile_scene(Scene(track=track))
 
 
