@@ -26,7 +26,7 @@ def main(argv: list[str]) -> int:
     options = command_line.parser(
         'study', 'Vary a scene as a study file says, ask each, and keep a row for each as Parquet (docs/studies.md). '
         'What is there already is not computed again.',
-        'python -m dragon_ros study pitch_map --output pitch_map --plot')
+        'study pitch_map --output pitch_map --plot')
     options.add_argument('study', metavar='NAME|FILE|FOLDER',
                          help='a study by name or file; or the folder of one, to go on with it or to draw it')
     options.add_argument('--output', type=Path, metavar='DIR', help='folder for the data set')

@@ -1,6 +1,7 @@
 """The answers of a data set in figures: how many rows there are of which kind, and what the numbers are."""
 from collections.abc import Iterator
 from dataclasses import asdict
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from dragon_ros.studies.rows import STATUSES
 from dragon_ros.studies.statistics import (
     CONFIDENCE,
     distribution,
+    may_be_normal,
     normal_upper_bound,
     proportion,
     quantile,
@@ -25,7 +27,6 @@ SAFE = 0.999            # the share of dragons that a safe value is for
 _RANDOM = ('random', 'sobol')
 _FEW = 8                # rows below which no distribution is told
 _MOST_SHOWN = 5         # reasons
-_NORMAL_FROM = 20       # rows: fewer tell no deviation
 
 
 def main_answers(study: Study) -> list[str]:
@@ -60,7 +61,7 @@ def _figures(study: Study, table: pa.Table, name: str) -> dict[str, Any]:
         return {}
     out: dict[str, Any] = {'count': int(known.size), 'least': float(known.min()), 'median': float(np.median(known)),
                            'greatest': float(known.max())}
-    if study.design not in _RANDOM or known.size < _FEW:
+    if study.design not in _RANDOM or known.size < _FEW or not find_spec('scipy'):
         return out
     out |= {'median_interval': _interval(asdict(quantile(known, 0.5))), 'confidence': CONFIDENCE, 'share': SAFE,
             'half_width': distribution(known)[2], 'rows_for_bound': safe_rows(SAFE)}
@@ -68,7 +69,7 @@ def _figures(study: Study, table: pa.Table, name: str) -> dict[str, Any]:
         out['answered'] = asdict(proportion(int(known.size), len(table)))
     bound = upper_bound(known, SAFE)
     out['bound'] = bound if np.isfinite(bound) else None
-    if known.size >= _NORMAL_FROM and np.ptp(known) > 0:
+    if may_be_normal(known):
         out['bound_if_normal'] = normal_upper_bound(known, SAFE)
     return out
 
@@ -101,12 +102,12 @@ def _between(one: dict[str, Any]) -> str:
 
 
 def _bounds(name: str, one: dict[str, Any]) -> Iterator[str]:
-    """Yield what is above all but one in a thousand, where that can be told."""
+    """Yield a bound on all but one dragon in a thousand, if there are enough rows for one."""
     if 'share' not in one:
         return
     if one['bound'] is not None:
         yield f'{name}: {one["share"]:.1%} of dragons are below {one["bound"]:.9g} (95 % sure)'
         return
-    normal = f'; if it is normally distributed, below {one["bound_if_normal"]:.9g}' if 'bound_if_normal' in one else ''
-    yield (f'{name}: below what {one["share"]:.1%} of dragons are takes {one["rows_for_bound"]:,} rows to be 95 % '
-           f'sure of{normal}')
+    normal = (f'; for a normal distribution, which these rows do not contradict, it is {one["bound_if_normal"]:.9g}'
+              if 'bound_if_normal' in one else '')
+    yield f'{name}: a bound on {one["share"]:.1%} of dragons (95 % sure) needs {one["rows_for_bound"]:,} rows{normal}'

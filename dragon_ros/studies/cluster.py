@@ -13,6 +13,7 @@ from collections import deque
 from collections.abc import Callable, Iterator
 from contextlib import ExitStack, contextmanager, suppress
 from dataclasses import dataclass
+from importlib.metadata import PackageNotFoundError, version
 from multiprocessing import resource_tracker
 from pathlib import Path
 from platform import python_version
@@ -26,13 +27,13 @@ import dask
 import distributed
 import numpy as np
 import pyarrow
-import scipy
 from distributed import Client, Future, KilledWorker, LocalCluster
 from tornado.ioloop import IOLoop
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError
 from dragon_ros.studies.dataset import BLOCK, DataSet, part_of
 from dragon_ros.studies.rows import FAILED, OK, STATUSES, columns_of, parsed, rows_of
+from dragon_ros.studies.sampling import check_libraries
 from dragon_ros.version import __version__
 
 _BATCH_S = 2.0          # of work in a batch: Dask takes some milliseconds for each
@@ -77,8 +78,16 @@ class State:
 
 def versions() -> dict[str, str]:
     """Return the versions that must agree for rows to have the same values everywhere."""
-    return {'dragon_ros': __version__, 'python': python_version(), 'numpy': np.__version__, 'scipy': scipy.__version__,
+    return {'dragon_ros': __version__, 'python': python_version(), 'numpy': np.__version__, 'scipy': _scipy(),
             'pyarrow': pyarrow.__version__, 'dask': dask.__version__, 'distributed': distributed.__version__}
+
+
+def _scipy() -> str:
+    """Return the version of scipy, which a study without random laws does without."""
+    try:
+        return version('scipy')
+    except PackageNotFoundError:
+        return 'none'
 
 
 def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> Batch:
@@ -91,9 +100,9 @@ def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> Batch:
 
 
 def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None:
-    for name, version in wanted.items():
-        if found.get(name) != version:
-            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process {version}; rows would '
+    for name, mine in wanted.items():
+        if found.get(name) != mine:
+            raise InputError(f'scheduler: {who} has {name} {found.get(name)}, this process {mine}; rows would '
                              'differ: install the same versions everywhere (docs/studies.md)', field=name)
 
 
@@ -338,6 +347,7 @@ def complete(data: DataSet, stop: Event, tell: Callable[[State], object], worker
 
     Where nothing is missing no process is started.
     """
+    check_libraries(data.study)
     if not data.missing:
         data.join_blocks()
         return State(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))

@@ -4,16 +4,24 @@ A random point is drawn from a generator of its own, seeded by (seed, index); a 
 in one scrambled sequence. So rows can be drawn in any order, in any batch and in any process.
 """
 from functools import lru_cache
+from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from scipy.special import ndtr, ndtri
-from scipy.stats import qmc
 
+from dragon_ros.core.errors import MissingError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.studies.study import Listed, Normal, Range, Study, Uniform, Variation, target_of
 
 Values = dict[str, Any]
+
+
+def check_libraries(study: Study) -> None:
+    """Refuse a study that needs scipy where it is not installed: Sobol sequences and normal laws do."""
+    needs = study.design in ('sobol', 'saltelli') or any(isinstance(one, Normal) for _, one in study.vary)
+    if needs and not find_spec('scipy'):
+        raise MissingError(f"scipy: is not installed; design {study.design} or a normal law needs it: "
+                           "pip install 'dragon_ros[study]'")
 
 
 def values_of(study: Study, index: int) -> Values:
@@ -98,6 +106,7 @@ class _Sequence:
     """A scrambled Sobol sequence with a place in it: going on is fast, going back begins anew."""
 
     def __init__(self, dimensions: int, seed: int) -> None:
+        from scipy.stats import qmc  # other designs do without
         self._engine, self._next = qmc.Sobol(dimensions, scramble=True, seed=np.random.default_rng(seed)), 0
         self._last: Floats = np.empty(0)
 
@@ -127,6 +136,7 @@ def _drawn(variation: Variation, point: Floats) -> list[Any]:
         return [levels_of(variation)[int(one * variation.steps)] for one in point]
     low, high = variation.low, variation.high
     if isinstance(variation, Normal):
+        from scipy.special import ndtr, ndtri
         ends = ndtr((np.array([low, high]) - variation.mean) / variation.deviation)
         drawn = variation.mean + variation.deviation * ndtri(ends[0] + point * (ends[1] - ends[0]))
     else:

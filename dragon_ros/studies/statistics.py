@@ -7,7 +7,6 @@ from dataclasses import dataclass
 from math import ceil, inf, log, sqrt
 
 import numpy as np
-from scipy.stats import beta, binom, nct, norm, sobol_indices
 
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats
@@ -15,6 +14,8 @@ from dragon_ros.studies.study import Study
 
 CONFIDENCE = 0.95
 _RESAMPLES = 999
+_NORMAL_FROM = 20       # rows: fewer tell no deviation
+_MOST_TESTED = 5000     # values, above which p-values of the test are not accurate
 
 
 @dataclass(frozen=True)
@@ -28,6 +29,7 @@ class Estimate:
 
 def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Estimate:
     """Return a quantile of samples (N,) with the order statistics that enclose it, from the binomial distribution."""
+    from scipy.stats import binom  # takes longer to import than a small study to sum up
     ordered, out = np.sort(values), (1 - confidence) / 2
     count = ordered.size
     low, high = int(binom.ppf(out, count, share)), int(binom.ppf(1 - out, count, share)) + 1
@@ -42,6 +44,7 @@ def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
     """Return a value that a share of all is below, with confidence; inf where there are too few rows for one."""
+    from scipy.stats import binom
     count = values.size
     rank = int(binom.ppf(confidence, count, share)) + 1
     return float(np.sort(values)[rank - 1]) if rank <= count else inf
@@ -49,13 +52,23 @@ def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) ->
 
 def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
     """Return what ``upper_bound`` does **if** values are normally distributed (the one-sided tolerance factor)."""
+    from scipy.stats import nct, norm
     count = values.size
     factor = float(nct.ppf(confidence, count - 1, norm.ppf(share) * sqrt(count))) / sqrt(count)
     return float(np.mean(values) + factor * np.std(values, ddof=1))
 
 
+def may_be_normal(values: Floats) -> bool:
+    """Return whether a sample is continuous and does not contradict a normal distribution (Shapiro and Wilk 1965)."""
+    from scipy.stats import shapiro
+    if values.size < _NORMAL_FROM or np.unique(values).size < values.size:
+        return False
+    return bool(shapiro(values[:_MOST_TESTED]).pvalue > 1 - CONFIDENCE)
+
+
 def proportion(hits: int, count: int, confidence: float = CONFIDENCE) -> Estimate:
     """Return a share with its interval (Clopper and Pearson 1934)."""
+    from scipy.stats import beta
     out = (1 - confidence) / 2
     return Estimate(hits / count, float(beta.ppf(out, hits, count - hits + 1)) if hits else 0.0,
                     float(beta.ppf(1 - out, hits + 1, count - hits)) if hits < count else 1.0)
@@ -102,6 +115,7 @@ def indices(study: Study, values: Floats) -> list[Indices]:
 
 def _both_of(table: Floats) -> Floats:
     """Return the indices (2, keys), first order and total, of answers (2 + keys, samples)."""
+    from scipy.stats import sobol_indices
     functions = {'f_A': table[:1], 'f_B': table[1:2], 'f_AB': table[2:, None, :]}
     found = sobol_indices(func=functions, n=table.shape[1])
     return np.stack((np.ravel(found.first_order), np.ravel(found.total_order)))

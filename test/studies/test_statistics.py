@@ -1,4 +1,6 @@
 """What is said of a data set is right where the truth is known, and says nothing where rows are too few."""
+import subprocess
+import sys
 from math import inf
 
 import numpy as np
@@ -79,3 +81,23 @@ def test_indices_take_every_row_and_their_own_design(study):
     with pytest.raises(FieldError, match='write design: saltelli'):
         statistics.indices(study(), np.zeros(12))
     assert statistics.indices(one, np.ones(one.rows))[0].first.value == 0
+
+
+@pytest.mark.parametrize(('values', 'may_be'), [
+    (np.random.default_rng(3).normal(size=200), True), (np.random.default_rng(3).exponential(size=200), False),
+    (np.repeat((409.5, 412.5), 100), False), (np.random.default_rng(3).normal(size=19), False)],
+    ids=['normal', 'skewed', 'two values', 'too few'])
+def test_only_rows_that_do_not_contradict_a_normal_distribution_get_its_bound(values, may_be):
+    assert statistics.may_be_normal(values) is may_be
+
+
+def test_a_random_study_of_uniform_laws_computes_its_rows_without_scipy():
+    code = ('import sys\nsys.modules["scipy"] = None\nfrom pathlib import Path\n'
+            'from dragon_ros.scenes.yaml import parse_document\nfrom dragon_ros.studies.rows import rows_of\n'
+            'from dragon_ros.studies.study import study_of\n'
+            'study = study_of(parse_document("f", sys.stdin.read()), Path())\n'
+            'print(*(row["status"] for row in rows_of(study, range(2))))')
+    text = ('set: {dragon: {benches: 3}}\nvary: {track.pitch_m: {uniform: [0.5, 0.6]}, dragon.width_m: [0.2, 0.3]}\n'
+            'design: random\nsamples: 2\nask: [lock]\n')
+    done = subprocess.run([sys.executable, '-c', code], input=text, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ['ok', 'ok']

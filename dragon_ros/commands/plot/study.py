@@ -17,7 +17,15 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.studies.answers import SAFE, main_answers, numbers
 from dragon_ros.studies.dataset import DataSet
 from dragon_ros.studies.sampling import levels_of
-from dragon_ros.studies.statistics import distribution, indices, normal_upper_bound, quantile, safe_rows, upper_bound
+from dragon_ros.studies.statistics import (
+    distribution,
+    indices,
+    may_be_normal,
+    normal_upper_bound,
+    quantile,
+    safe_rows,
+    upper_bound,
+)
 from dragon_ros.studies.study import Listed
 
 _UNITS = {'_m': 'm', '_s': 's', '_m_s': 'm/s', '_m_s2': 'm/s²', '_rad': 'rad', '_deg': '°'}
@@ -151,10 +159,10 @@ def _spread(data: DataSet, values: Floats, name: str) -> Figure:
     bound = upper_bound(values, SAFE)
     if np.isfinite(bound):
         right.axvline(bound, color=HEAD, label=f'{SAFE:.1%} are below {bound:.6g} (95 % sure)')
-    elif np.ptp(values) > 0:
+    elif may_be_normal(values):
         normal = normal_upper_bound(values, SAFE)
         right.axvline(normal, color=HEAD, linestyle='--', label=f'{SAFE:.1%} are below {normal:.6g} if they are\n'
-                      f'normally distributed; to know takes {safe_rows(SAFE):,} rows')
+                      f'normally distributed; a bound needs {safe_rows(SAFE):,} rows')
     right.set(xlabel=_label(name), ylabel='share of dragons', ylim=(0, 1.02))
     legend_below(right)
     right.set_title('distribution')
