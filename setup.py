@@ -34,6 +34,8 @@ setup(
         (f'share/{NAME}/launch', ['launch/dragon.launch.py']),
         *configuration(),
     ],
+    # One name for the bin/ of pip; colcon puts it beside the executables.
+    entry_points={'console_scripts': ['dragon = dragon_ros.__main__:dragon']},
     python_requires='>=3.10',
     # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',

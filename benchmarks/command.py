@@ -29,7 +29,7 @@ _END = '<!-- end -->'
 def main(argv: list[str]) -> int:
     """Measure one page or all; return the exit code."""
     options = command_line.parser('cost', 'Measure a page in one run: a table, CSV, and a picture as PNG and SVG.',
-                                  './dragon cost accuracy --output docs/cost')
+                                  'cost accuracy --output docs/cost')
     options.add_argument('page', choices=(*PAGES, ALL), help='limits: how far each stage is from what the machine '
                          'can do; accuracy: error against time, for every tier and other solvers; '
                          'promises: error over promise on random chains; '

@@ -22,9 +22,15 @@ def main(argv: list[str]) -> int:
     if '_ARGCOMPLETE' in os.environ and not argv:
         from dragon_ros.cli import completion
         argv = [completion.chosen(EXECUTABLES)]
+    if argv and argv[0] == 'help':
+        argv = [*argv[1:2], '--help']
     if not argv or argv[0] in ('-h', '--help'):
         print(usage())
         return 0 if argv else 2
+    if argv[0] in ('-V', '--version'):
+        from dragon_ros.version import __version__
+        print(f'dragon_ros {__version__}')
+        return 0
     name, *rest = argv
     if name not in EXECUTABLES:
         from dragon_ros.core.errors import did_you_mean
@@ -44,7 +50,13 @@ def main(argv: list[str]) -> int:
 def usage() -> str:
     """Return the list of executables."""
     rows = '\n'.join(f'  {name:<9} {executable.help}' for name, executable in EXECUTABLES.items())
-    return f'usage: python -m dragon_ros NAME [ARGUMENTS]   (more: NAME --help)\n\n{rows}'
+    from dragon_ros.cli.command_line import program
+    return f'usage: {program()} NAME [ARGUMENTS]   (more: {program()} help NAME; --version)\n\n{rows}'
+
+
+def dragon() -> NoReturn:
+    """Be the command ``dragon`` of an installed package."""
+    run(sys.argv[1:])
 
 
 def run(argv: list[str], program: Callable[[list[str]], int] = main) -> NoReturn:

@@ -190,7 +190,9 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
                     '--disable-pip-version-check', '-w', tmp_path, source], env=os.environ | NO_BYTECODE, check=True)
     (wheel,) = tmp_path.glob('*.whl')
     names = zipfile.ZipFile(wheel).namelist()
-    assert not [name for name in names if 'entry_points' in name or '/scripts/' in name]
+    assert not [name for name in names if '/scripts/' in name]
+    (points,) = [zipfile.ZipFile(wheel).read(name).decode() for name in names if name.endswith('entry_points.txt')]
+    assert points.split() == ['[console_scripts]', 'dragon', '=', 'dragon_ros.__main__:dragon']
     data = [name.split('.data/data/')[1] for name in names if '.data/data/' in name]
     assert {name.split('/')[-1] for name in data if name.startswith('lib/dragon_ros/')} == set(EXECUTABLES)
     configs = {path.relative_to(ROOT).as_posix() for path in (ROOT / 'msg_configs').rglob('*')
@@ -215,7 +217,7 @@ def test_colcon_builds_a_package_whose_executables_run_from_lib(tmp_path, option
     subprocess.run([sys.executable, '-m', 'colcon', 'build', *options], cwd=workspace, env=environment, check=True,
                    capture_output=True)
     prefix = workspace / 'install' / 'dragon_ros'
-    assert installed_names(prefix) == set(EXECUTABLES)
+    assert installed_names(prefix) == {*EXECUTABLES, 'dragon'}
     assert not (prefix / 'bin').exists()
     assert (prefix / 'share/ament_index/resource_index/packages/dragon_ros').exists()
     script = '. "$1/install/setup.sh" && cd / && "$2/lib/dragon_ros/contact" --set dragon.benches=20 && python3 -c ' \
@@ -239,7 +241,7 @@ def test_setup_lists_what_find_packages_must_not_forget():
         os.chdir(here)
         setuptools.setup = original
     assert 'dragon_ros.core' in given['packages']
-    assert 'entry_points' not in given
+    assert given['entry_points'] == {'console_scripts': ['dragon = dragon_ros.__main__:dragon']}
 
 
 @pytest.mark.skipif(not find_spec('ruff'), reason='ruff is not installed here')

@@ -7,7 +7,7 @@ from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
 
-from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd, shown
+from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd, did_you_mean, shown
 
 if TYPE_CHECKING:       # keeps --help free of numpy
     from dragon_ros.core.scene import Scene
@@ -22,7 +22,18 @@ class _Default(str):
     __slots__ = ()
 
 
+_SUFFIXES = {'.csv': 'csv', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet', '.txt': 'text', '.xlsx': 'xlsx'}
 DEFAULT_SCENE = _Default('winding')
+
+
+class _Given(argparse.Action):
+    """Store a positional argument that is given; one that is not leaves the option of the same name alone."""
+
+    def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
+                 option_string: str | None = None) -> None:
+        """Store the value."""
+        if values is not None:
+            setattr(namespace, self.dest, values)
 
 
 class Parser(argparse.ArgumentParser):
@@ -41,7 +52,19 @@ class Parser(argparse.ArgumentParser):
             completion.answer(self)
         if any('\0' in text for text in args or ()):
             self.error('an argument has a NUL in it, which no name and no number has')
-        return super().parse_args(args, namespace)
+        arguments = super().parse_args(args, namespace)
+        if 'formats' in arguments:
+            _settle_format(self, arguments)
+        return arguments
+
+    def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
+        """Parse, and refuse unknown options here, where the command or subcommand that lacks them is known."""
+        arguments, unknown = super().parse_known_args(args, namespace)
+        if unknown and '_ARGCOMPLETE' not in os.environ:
+            known = [name for action in self._actions for name in action.option_strings]
+            hint = did_you_mean(unknown[0], known, '')
+            self.error(f'unrecognized arguments: {" ".join(unknown)}' + (f'; {hint}' if hint else ''))
+        return arguments, unknown
 
     def error(self, message: str) -> NoReturn:
         """Print the error and a pointer to --help, and exit with 2."""
@@ -64,9 +87,25 @@ def _whole(text: str) -> int:
     return value
 
 
+def _assignment(text: str) -> str:
+    if '=' not in text:
+        raise argparse.ArgumentTypeError(f'{shown(text)} is not KEY=VALUE; write --set {text}=VALUE, without a space')
+    return text
+
+
+def program() -> str:
+    """Return the words before a command's name that the reader types: those that started this process."""
+    if 'DRAGON_PROGRAM' in os.environ:      # set by the script ./dragon
+        return os.environ['DRAGON_PROGRAM']
+    started = Path(sys.argv[0])
+    if started.parent.name == 'dragon_ros' and started.parent.parent.name == 'lib':
+        return 'ros2 run dragon_ros'
+    return 'dragon' if started.name == 'dragon' else 'python -m dragon_ros'
+
+
 def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
-    """Return a parser with the executable's name, purpose and example."""
-    return Parser(prog=name, description=text, epilog=f'example: {example}', allow_abbrev=False,
+    """Return a parser with the executable's name, purpose and example, which begins with its name."""
+    return Parser(prog=name, description=text, epilog=f'example: {program()} {example}', allow_abbrev=False,
                   formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
@@ -75,14 +114,14 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
                          help='scene by name or file' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
-                         help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
+                         type=_assignment, help='override a key of the scene, e.g. track.pitch_m=0.5; repeatable')
     options.add_argument('--accuracy', metavar='METRES|TIER', help='largest position error, in metres or by tier')
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:
     """Add the options of a scene, and --bag and --namespace, which take its place."""
     add_scene_options(options)
-    options.add_argument('--bag', type=Path, metavar='FILE', help='show this recording instead of a scene')
+    add_bag(options, 'show this recording instead of a scene')
     add_namespace_option(options)
 
 
@@ -91,10 +130,47 @@ def add_namespace_option(options: argparse.ArgumentParser) -> None:
     options.add_argument('--namespace', metavar='NAME', help='namespace of the dragon, for a bag with several')
 
 
+def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False) -> None:
+    """Add a recording, as BAG or --bag: both mean the same in every command."""
+    given = options.add_mutually_exclusive_group(required=required)
+    given.add_argument('bag', nargs='?', type=Path, metavar='BAG', action=_Given, help=text)
+    given.add_argument('--bag', type=Path, metavar='BAG', dest='bag', help='the same as BAG')
+
+
+def add_times_option(options: argparse.ArgumentParser, text: str) -> None:
+    """Add --times, or --time: numbers and ranges (``cli.ranges``)."""
+    options.add_argument('--times', '--time', metavar='T,...|FIRST-LAST|START:STOP:STEP', help=text)
+
+
+def add_handles_option(options: argparse.ArgumentParser) -> None:
+    """Add --handles: numbers and ranges (``cli.ranges``)."""
+    options.add_argument('--handles', metavar='I,...|FIRST-LAST|START:STOP:STEP', help='handles (all)')
+
+
 def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...] = ('text', 'csv', 'json')) -> None:
     """Add --format and --output."""
-    options.add_argument('--format', choices=formats, default=formats[0], help='output format (%(default)s)')
+    add_format_option(options, formats)
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file instead of standard output')
+
+
+def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...]) -> None:
+    """Add --format, which the suffix of --output chooses where it is not given."""
+    options.add_argument('--format', choices=formats, default=_Default(formats[0]),
+                         help='output format (%(default)s, or as the suffix of --output says)')
+    options.set_defaults(formats=formats)
+
+
+def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
+    """Choose the format by the suffix of the output; refuse a format that contradicts it."""
+    output, formats = arguments.output, arguments.formats
+    chosen = _SUFFIXES.get(output.suffix.lower()) if output is not None else None
+    if chosen is None or chosen == arguments.format:
+        return
+    if chosen not in formats:
+        parser.error(f'argument --output: {output} would be {chosen}; the formats here are {", ".join(formats)}')
+    if not isinstance(arguments.format, _Default):
+        parser.error(f'argument --format: {arguments.format} contradicts --output {output}; leave one of them out')
+    arguments.format = chosen
 
 
 def names_scene(arguments: argparse.Namespace) -> bool:
@@ -137,13 +213,15 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
     return out.getvalue()
 
 
-def write_output(path: Path | None, text: str) -> None:
-    """Write to a file or to standard output."""
+def write_output(path: Path | None, content: str | bytes) -> None:
+    """Write to a file or to standard output, which takes text only. Raises InputError, MissingError."""
     if path is None:
-        print(text)
+        if isinstance(content, bytes):
+            raise InputError('--format: this one is written to a file only; give --output FILE', field='output')
+        print(content)
         return
     try:
-        path.write_text(f'{text}\n', encoding='utf-8')
+        path.write_bytes(content if isinstance(content, bytes) else f'{content}\n'.encode())
     except OSError as error:
         raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
 

@@ -12,18 +12,17 @@ def table(argv: list[str]) -> int:
     """Print a table; return the exit code."""
     options = command_line.parser('table', 'Print positions and velocities of the handles (0 is the head, the last '
                                   'the tail).',
-                                  'python -m dragon_ros table --times 0,60,300 --handles 0,1,51,223')
-    options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
-                         help='take them from a bag, each time the first tick at or after it (no scene options)')
+                                  'table --times 0,60,300 --handles 0,1,51,223')
+    command_line.add_bag(options, 'take them from a bag, each time the first tick at or after it (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
-    options.add_argument('--times', metavar='T,...|START:STOP:STEP', help='seconds (0, or where the bag begins)')
-    options.add_argument('--handles', metavar='I,...', help='handles (all)')
+    command_line.add_times_option(options, 'seconds (0, or where the bag begins)')
+    command_line.add_handles_option(options)
     options.add_argument('--paper', action='store_true',
                          help="the paper's three tables: printed, reproduced, true, error (no other scene options)")
     options.add_argument('--contest', type=Path, metavar='FOLDER',
                          help="write the contest's result1, result2 and, from the scene turning, result4 (no times)")
-    command_line.add_output_options(options)
+    command_line.add_output_options(options, ('text', 'csv', 'json', 'xlsx'))
     arguments = options.parse_args(argv)
     from dragon_ros.commands.table import run
     return command_line.guarded('table', partial(run, arguments))
@@ -32,8 +31,8 @@ def table(argv: list[str]) -> int:
 def inspect(argv: list[str]) -> int:
     """Inspect, check or repair a bag; return the exit code (1 where something is wrong with it)."""
     options = command_line.parser('inspect', 'Show what is in a bag: topics, rates, missing ticks, scene, first '
-                                  'contact, clearance, integrity.', 'python -m dragon_ros inspect run.mcap --check')
-    options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
+                                  'contact, clearance, integrity.', 'inspect run.mcap --check')
+    command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
     options.add_argument('--check', action='store_true', help='recompute every tick from the scene in the bag and '
                          'compare bit for bit, or to the promise of its tier where bits differ')
     options.add_argument('--trust', action='store_true', help='compute with the scene in the bag however large it is '
@@ -52,13 +51,13 @@ def export(argv: list[str]) -> int:
     """Write what is in a bag to a file; return the exit code."""
     options = command_line.parser('export', 'Write handles and velocities of a bag as a table (CSV, Parquet: a row for '
                                   'each tick and handle) or as arrays (npz: also the benches).',
-                                  'python -m dragon_ros export run.mcap --format npz --output run.npz')
-    options.add_argument('bag', type=Path, metavar='BAG', help='an .mcap file or a rosbag2 folder')
-    options.add_argument('--format', choices=EXPORT_FORMATS, default='csv', help='output format (%(default)s)')
+                                  'export run.mcap --format npz --output run.npz')
+    command_line.add_bag(options, 'an .mcap file or a rosbag2 folder', required=True)
+    command_line.add_format_option(options, EXPORT_FORMATS)
     options.add_argument('--output', type=Path, metavar='FILE', required=True, help='file to write')
     options.add_argument('--force', action='store_true', help='replace an existing file')
     options.add_argument('--every', type=int, default=1, metavar='N', help='every Nth tick only (%(default)s)')
-    options.add_argument('--handles', metavar='I,...', help='handles (all)')
+    command_line.add_handles_option(options)
     command_line.add_namespace_option(options)
     arguments = options.parse_args(argv)
     from dragon_ros.commands.export import run
@@ -69,7 +68,7 @@ def simulate(argv: list[str]) -> int:
     """Write a bag; return the exit code (1 where a signal ended it early; the bag is complete then, too)."""
     options = command_line.parser('simulate', 'Write the bag that `sim` and `record` would, without ROS and without '
                                   'waiting: the same messages, bit for bit.',
-                                  'python -m dragon_ros simulate --scene winding --output run.mcap')
+                                  'simulate --scene winding --output run.mcap')
     command_line.add_scene_options(options)
     options.add_argument('--output', type=Path, metavar='BAG', required=True,
                          help='bag to write: a file if it ends in .mcap, else a rosbag2 folder')
@@ -86,7 +85,7 @@ def demo(argv: list[str]) -> int:
     """Run the demonstration; return the exit code."""
     options = command_line.parser('demo', 'Run sim, monitor and recorder over DDS on this host until the first '
                                   'contact; replay the bag, check it against the model, draw the dragon.',
-                                  'python -m dragon_ros demo --pace 4')
+                                  'demo --pace 4')
     options.add_argument('--output', type=Path, default=Path('dragon_demo'), metavar='FOLDER',
                          help='where the bag and the picture go; files of an earlier demo are replaced (%(default)s)')
     options.add_argument('--pace', type=float, default=2.0, help='seconds of simulation for each second (%(default)g)')

@@ -22,9 +22,8 @@ def main(argv: list[str]) -> int:
     """Print the first contact; return the exit code."""
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
                                   'in the chain.',
-                                  'python -m dragon_ros contact --scene winding --format json')
-    options.add_argument('bag', nargs='?', type=Path, metavar='BAG',
-                         help='take the scene of a bag, and what a led dragon has walked in it (no scene options)')
+                                  'contact --scene winding --format json')
+    command_line.add_bag(options, 'take the scene of a bag, and what a led dragon has walked in it (no scene options)')
     command_line.add_scene_options(options)
     command_line.add_namespace_option(options)
     options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '

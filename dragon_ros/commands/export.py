@@ -15,7 +15,8 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.table import COLUMNS, handles_of, values_of
+from dragon_ros.cli.ranges import handles_of
+from dragon_ros.commands.table import COLUMNS, values_of
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Array
 from dragon_ros.core.scene import NS

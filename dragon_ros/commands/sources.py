@@ -152,7 +152,7 @@ def check_times(source: Source, times_s: Iterable[float]) -> None:
     first, last = source.span_s
     for t_s in times_s:
         if not first - 1e-9 <= t_s <= last + 1e-9:
-            raise InputError(f'--time {t_s:g}: {source.name} goes from {first:g} to {last:g} s; ask for a time between')
+            raise InputError(f'--times {t_s:g}: {source.name} goes from {first:g} to {last:g} s; ask for a time in it')
 
 
 def clearances(source: Source, times_s: Floats, progress: Progress) -> tuple[Floats, Floats]:

@@ -10,8 +10,8 @@ import numpy as np
 
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
-from dragon_ros.core.checks import number
-from dragon_ros.core.errors import InputError, shown
+from dragon_ros.cli.ranges import handles_of, times_of
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import batches
@@ -21,7 +21,6 @@ if TYPE_CHECKING:       # a table of a scene starts without bags
     from dragon_ros.bags.read.reader import BagReader
 
 COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
-_LATEST_S = 1e10        # stamps end long before
 Row = tuple[float, int, float, float, float, float, float]
 
 
@@ -104,38 +103,6 @@ def _bag_rows(arguments: Namespace) -> list[Row]:
     return out
 
 
-def times_of(text: str) -> list[float]:
-    """Return the times of ``0,60,300`` or ``start:stop:step`` (the stop is included)."""
-    try:
-        if ':' not in text:
-            return [_time(part) for part in text.split(',')]
-        start, stop, step = map(_time, text.split(':'))
-    except ValueError:
-        raise InputError(f'--times {shown(text)}: write numbers as 0,60,300 or start:stop:step',
-                         field='times') from None
-    if not (step > 0 and stop >= start and (stop - start) / step < 1e7):
-        raise InputError(f'--times {text}: step must be positive, stop not before start, and 1e7 times at most')
-    return [start + k * step for k in range(int((stop - start) / step * (1 + 1e-12)) + 1)]
-
-
-def _time(text: str) -> float:
-    return number('--times: t_s', float(text), low=-_LATEST_S, high=_LATEST_S)
-
-
-def handles_of(text: str | None, benches: int) -> list[int]:
-    """Return the handles of ``0,1,51``; all without a text."""
-    if text is None:
-        return list(range(benches + 1))
-    try:
-        handles = [int(part) for part in text.split(',')]
-    except ValueError:
-        raise InputError(f'--handles {shown(text)}: write integers such as 0,1,51', field='handles') from None
-    for handle in handles:
-        if not 0 <= handle <= benches:
-            raise InputError(f'--handles {shown(handle)}: the dragon has the handles 0 to {benches}', field='handles')
-    return handles
-
-
 def _text(rows: list[Row]) -> str:
     head = f'{"t_s":>12} {"handle":>6}' + ''.join(f' {name:>15}' for name in COLUMNS[2:])
     return '\n'.join([head, *(f'{row[0]:12.6f} {row[1]:6d}' + ''.join(f' {value:15.9f}' for value in row[2:])
@@ -151,7 +118,12 @@ def _json(rows: list[Row]) -> str:
                        for row in rows])
 
 
-_FORMATS = {'text': _text, 'csv': _csv, 'json': _json}
+def _xlsx(rows: list[Row]) -> bytes:
+    from dragon_ros.commands.workbook import xlsx_of  # openpyxl is an extra
+    return xlsx_of(COLUMNS, rows)
+
+
+_FORMATS: dict[str, Callable[[list[Row]], str | bytes]] = {'text': _text, 'csv': _csv, 'json': _json, 'xlsx': _xlsx}
 
 
 def values_of(frame: 'BagFrame', handles: list[int]) -> Floats:

@@ -11,7 +11,7 @@ PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first'
 def main(argv: list[str]) -> int:
     """Say where a page is made; return the exit code."""
     options = command_line.parser('cost', 'Measure a page of docs/cost; that takes a checkout: ./dragon cost PAGE.',
-                                  './dragon cost accuracy --output docs/cost')
+                                  'cost accuracy')
     options.add_argument('page', choices=PAGES, metavar='PAGE', help=', '.join(PAGES))
     return command_line.guarded('cost', partial(_refuse, options.parse_args(argv).page))
 

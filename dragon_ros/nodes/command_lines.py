@@ -17,7 +17,7 @@ def sim(argv: list[str]) -> int:
     """Run the simulator; return the exit code."""
     options = _parser('sim', f'Simulate a bench dragon and publish it. ROS parameters:\n{described(SIM)}\n'
                       'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger).',
-                      'ros2 run dragon_ros sim --scene first_contact --ros-args -p time_scale:=2.0')
+                      'sim --scene first_contact --ros-args -p time_scale:=2.0')
     command_line.add_scene_options(options, None)
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
@@ -31,7 +31,7 @@ def monitor(argv: list[str]) -> int:
     """Run the monitor; return the exit code."""
     options = _parser('monitor', 'Watch topics handles and benches, and publish each contact on collision. '
                       f'ROS parameters:\n{described(MONITOR)}',
-                      'ros2 run dragon_ros monitor --ros-args -r __ns:=/other_dragon')
+                      'monitor --ros-args -r __ns:=/other_dragon')
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
     from dragon_ros.nodes.monitor import run
@@ -42,7 +42,7 @@ def record(argv: list[str]) -> int:
     """Run the recorder; return the exit code."""
     options = _parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).\n'
                       'Exit codes: 0 the bag has everything, 3 ticks or messages are missing in it, 1 the disk failed, '
-                      '2 bad input.', 'ros2 run dragon_ros record --output run.mcap')
+                      '2 bad input.', 'record --output run.mcap')
     options.add_argument('--output', type=Path, metavar='FILE.mcap|FOLDER', help='bag to write: one file, or a rosbag2 '
                          'directory (dragon_DATE_TIME.mcap)')
     options.add_argument('--keep-going', action='store_true', help='continue after the publisher leaves, until a '
@@ -66,8 +66,8 @@ def replay(argv: list[str]) -> int:
                       f'spacing.\nROS parameters:\n{described(REPLAY)}\n'
                       'Services: ~/pause, ~/resume, ~/reset, ~/step, ~/seek (std_srvs/Trigger). Keys: space pauses '
                       'and resumes,\ns steps, the arrows seek 5 s.',
-                      'ros2 run dragon_ros replay run.mcap --rate 2 --start 5')
-    options.add_argument('bag', type=Path, metavar='BAG', help='MCAP file, or rosbag2 directory')
+                      'replay run.mcap --rate 2 --start 5')
+    command_line.add_bag(options, 'MCAP file, or rosbag2 directory', required=True)
     options.add_argument('--rate', type=float, metavar='FACTOR',
                          help='speed factor; 0 is as fast as the readers follow (1)')
     options.add_argument('--start', type=float, default=0.0, metavar='S',

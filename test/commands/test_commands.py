@@ -11,8 +11,10 @@ import sys
 
 import pytest
 
+import dragon_ros
 from dragon_ros.__main__ import main
 from dragon_ros.cli import command_line
+from dragon_ros.cli.ranges import handles_of, times_of
 from dragon_ros.cli.signals import ending
 from dragon_ros.commands import demo
 from dragon_ros.commands.plot import command
@@ -114,6 +116,18 @@ def test_output_goes_to_a_file_on_request(capsys, tmp_path, form):
     (['table', '--times', 'nan'], 't_s'),
     (['table', '--handles', '224'], '0 to 223'),
     (['table', '--handles', 'head'], '--handles'),
+    (['table', '--handles', '0-300'], '0 to 223'),
+    (['table', '--handles', '5-1'], 'stop not before start'),
+    (['table', '--times', '0:1e9:1e-3'], 'a larger step'),
+    (['table', '--format', 'xlsx'], 'give --output'),
+    (['table', '--format', 'csv', '--output', 'x.json'], 'csv contradicts'),
+    (['contact', '--output', 'x.xlsx'], 'the formats here are text, csv, json'),
+    (['contact', '--set', 'dragon.benches', '5'], 'write --set dragon.benches=VALUE, without a space'),
+    (['contact', '--set', 'dragon.benches="40"'], 'write 40 without quotes'),
+    (['contact', '--scene', 'turning', '--set', 'track.diameter_m=4'], 'give more than 5.75238 m with track.ratio 1'),
+    (['inspect'], 'BAG'),
+    (['inspect', 'a.mcap', '--bag', 'b.mcap'], 'not allowed with'),
+    (['design', 'fit', '--sqare', '3'], 'did you mean --square?; see design fit --help'),
     (['table', '--accuracy', '1e-16'], 'accuracy'),
     (['table', '--accuracy', 'best'], 'accuracy'),
     (['table', '--output', 'no/such/folder/file'], 'no/such/folder'),
@@ -143,13 +157,66 @@ def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monke
         monkeypatch.setattr(shell, 'run', lambda name, argv, body, json: 0)
     code, out, _ = run(capsys, *name.split(), '--help')
     assert code == 0
-    example = shlex.split(out.split('example: ')[1])
-    assert example[:3] in (['python', '-m', 'dragon_ros'], ['ros2', 'run', 'dragon_ros'])
-    assert ' '.join(example[3:]).startswith(name)
+    program, example = shlex.split(out.split('example: ')[1]), shlex.split(command_line.program())
+    assert program[:len(example)] == example
+    example = program[len(example):]
+    assert ' '.join(example).startswith(name)
     handlers = {number: signal.getsignal(number) for number in (signal.SIGTERM, signal.SIGHUP)}
-    assert run(capsys, *example[3:]) == (0, '', '')
+    assert run(capsys, *example) == (0, '', '')
     for number, handler in handlers.items():
         signal.signal(number, handler)
+
+
+@pytest.mark.parametrize(('suffix', 'begins'), [
+    ('.csv', b't_s,handle'), ('.json', b'[{"t_s"'), ('.txt', b'         t_s'), ('.xlsx', b'PK'),
+    ('.table', b'         t_s')])
+def test_the_suffix_of_the_output_chooses_the_format_of_a_table(capsys, tmp_path, suffix, begins):
+    path = tmp_path / f'out{suffix}'
+    assert run(capsys, 'table', '--handles', '0', '--output', str(path))[0] == 0
+    assert path.read_bytes().startswith(begins)
+
+
+def test_a_workbook_holds_the_rows_of_the_table(capsys, tmp_path):
+    openpyxl = pytest.importorskip('openpyxl')
+    path = tmp_path / 'table.xlsx'
+    assert run(capsys, 'table', '--times', '0-2', '--handles', '0,222-223', '--output', str(path))[0] == 0
+    rows = list(openpyxl.load_workbook(path).active.values)
+    assert rows[0] == ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
+    assert [row[:2] for row in rows[1:]] == [(t_s, handle) for t_s in (0, 1, 2) for handle in (0, 222, 223)]
+    assert rows[1][2] == 8.8
+
+
+@pytest.mark.parametrize(('text', 'values'), [
+    ('3', [3]), ('0-3', [0, 1, 2, 3]), ('0:6:2', [0, 2, 4, 6]), ('0:2', [0, 1, 2]), ('7,0-1,0:4:4', [7, 0, 1, 0, 4])])
+def test_times_and_handles_take_the_same_ranges(text, values):
+    assert handles_of(text, 10) == times_of(text) == values
+
+
+def test_a_small_number_with_an_exponent_is_no_range():
+    assert times_of('1e-3,2.5') == [0.001, 2.5]
+
+
+@pytest.mark.parametrize('words', [['help'], ['--help'], ['help', 'contact'], ['contact', '--help']])
+def test_help_can_be_asked_for_as_a_command(capsys, words):
+    code, out, err = run(capsys, *words)
+    assert (code, err) == (0, '')
+    assert 'usage' in out
+
+
+@pytest.mark.parametrize('word', ['--version', '-V'])
+def test_the_version_is_printed(capsys, word):
+    assert run(capsys, word) == (0, f'dragon_ros {dragon_ros.__version__}\n', '')
+
+
+@pytest.mark.parametrize(('argv0', 'checkout', 'program'), [
+    ('/ws/install/dragon_ros/lib/dragon_ros/table', None, 'ros2 run dragon_ros'), ('/usr/bin/dragon', None, 'dragon'),
+    ('/x/dragon_ros/__main__.py', None, 'python -m dragon_ros'), ('/x/__main__.py', './dragon', './dragon')])
+def test_examples_begin_with_what_the_reader_has_typed(monkeypatch, argv0, checkout, program):
+    monkeypatch.setattr(sys, 'argv', [argv0])
+    monkeypatch.delenv('DRAGON_PROGRAM', raising=False)
+    if checkout:
+        monkeypatch.setenv('DRAGON_PROGRAM', checkout)
+    assert command_line.program() == program
 
 
 @pytest.mark.parametrize('arguments', [['--help'], *([name, '--help'] for name in EXECUTABLES)], ids=' '.join)

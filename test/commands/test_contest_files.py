@@ -28,7 +28,7 @@ def books(folder):
 
 
 def rows_of(path):
-    with path.open(encoding='utf-8', newline='') as file:
+    with path.open(encoding='utf-8-sig', newline='') as file:
         return list(csv.reader(file))
 
 
@@ -128,3 +128,7 @@ def test_options_that_a_table_would_ignore_are_rejected(capsys, tmp_path, monkey
 def test_what_has_no_result_is_refused(capsys, tmp_path, change, says):
     assert main(['table', '--contest', str(tmp_path / 'a'), '--set', change]) == 2
     assert says in capsys.readouterr().err
+
+
+def test_text_files_begin_with_the_mark_by_which_excel_knows_utf_8(folder):
+    assert all(path.read_bytes().startswith(b'\xef\xbb\xbf') for path in folder.glob('*.csv'))

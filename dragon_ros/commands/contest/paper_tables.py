@@ -1,5 +1,6 @@
 """The paper's three tables: printed, reproduced by its own recipe, true, and the error of the print."""
 import json
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from itertools import groupby
@@ -8,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from dragon_ros.cli.command_line import csv_of
+from dragon_ros.commands.workbook import xlsx_of
 from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
@@ -72,6 +74,11 @@ def json_text(rows: list[Cell]) -> str:
     return json.dumps([_values(cell) for cell in rows])
 
 
+def xlsx_bytes(rows: list[Cell]) -> bytes:
+    """Return a workbook with a row for each printed number."""
+    return xlsx_of(_values(rows[0]), [tuple(_values(cell).values()) for cell in rows])
+
+
 def _values(cell: Cell) -> dict[str, Any]:
     return {'table': cell.table, 'handle': cell.handle, 'quantity': cell.quantity, 't_s': cell.t_s,
             'printed': cell.printed, 'reproduced': cell.reproduced, 'true': cell.true, 'error': cell.error}
@@ -113,4 +120,5 @@ def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
     return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
 
 
-FORMATS = {'text': text, 'csv': csv_text, 'json': json_text}
+FORMATS: dict[str, Callable[[list[Cell]], str | bytes]] = {'text': text, 'csv': csv_text, 'json': json_text,
+                                                           'xlsx': xlsx_bytes}

@@ -123,7 +123,7 @@ def _cells(sheet: Sheet) -> list[list[str]]:
 
 def _write_csv(folder: Path, name: str, sheet: Sheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
-    with path.open('w', encoding='utf-8', newline='') as file:
+    with path.open('w', encoding='utf-8-sig', newline='') as file:     # Excel takes a file without the mark for GBK
         writer = csv.writer(file, lineterminator='\n')
         writer.writerow(('', *sheet.columns))
         writer.writerows([row, *cells] for row, cells in zip(sheet.rows, _cells(sheet), strict=True))

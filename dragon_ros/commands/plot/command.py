@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line, figures
 from dragon_ros.cli.progress import Progress
+from dragon_ros.cli.ranges import times_of
 from dragon_ros.core.errors import FieldError, InputError
 
 if TYPE_CHECKING:
@@ -16,12 +17,11 @@ if TYPE_CHECKING:
     from dragon_ros.commands.sources import Source
     from dragon_ros.core.numerics.types import Floats
 
-_COMMAND = 'python -m dragon_ros plot'
 _KINDS = {      # what each draws, and an example
-    'dragon': ('the dragon at one time, or up to six side by side', '--time 60,240 --output dragon.png'),
+    'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
     'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
-    'speeds': ('the speed along the chain at some times', '--time 0,60,120,180,240,300'),
+    'speeds': ('the speed along the chain at some times', '--times 0,60,120,180,240,300'),
     'animation': ('the run as an animation: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
                   '--start 400 --stop 413 --pace 2 --output run.html'),
 }
@@ -35,11 +35,11 @@ def main(argv: list[str]) -> int:
 def options() -> argparse.ArgumentParser:
     """Return the parser."""
     parser = command_line.parser('plot', 'Draw a scene or a bag. For more: `plot KIND --help`.',
-                                 f'{_COMMAND} dragon {_KINDS["dragon"][1]}')
+                                 f'plot dragon {_KINDS["dragon"][1]}')
     kinds = parser.add_subparsers(dest='kind', required=True, metavar='KIND')
     for kind, (text, example) in _KINDS.items():
         one = kinds.add_parser(kind, help=text, description=f'Draw {text}.', allow_abbrev=False,
-                               epilog=f'example: {_COMMAND} {kind} {example}')
+                               epilog=f'example: {command_line.program()} plot {kind} {example}')
         command_line.add_source_options(one)
         default = Path('run.gif' if kind == 'animation' else f'{kind}.png')
         formats = '.gif, .html, .mp4' if kind == 'animation' else ', '.join(figures.FORMATS)
@@ -48,7 +48,7 @@ def options() -> argparse.ArgumentParser:
         one.set_defaults(default=default)
         one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
         if kind in ('dragon', 'speeds'):
-            one.add_argument('--time', metavar='T,...', help='seconds (the start of the run)')
+            command_line.add_times_option(one, 'seconds (the start of the run)')
     _add_animation_options(kinds.choices['animation'])
     return parser
 
@@ -122,12 +122,7 @@ _FIGURES: dict[str, Callable[[Namespace, 'Source'], 'Figure']] = {
 
 
 def _times(arguments: Namespace, source: 'Source') -> list[float]:
-    if arguments.time is None:
-        return [source.span_s[0]]
-    try:
-        return [float(part) for part in arguments.time.split(',')]
-    except ValueError:
-        raise InputError(f'--time {arguments.time}: write numbers as 0,60,300', field='time') from None
+    return [source.span_s[0]] if arguments.times is None else times_of(arguments.times)
 
 
 def _shown(unit: str, total: int | None = None) -> Progress:

@@ -26,7 +26,7 @@ def options() -> argparse.ArgumentParser:
     parser = command_line.parser('view', 'Play a scene or a bag in the browser: play, pause, scrub, speed, zoom to the '
                                  'contact, with clearance and speeds beside it. Only this host can reach the page. '
                                  'Ctrl-C ends it.',
-                                 'python -m dragon_ros view --scene first_contact')
+                                 'view --scene first_contact')
     command_line.add_source_options(parser)
     parser.add_argument('--port', type=int, default=0, help='of the page (any free one)')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')

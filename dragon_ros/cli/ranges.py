@@ -1,0 +1,58 @@
+"""Times and handles on a command line: numbers and ranges, separated by commas."""
+from collections.abc import Callable, Iterator
+from re import compile as pattern
+
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import InputError, shown
+
+_LATEST_S = 1e10        # stamps end long before
+_MOST = 10**7           # values of one option
+_DASHED = pattern(r'([\d.]+)-([\d.]+)')
+
+
+def times_of(text: str, option: str = '--times') -> list[float]:
+    """Return the times in s of a text such as ``0,60,300``, ``0-10`` or ``0:300:10``; both ends are included."""
+    return list(_values(text, option, lambda part: number(f'{option}: t_s', float(part), low=-_LATEST_S,
+                                                          high=_LATEST_S)))
+
+
+def handles_of(text: str | None, benches: int, option: str = '--handles') -> list[int]:
+    """Return the handles of a text such as ``0,1,51``, ``0-10`` or ``0:223:10``; all without a text."""
+    if text is None:
+        return list(range(benches + 1))
+    handles = [int(value) for value in _values(text, option, int)]
+    for handle in handles:
+        if not 0 <= handle <= benches:
+            raise InputError(f'{option} {shown(handle)}: the dragon has the handles 0 to {benches}',
+                             field=option.removeprefix('--'))
+    return handles
+
+
+def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[float]:
+    """Yield the values of each part. Raises InputError for one that is no number and no range, and for too many."""
+    room = _MOST
+    for part in text.split(','):
+        try:
+            values = _range(part, option, read)
+        except ValueError:
+            raise InputError(f'{option} {shown(text)}: {shown(part)} is no number and no range; write 0,60,300 or '
+                             '0-10 or START:STOP:STEP', field=option.removeprefix('--')) from None
+        room -= len(values)
+        if room < 0:
+            raise InputError(f'{option} {text}: asks for more than {_MOST} values; use a larger step',
+                             field=option.removeprefix('--'))
+        yield from values
+
+
+def _range(part: str, option: str, read: Callable[[str], float]) -> list[float]:
+    """Return the values of a number, FIRST-LAST or START:STOP[:STEP]."""
+    dashed = _DASHED.fullmatch(part)
+    ends = dashed.groups() if dashed else part.split(':')
+    if len(ends) == 1:
+        return [read(part)]
+    start, stop, step = (*map(read, ends), 1) if len(ends) == 2 else map(read, ends)
+    if not (step > 0 and stop >= start):
+        raise InputError(f'{option} {part}: step must be positive and stop not before start',
+                         field=option.removeprefix('--'))
+    count = int(min((stop - start) / step * (1 + 1e-12), _MOST)) + 1
+    return [start + k * step for k in range(count)]

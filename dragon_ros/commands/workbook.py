@@ -1,0 +1,33 @@
+"""Tables as XLSX workbooks, by openpyxl."""
+from collections.abc import Iterable, Sized
+from io import BytesIO
+from typing import Any, Protocol
+
+from dragon_ros.core.errors import InputError, MissingError
+
+_MOST_ROWS = 2**20 - 1      # of a sheet, below the names of its columns
+
+
+class _Rows(Sized, Iterable[Iterable[Any]], Protocol):
+    """Rows that know their number."""
+
+
+def xlsx_of(head: Iterable[str], rows: _Rows) -> bytes:
+    """Return rows under their column names as a workbook of one sheet.
+
+    Raises MissingError without openpyxl, InputError for more rows than a sheet holds.
+    """
+    try:
+        from openpyxl import Workbook
+    except ImportError:
+        raise MissingError("xlsx: openpyxl is not installed: pip install 'dragon_ros[xlsx]'") from None
+    if len(rows) > _MOST_ROWS:
+        raise InputError(f'xlsx: {len(rows)} rows do not fit on a sheet of {_MOST_ROWS}; ask for fewer times or '
+                         'handles, or write CSV')
+    book, out = Workbook(write_only=True), BytesIO()
+    sheet = book.create_sheet('dragon_ros')
+    sheet.append(list(head))
+    for row in rows:
+        sheet.append([None if value != value else value for value in row])
+    book.save(out)
+    return out.getvalue()
