@@ -10,7 +10,7 @@ from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.forward import Handles, at_once, blocks_of, forward, forward_many
+from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_many, together
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
@@ -256,7 +256,7 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort
     """
     blocks = blocks_of(links_m, direction)
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
-    if found := at_once(track, blocks, one, direction, effort):
+    if len(track.segments) == 1 and (found := together(track, blocks, one, direction, effort)):
         (segment, u, lo), spent = found
         return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
     handles = forward(track, blocks, leader, direction, effort)
@@ -264,7 +264,10 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort
 
 
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int, effort: Effort) -> Chain:
-    """Return the chains of many leaders in one, as ``marched`` does for one, to the last digits."""
+    """Return the chains of many leaders in one, as ``marched`` does for one, to the last digits.
+
+    Links are those of all (N,), or of each (M, N), as ``forward_many`` allows it.
+    """
     rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction, effort)
     return chain_of(track, links_m, direction, (rows[0].T, rows[1].T, rows[2].T), spent)
 

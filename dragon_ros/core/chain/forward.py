@@ -1,8 +1,13 @@
-"""Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many."""
+"""Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many.
+
+``forward`` is for one instant: a loop of plain floats, without arrays, whose bits are those of a state.
+``forward_many`` is for many leaders, each with its own links if need be: arrays that go from handle to handle. On a
+spiral both give way to ``together``: Newton's method on all handles of some chains.
+"""
 from collections.abc import Callable
 from itertools import pairwise
 from math import inf, pi
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -22,11 +27,11 @@ _STEEP = 0.05           # least slope from row to row: below, a follower almost 
 
 
 class Block(NamedTuple):
-    """Links ``start`` to ``stop`` from the leader on, all of one length."""
+    """Links ``start`` to ``stop`` from the leader on, all of one length: of many chains, of one each (M,)."""
 
     start: int
     stop: int
-    link_m: float
+    link_m: Any
 
 
 class Handles(NamedTuple):
@@ -43,12 +48,13 @@ class Handles(NamedTuple):
 
 
 def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
-    """Return the blocks of equal links (N,), given from head to tail, from the leader on."""
-    links = links_m if direction == BEHIND else links_m[::-1]
+    """Return the blocks of equal links (N,) or (M, N), given from head to tail, from the leader on."""
+    links = links_m.T if direction == BEHIND else links_m.T[::-1]
     if not links.size:
         return ()
-    ends = [0, *(np.flatnonzero(np.diff(links)) + 1).tolist(), links.size]
-    return tuple(Block(start, stop, float(links[start])) for start, stop in pairwise(ends))
+    ends = [0, *(np.unique(np.nonzero(np.diff(links, axis=0))[0]) + 1).tolist(), len(links)]
+    each = links.tolist() if links.ndim == 1 else links
+    return tuple(Block(start, stop, each[start]) for start, stop in pairwise(ends))
 
 
 def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int, effort: Effort) -> Handles:
@@ -97,10 +103,11 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and evaluations.
 
-    They agree with ``forward`` to the last digits and not bit for bit. With ``settle``, which may put each row in
-    order, rows end where the track does. Raises as ``forward`` does.
+    They agree with ``forward`` to the last digits and not bit for bit. Chains with links of their own lie outwards on a
+    first segment that winds in from afar. With ``settle``, which may put each row in order, rows end where the track
+    does. Raises as ``forward`` does.
     """
-    if not settle and (found := at_once(track, blocks, leaders, direction, effort)):
+    if not settle and (found := together(track, blocks, leaders, direction, effort)):
         return found
     rows, spent = [leaders], 0
     for block in blocks:
@@ -110,7 +117,9 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
                 following, square, more = next_places(track, rows[-1], block.link_m, direction, effort,
                                                       Past(*past) if len(past) == 3 else None)
             except ChainLockError as error:
-                raise locked(track, i, error.fields['theta_rad'], block.link_m) from None
+                theta = error.fields['theta_rad']
+                link_m = np.broadcast_to(block.link_m, rows[-1][1].shape)[rows[-1][1] == theta]
+                raise locked(track, i, theta, float(link_m[0])) from None
             except TrackEndError:
                 if settle:
                     return _stacked(rows), spent
@@ -121,52 +130,20 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     return _stacked(rows), spent
 
 
-def forward_each(track: Track, links_m: Floats, leaders: Places, effort: Effort) -> tuple[Places, int]:
-    """Return the handles behind many leaders (M,), each with its own links (M, L), as arrays (L + 1, M), evaluations.
+def together(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
+             effort: Effort) -> tuple[Places, int] | None:
+    """Return ``forward_many`` by a solver for all handles together; None where they have to be placed row by row.
 
-    The leaders are on a first segment that winds in from afar, and no link is of no length. Raises as ``forward``.
+    It serves behind leaders on a spiral from afar, for the exact tier, unless handles almost turn back.
     """
-    spiral, rows, spent, past = track.from_afar, [leaders], 0, list[Floats]()
-    assert spiral
-    if found := _at_once(spiral, leaders, links_m):
-        return found
-    for i in range(links_m.shape[1]):
-        (number, u, lo), link_m = rows[-1], links_m[:, i]
-        past = past if i and np.array_equal(link_m, links_m[:, i - 1]) else []
-        newton = min(effort.newton, TIGHT) if spiral.near_centre(u, effort.near_m) else effort.newton
-        try:
-            shift, more = spiral.shifts_outwards(u, link_m, newton, Past(*past) if len(past) == 3 else None)
-        except ChainLockError as error:
-            theta = error.fields['theta_rad']
-            raise locked(track, i, theta, float(link_m[np.flatnonzero(u == theta)[0]])) from None
-        rows.append((number, *plus(u, lo, shift)))
-        past = [spiral.squares(u, shift), *past[:2]]
-        spent += more
-    return _stacked(rows), spent
-
-
-def at_once(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
-            effort: Effort) -> tuple[Places, int] | None:
-    """Return ``forward_many`` by a solver for all handles together; None where it does not serve.
-
-    It serves behind leaders on a track of one spiral from afar, for the exact tier, unless handles almost turn back.
-    """
-    spiral = track.from_afar
-    if direction != BEHIND or not spiral or len(track.segments) > 1 or not blocks or effort.newton > TIGHT:
+    (number, begin, begin_lo), spiral = leaders, track.from_afar
+    if direction != BEHIND or not spiral or np.any(number) or not blocks or effort.newton > TIGHT:
         return None
-    links_m = np.concatenate([np.full(block.stop - block.start, block.link_m) for block in blocks])
-    return _at_once(spiral, leaders, np.broadcast_to(links_m, (leaders[0].size, links_m.size)))
-
-
-def _at_once(spiral: SpiralSegment, leaders: Places, links_m: Floats) -> tuple[Places, int] | None:
-    """Return the handles behind leaders (M,) with their own links (M, L) outwards, (L + 1, M), and evaluations.
-
-    None where they have to be placed row by row.
-    """
-    number, begin, begin_lo = leaders
-    if not 0 < begin.size <= _MOST_LEADERS or links_m.shape[1] < FEWEST_ROWS or not np.all(links_m):
+    links_m = np.concatenate([np.broadcast_to(block.link_m, (block.stop - block.start, np.size(block.link_m)))
+                              for block in blocks])
+    if not 0 < begin.size <= _MOST_LEADERS or len(links_m) < FEWEST_ROWS or not np.all(links_m):
         return None
-    found = placed(spiral, (begin, begin_lo), links_m.T / spiral.curve.b_m)
+    found = placed(spiral, (begin, begin_lo), links_m / spiral.curve.b_m)
     return ((np.broadcast_to(number, found[0].shape), *found[:2]), found[2]) if found else None
 
 

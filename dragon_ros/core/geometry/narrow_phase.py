@@ -12,7 +12,6 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import AnyDragon, is_even
-from dragon_ros.core.chain.forward import forward_each
 from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.geometry.signed_distance import rounding_m
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
@@ -121,15 +120,9 @@ class BenchSampler:
     def _sample(self, theta: Floats, lead: Ints) -> BenchSamples:
         self.progress(theta.size)
         size, leaders = self.sizes.of(lead), (np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta))
-        if len(self.leads) == 1:
-            chain = marched_many(self.track, size.links_m[0], leaders, BEHIND, self.effort)
-            u, lo, z, axis = chain.u, chain.u_lo, chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-        else:
-            places, _ = forward_each(self.track, size.links_m, leaders, self.effort)
-            number, u, lo = (values.T for values in places)
-            z = self.track.points(number, u, lo) @ _COMPLEX
-            axis = z[:, :-1] - z[:, 1:]
-            axis = axis / np.abs(axis)
+        links_m = size.links_m[0] if len(self.leads) == 1 else size.links_m
+        chain = marched_many(self.track, links_m, leaders, BEHIND, self.effort)
+        u, lo, z, axis = chain.u, chain.u_lo, chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
         # Far out an angle has too few digits for what a link spans: with its low part it has.
         delta, centre = np.diff(u) + np.diff(lo), 0.5 * (z[:, :-1] + z[:, 1:])
         sides = separations((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),

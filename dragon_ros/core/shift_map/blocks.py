@@ -258,7 +258,10 @@ class Placement:
         return spent
 
     def _next(self, step: _Step, here: Place, i: int, link_m: float) -> tuple[Place, int]:
-        """Return the place of the next handle, and evaluations."""
+        """Return the place of the next handle, and evaluations: ``forward`` for one link, without its lists.
+
+        Live ticks march single links only, and have no time for those.
+        """
         following, spent = step.next(here[1], link_m, self.direction, TIGHT)
         if step.low <= following[0] <= step.high:
             return Place(here[0], following), spent

@@ -6,7 +6,7 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.forward import at_once, blocks_of, forward, forward_each
+from dragon_ros.core.chain.forward import blocks_of, forward, forward_many, together
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -71,7 +71,7 @@ def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_li
     track = track_of(Spiral(0.55, start))
     leaders = track.places_at(np.array([0.0, -1.5]), np.zeros(2))
     mixed = np.stack((links, links[::-1]))
-    (_, u, lo), _ = forward_each(track, mixed, leaders, EFFORT)
+    (_, u, lo), _ = forward_many(track, blocks_of(mixed, BEHIND), leaders, BEHIND, EFFORT)
     for n in range(2):
         leader = Place.of(*(values[n] for values in leaders))
         one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND, EFFORT)
@@ -84,7 +84,7 @@ def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
     blocks = blocks_of(model.links_m, BEHIND)
 
     def served(t_s):
-        return at_once(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND,
-                       EFFORT) is not None
+        return together(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND,
+                        EFFORT) is not None
     assert [served(t_s) for t_s in (*CLASSIC_TIMES[:-2], 425.0)] == [True] * 9
     assert not served(CLASSIC_TIMES[-1])
