@@ -38,13 +38,13 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
-from dragon_ros.core.geometry.narrow_phase import BenchSamples, Sizes, beyond, further, separations
+from dragon_ros.core.geometry.narrow_phase import BenchSamples, Sizes, beyond, further
+from dragon_ros.core.geometry.signed_distance import parted_between, seen_from
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
 ABOVE = 1 + 2.0**-40    # of bounds: more than eight thousand roundings of positive numbers take away
 _SETTLED = 0.5      # of a gap: a first-order bound that is as near to it will do
 _SURE = 8           # times the position error: more than any tolerance
-_STRAIGHT_M = 1e-200    # corners may not leave straight lines at all
 _STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves by more than positions may err
 
 
@@ -246,16 +246,12 @@ def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints
     """Return second-order bounds (P,) of the gaps of pairs, numbered from the second bench behind on, and room."""
     sizes_at = row if sizes.links_m.shape[0] > 1 else np.zeros_like(row)
     half_length_m = sizes.half_length_m[sizes_at, 0], sizes.half_length_m[sizes_at, other + 2]
-    ends = [separations((each.centre[row, 0], each.centre[row, other + 2]),
-                        (each.axis[row, 0], each.axis[row, other + 2]), half_length_m, sizes.half_width_m)
-            for each in (a, b)]
-    along = [np.maximum(*(np.minimum(*side) for side in zip(*sides, strict=True))) for sides in zip(*ends, strict=True)]
+    half_m = [(each, sizes.half_width_m) for each in half_length_m]
+    seen = [seen_from((each.centre[row, 0], each.centre[row, other + 2]),
+                      (each.axis[row, 0], each.axis[row, other + 2]), *half_m) for each in (a, b)]
     sag = _sag(a, b, sizes, row, other + 2)
-    ahead, aside = np.maximum(*along[:2]), np.maximum(*along[2:])
-    share = [np.maximum(each, 0.0) / np.maximum(bent, _STRAIGHT_M)
-             for each, bent in zip((ahead, aside), sag.T, strict=True)]
-    room = np.sqrt(np.maximum(*share))
-    return np.maximum(ahead - sag[:, 0], aside - sag[:, 1]), room
+    low_m, ratio = parted_between(seen, (sag[:, 0], sag[:, 1]))
+    return low_m, np.sqrt(ratio)
 
 
 def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:

@@ -13,7 +13,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import AnyDragon, is_even
 from dragon_ros.core.geometry.rectangles import axes_of
-from dragon_ros.core.geometry.signed_distance import rounding_m
+from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -56,6 +56,23 @@ _FIELDS = tuple(each.name for each in fields(BenchSamples))
 def joined(samples: list[BenchSamples]) -> BenchSamples:
     """Return several samples as one."""
     return BenchSamples(*(np.concatenate([getattr(each, name) for each in samples]) for name in _FIELDS))
+
+
+def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats, lead: Ints,
+               effort: Effort) -> BenchSamples:
+    """Return the samples of leading benches at places (M,), of links for all (K,) or for each (M, K).
+
+    ``half_m`` are half lengths (M or 1, K) and half widths (M, 1), or one for all.
+    """
+    leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
+    chain = marched_many(track, links_m, leaders, BEHIND, effort)
+    z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
+    # Far out an angle has too few digits for what a link spans: with its low part it has.
+    delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
+    half_length_m, half_width_m = half_m
+    pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
+                      (half_length_m[:, :1], half_width_m), (half_length_m[:, 2:], half_width_m))
+    return BenchSamples(lead, chain.u, delta, centre, axis, np.max(pairs.along_axes(), axis=0))
 
 
 @dataclass(frozen=True)
@@ -119,16 +136,9 @@ class BenchSampler:
 
     def _sample(self, theta: Floats, lead: Ints) -> BenchSamples:
         self.progress(theta.size)
-        size, leaders = self.sizes.of(lead), (np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta))
+        size = self.sizes.of(lead)
         links_m = size.links_m[0] if len(self.leads) == 1 else size.links_m
-        chain = marched_many(self.track, links_m, leaders, BEHIND, self.effort)
-        u, lo, z, axis = chain.u, chain.u_lo, chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-        # Far out an angle has too few digits for what a link spans: with its low part it has.
-        delta, centre = np.diff(u) + np.diff(lo), 0.5 * (z[:, :-1] + z[:, 1:])
-        sides = separations((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
-                            (size.half_length_m[:, :1], size.half_length_m[:, 2:]), size.half_width_m)
-        apart = np.max([np.maximum(*pair) for pair in sides], axis=0)
-        return BenchSamples(lead, u, delta, centre, axis, apart)
+        return samples_of(self.track, links_m, (size.half_length_m, size.half_width_m), theta, lead, self.effort)
 
     @property
     def b_m(self) -> float:
@@ -208,18 +218,3 @@ def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> F
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1])) + 2 * sizes.error_m
     out: Floats = np.where(sizes.longest_m > 0, away - 2 * overhang - (sizes.b_m * outer + off)[:, None], circle)
     return out
-
-
-def separations(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes],
-                half_length_m: tuple[Floats, Floats], half_width_m: float) -> list[tuple[Floats, Floats]]:
-    """Return separations of two benches each, along the axes of the first and of the second, on their either side.
-
-    The pair is apart where any is positive.
-    """
-    (u, v), (a, c), b = axis, half_length_m, half_width_m
-    d = centre[1] - centre[0]
-    turn, in_first, in_second = np.conj(u) * v, np.conj(u) * d, np.conj(v) * d
-    cos, sin = np.abs(turn.real), np.abs(turn.imag)
-    offsets = in_first.real, in_first.imag, in_second.real, in_second.imag
-    extents = a + c * cos + b * sin, b + c * sin + b * cos, c + a * cos + b * sin, b + a * sin + b * cos
-    return [(offset - extent, -offset - extent) for offset, extent in zip(offsets, extents, strict=True)]

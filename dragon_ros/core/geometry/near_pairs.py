@@ -28,14 +28,13 @@ from math import inf, isfinite, sqrt
 from typing import NamedTuple
 
 import numpy as np
-from numpy.typing import NDArray
 
 from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.contacts import Closeness
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.signed_distance import gap_of, gaps
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, parted_pairs
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
 TOUCH_M = 1e-10         # positions are right to 2e-12 m: a smaller gap is a contact
 _SKIN = 0.45            # of the mean half length: a longer list serves longer, and takes longer
@@ -46,7 +45,6 @@ _FIRST_PART = 512       # benches of the innermost part; each further one reache
 _OVERLAP = 2.5          # benches of all parts with those that follow, for each bench: more is not worth its while
 _WORTH = 0.02           # of the skin: nearer than this to the closest, a part is measured at each look
 
-Complexes = NDArray[np.complex128]
 _NONE: Ints = np.empty(0, dtype=np.int64)
 _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
 
@@ -79,72 +77,13 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
     return Closeness(float(gap_m[least]), closest, i[rows], j[rows], gap_m[rows])
 
 
-class _Sight(NamedTuple):
+class _Bodies(NamedTuple):
     """The benches of one look as complex numbers (N,): centres, axes, and axes conjugated; and half diagonals."""
 
     centre: Complexes
     axis: Complexes
     back: Complexes
     far: Floats
-
-
-class _Measured(NamedTuple):
-    """Pairs (P,), and for each the axis that parts it best: whose it is, of which other bench, and how to read it.
-
-    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` the owner's half
-    size along it, ``sizes`` (P, 2) the half sizes of the other.
-    """
-
-    owner: Ints
-    other: Ints
-    towards: Complexes
-    extent: Floats
-    sizes: Floats
-
-    def separations(self, sight: _Sight) -> Floats:
-        """Return how far each pair is apart along its axis; no more than its gap."""
-        towards = sight.back.take(self.owner)
-        towards *= self.towards
-        offset = sight.centre.take(self.other)
-        offset -= sight.centre.take(self.owner)
-        offset *= towards
-        towards *= sight.axis.take(self.other)
-        reach = np.abs(towards.view(np.float64)).reshape(-1, 2)
-        reach *= self.sizes
-        out: Floats = offset.real - self.extent
-        out -= reach[:, 0]
-        out -= reach[:, 1]
-        return out
-
-    def rows(self, index: Ints) -> '_Measured':
-        """Return some of the pairs."""
-        return _Measured(self.owner[index], self.other[index], self.towards[index], self.extent[index],
-                         self.sizes[index])
-
-    @property
-    def pairs(self) -> tuple[Ints, Ints]:
-        """The pairs (i, j), i < j."""
-        return np.minimum(self.owner, self.other), np.maximum(self.owner, self.other)
-
-
-def _measured(sight: _Sight, benches: Benches, i: Ints, j: Ints) -> tuple[_Measured, Floats]:
-    """Return pairs with the axes that part them best, and how far."""
-    half, side = benches.half_length, benches.half_width
-    (a_i, b_i), (a_j, b_j) = ((half.take(n), side.take(n)) for n in (i, j))
-    x = (sight.centre.take(j) - sight.centre.take(i)) * sight.back.take(i)      # j as seen from i
-    turn = sight.axis.take(j) * sight.back.take(i)
-    y = -x * np.conj(turn)                                                      # i as seen from j
-    cos, sin = np.abs(turn.real), np.abs(turn.imag)
-    apart = np.stack((np.abs(x.real) - (a_i + a_j * cos + b_j * sin), np.abs(x.imag) - (b_i + a_j * sin + b_j * cos),
-                      np.abs(y.real) - (a_j + a_i * cos + b_i * sin), np.abs(y.imag) - (b_j + a_i * sin + b_i * cos)))
-    best = np.argmax(apart, axis=0)
-    ahead, aside = best < 2, best % 2 == 1
-    seen = np.where(ahead, x, y)
-    towards = np.where(aside, np.where(seen.imag < 0, 1j, -1j), np.where(seen.real < 0, -1.0, 1.0))
-    owner, other = np.where(ahead, i, j), np.where(ahead, j, i)
-    return (_Measured(owner, other, towards, np.where(aside, side.take(owner), half.take(owner)),
-                      np.stack((half.take(other), side.take(other)), axis=1)),
-            apart[best, np.arange(best.size)])
 
 
 @dataclass(frozen=True, slots=True)
@@ -167,31 +106,31 @@ class _Part:
     beyond_m: float
     nearest_m: float
     close: int
-    list: _Measured
+    list: PartedPairs
 
-    def change_m(self, sight: _Sight) -> float:
+    def change_m(self, bodies: _Bodies) -> float:
         """Return by how much gaps have changed since at most: bound 2 of the module."""
-        turn = sight.axis[self.first:self.end] * self.turned_back
-        held = sight.centre.item(self.held)
+        turn = bodies.axis[self.first:self.end] * self.turned_back
+        held = bodies.centre.item(self.held)
         turn_held = turn.item(self.held - self.first)
         back = turn_held.conjugate()
-        moved = sight.centre[self.first:self.end] * back
+        moved = bodies.centre[self.first:self.end] * back
         moved -= self.from_held
         moved -= held * back
         turn -= turn_held
         away: Floats = np.abs(turn)
-        away *= sight.far[self.first:self.end]
+        away *= bodies.far[self.first:self.end]
         away += np.abs(moved)
         return 2 * float(np.maximum.reduce(away))
 
-    def moved(self, sight: _Sight, spent_m: float, nearest_m: float) -> '_Part':
+    def moved(self, bodies: _Bodies, spent_m: float, nearest_m: float) -> '_Part':
         """Return the part as it is now."""
-        centre = sight.centre[self.first:self.end]
-        return replace(self, from_held=centre - sight.centre[self.held],
-                       turned_back=sight.back[self.first:self.end].copy(), spent_m=spent_m, nearest_m=nearest_m)
+        centre = bodies.centre[self.first:self.end]
+        return replace(self, from_held=centre - bodies.centre[self.held],
+                       turned_back=bodies.back[self.first:self.end].copy(), spent_m=spent_m, nearest_m=nearest_m)
 
 
-def _listed(sight: _Sight, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
+def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
             above_m: float) -> tuple[_Part, Floats] | None:
     """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for a crowd.
 
@@ -207,40 +146,40 @@ def _listed(sight: _Sight, p: Floats, benches: Benches, part: tuple[int, int, in
     i, j = i + first, j + first
     if end > stop:
         i, j = i[i < stop], j[i < stop]
-    found, apart = _measured(sight, benches, i, j)
+    found, apart = parted_pairs(bodies.centre, bodies.axis, benches, i, j)
     near = np.flatnonzero(apart <= reach_m)
     if near.size > _MOST_EACH * (stop - first):
         return None
     found, apart = found.rows(near), apart[near]
     close = int(np.count_nonzero(apart <= above_m))
-    blank = _Part(first, stop, end, _middle(sight, first, end), sight.centre, sight.back, 0.0, reach_m, -inf, close,
+    blank = _Part(first, stop, end, _middle(bodies, first, end), bodies.centre, bodies.back, 0.0, reach_m, -inf, close,
                   found)
-    return blank.moved(sight, 0.0, float(np.min(apart, initial=inf))), apart
+    return blank.moved(bodies, 0.0, float(np.min(apart, initial=inf))), apart
 
 
-def _middle(sight: _Sight, first: int, end: int) -> int:
+def _middle(bodies: _Bodies, first: int, end: int) -> int:
     """Return the bench that is held fast: halfway between the nearest to the origin and the farthest of a part."""
-    radius = np.abs(sight.centre[first:end])
+    radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
 
-def _seen_part(part: _Part, sight: _Sight, p: Floats, benches: Benches, limit_m: float,
+def _seen_part(part: _Part, bodies: _Bodies, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_Part, Ints] | None:
     """Return a part as one more look leaves it, and which of its pairs may be within a limit; None for a crowd."""
-    change_m = part.change_m(sight)
+    change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
-        listed = _listed(sight, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
+        listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
         return None if listed is None else (listed[0], np.flatnonzero(listed[1] <= limit_m))
     if part.nearest_m - change_m > limit_m:
         return part, _NONE
-    apart = part.list.separations(sight)
+    apart = part.list.separations(*bodies[:3])
     rows = (apart <= limit_m).nonzero()[0]
     if rows.size > 2 * part.close + _FEW:       # by now other axes part the pairs better
-        found, apart = _measured(sight, benches, *part.list.pairs)
+        found, apart = parted_pairs(bodies.centre, bodies.axis, benches, *part.list.pairs)
         rows = np.flatnonzero(apart <= limit_m)
         part = replace(part, list=found, close=rows.size)
     if not rows.size and (nearest_m := float(np.min(apart, initial=inf))) > limit_m + _WORTH * skin_m:
-        part = part.moved(sight, part.spent_m + change_m, nearest_m)
+        part = part.moved(bodies, part.spent_m + change_m, nearest_m)
     return part, rows
 
 
@@ -274,13 +213,13 @@ class _Kept:
     centre: Complexes
     turned_back: Complexes
 
-    def across_m(self, sight: _Sight) -> float:
+    def across_m(self, bodies: _Bodies) -> float:
         """Return how far pairs across the ends of parts are apart at least: bound 3 of the module."""
         if len(self.parts) == 1:
             return inf
-        moved = sight.axis * self.turned_back
+        moved = bodies.axis * self.turned_back
         moved *= self.centre
-        moved -= sight.centre
+        moved -= bodies.centre
         return self.apart_m - 2 * float(np.maximum.reduce(np.abs(moved)))
 
 
@@ -288,29 +227,29 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
     """Return what a look from nothing leaves; None for a crowd."""
     assert found.closest
     skin_m = _SKIN * float(np.mean(benches.half_length))
-    sight = _sight(benches, np.hypot(benches.half_length, benches.half_width))
+    bodies = _bodies(benches, np.hypot(benches.half_length, benches.half_width))
     reach_m = max(found.clearance_m, 0.0) + skin_m
     parts = list[_Part]()
-    for part in _cuts(sight, reach_m + skin_m):
-        listed = _listed(sight, p, benches, part, reach_m, found.clearance_m)
+    for part in _cuts(bodies, reach_m + skin_m):
+        listed = _listed(bodies, p, benches, part, reach_m, found.clearance_m)
         if listed is None:
             return None
         parts.append(listed[0])
-    return _Kept(_sizes(benches), sight.far, skin_m, found.clearance_m, found.closest, tuple(parts), reach_m + skin_m,
-                 sight.centre.copy(), sight.back)
+    return _Kept(_sizes(benches), bodies.far, skin_m, found.clearance_m, found.closest, tuple(parts), reach_m + skin_m,
+                 bodies.centre.copy(), bodies.back)
 
 
-def _cuts(sight: _Sight, apart_m: float) -> list[tuple[int, int, int]]:
+def _cuts(bodies: _Bodies, apart_m: float) -> list[tuple[int, int, int]]:
     """Return the first, stop and end of each part; pairs across an end differ in distance from the origin by so much.
 
     It is a single one unless the dragon is large and winds about the origin.
     """
-    count, radius = sight.far.size, np.abs(sight.centre)
+    count, radius = bodies.far.size, np.abs(bodies.centre)
     stops = [*(_FIRST_PART << n for n in range((count // _FIRST_PART).bit_length() - 1)), count]
     if radius[0] > radius[-1]:
         radius, stops = -radius, [*(count - stop for stop in stops[-2::-1]), count]
-    within = np.maximum.accumulate(radius + sight.far)[np.array(stops) - 1]
-    beyond = np.minimum.accumulate((radius - sight.far)[::-1])[::-1]
+    within = np.maximum.accumulate(radius + bodies.far)[np.array(stops) - 1]
+    beyond = np.minimum.accumulate((radius - bodies.far)[::-1])[::-1]
     ends: list[int] = np.searchsorted(beyond, within + apart_m, side='right').tolist()
     firsts = [0, *stops[:-1]]
     if sum(ends) - sum(firsts) > _OVERLAP * count:
@@ -318,9 +257,9 @@ def _cuts(sight: _Sight, apart_m: float) -> list[tuple[int, int, int]]:
     return list(zip(firsts, stops, ends, strict=True))
 
 
-def _sight(benches: Benches, far: Floats) -> _Sight:
+def _bodies(benches: Benches, far: Floats) -> _Bodies:
     centre, axis = (np.ascontiguousarray(values).view(np.complex128)[:, 0] for values in (benches.centre, benches.axis))
-    return _Sight(centre, axis, axis.conjugate(), far)
+    return _Bodies(centre, axis, axis.conjugate(), far)
 
 
 def _sizes(benches: Benches) -> bytes:
@@ -354,14 +293,14 @@ class NearPairs:
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
         """Return what a look finds with what the last one left; None where that does not help."""
-        above_m, sight = gap_of(benches, *kept.closest), _sight(benches, kept.far)
-        size_m = sqrt(np.vdot(sight.centre, sight.centre).real)     # no less than the largest, at the price of one call
+        above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # no less than the largest, at the price of one call
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
-        if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(sight) > limit_m):
+        if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None
         parts, pairs = list[_Part](), {kept.closest}
         for part in kept.parts:
-            seen = _seen_part(part, sight, p, benches, limit_m, kept.skin_m)
+            seen = _seen_part(part, bodies, p, benches, limit_m, kept.skin_m)
             if seen is None:
                 return None
             parts.append(seen[0])

@@ -1,4 +1,4 @@
-"""The signed gap of two rectangles: their distance when apart, minus the smallest parting translation when not.
+"""Separating axes and the signed gap of two rectangles: their distance when apart, else minus the parting translation.
 
 The parting translation of two convex polygons is normal to an edge, so the separating-axis value gives it; when they
 are apart that value is only a lower bound and the nearest corner decides.
@@ -10,19 +10,23 @@ its length, by 4 u, a vector between centres, no longer than D <= 2.9 S, by 2.9 
 along an axis is off by 20 u L, and the root of a sum of squares by 1.5 times what its terms are. So no separation or
 gap of two benches is off by more than 128 u (S + L).
 """
+from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import reduce
 from math import sqrt
+from typing import Any, NamedTuple
 
 import numpy as np
 
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
+from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
 _ROUNDED = 2.0**-46 # of coordinates and sizes: what rounding makes of a separation or gap at most
 _AT_ONCE = 4096     # pairs, so that what is between fits the cache
 _SAME = 1e-12       # of the sizes: what is nearer than this is a tie
+_STRAIGHT_M = 1e-200    # corners may not leave straight lines at all
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
 
@@ -43,11 +47,21 @@ class Placement:
         return Placement(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
                          self.cos, -self.sin, self.b, self.a)
 
+    @property
+    def _extents(self) -> tuple[Floats, Floats]:
+        """How far the centres are apart along A's axes where the rectangles just touch along these."""
+        (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
+        return a_x + half * c + side * s, a_y + half * s + side * c
+
     def from_edges(self) -> list[Floats]:
         """Return how far all of B lies beyond each of A's edges (front, rear, left, right); negative if it does not."""
-        (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
-        along, aside = a_x + half * c + side * s, a_y + half * s + side * c
+        along, aside = self._extents
         return [self.x - along, -self.x - along, self.y - aside, -self.y - aside]
+
+    def along_axes(self) -> list[Floats]:
+        """Return the separations along A's axes and along B's, the larger of both sides: four in all."""
+        pairs = (self, *self._extents), (other := self.mirrored(), *other._extents)
+        return [each for one, along, aside in pairs for each in (np.abs(one.x) - along, np.abs(one.y) - aside)]
 
     def separations(self) -> tuple[Floats, Floats]:
         """Return the larger separation along A's two axes (negative where both overlap), and B's distance squared.
@@ -85,6 +99,84 @@ def placement(benches: Benches, i: Index, j: Index) -> Placement:
     return Placement(x * u_x + y * u_y, y * u_x - x * u_y, u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x,
                      (_at(benches.half_length, i), _at(benches.half_width, i)),
                      (_at(benches.half_length, j), _at(benches.half_width, j)))
+
+
+def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
+              b: tuple[Any, Any]) -> Placement:
+    """Return rectangles with half sizes ``b`` as seen from others with ``a``; centres and axes are complex numbers."""
+    back = np.conj(axis[0])
+    offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
+    return Placement(offset.real, offset.imag, turn.real, turn.imag, a, b)
+
+
+def parted_between(states: Sequence[Placement], sag: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+    """Return how far pairs are apart at least between their ``states``, and how far for the sag: the largest ratio.
+
+    In between corners leave the lines (or the bilinear surface) through their places at the states by no more than
+    ``sag``, those of B seen from A and those of A seen from B, and along these the separation from an edge is concave.
+    """
+    low, ratio = np.full(np.shape(sag[0]), -np.inf), np.zeros(np.shape(sag[0]))
+    for bent, views in zip(sag, (states, [each.mirrored() for each in states]), strict=True):
+        edges = zip(*(view.from_edges() for view in views), strict=True)
+        apart = reduce(np.maximum, [reduce(np.minimum, edge) for edge in edges])
+        low = np.maximum(low, apart - bent)
+        ratio = np.maximum(ratio, np.maximum(apart, 0.0) / np.maximum(bent, _STRAIGHT_M))
+    return low, ratio
+
+
+class PartedPairs(NamedTuple):
+    """Pairs (P,), and for each the axis that parts it best: whose it is, of which other bench, and how to read it.
+
+    ``towards`` is the conjugate of the direction to the other bench in the owner's axes, ``extent`` the owner's half
+    size along it, ``sizes`` (P, 2) the half sizes of the other. The axis turns with its owner.
+    """
+
+    owner: Ints
+    other: Ints
+    towards: Complexes
+    extent: Floats
+    sizes: Floats
+
+    def separations(self, centre: Complexes, axis: Complexes, back: Complexes) -> Floats:
+        """Return how far each pair is apart along its axis, of centres, axes and conjugated axes; at most its gap."""
+        towards = back.take(self.owner)
+        towards *= self.towards
+        offset = centre.take(self.other)
+        offset -= centre.take(self.owner)
+        offset *= towards
+        towards *= axis.take(self.other)
+        reach = np.abs(towards.view(np.float64)).reshape(-1, 2)
+        reach *= self.sizes
+        out: Floats = offset.real - self.extent
+        out -= reach[:, 0]
+        out -= reach[:, 1]
+        return out
+
+    def rows(self, index: Ints) -> 'PartedPairs':
+        """Return some of the pairs."""
+        return PartedPairs(self.owner[index], self.other[index], self.towards[index], self.extent[index],
+                           self.sizes[index])
+
+    @property
+    def pairs(self) -> tuple[Ints, Ints]:
+        """The pairs (i, j), i < j."""
+        return np.minimum(self.owner, self.other), np.maximum(self.owner, self.other)
+
+
+def parted_pairs(centre: Complexes, axis: Complexes, benches: Benches, i: Ints, j: Ints) -> tuple[PartedPairs, Floats]:
+    """Return pairs with the axes that part them best, and how far."""
+    half, side = benches.half_length, benches.half_width
+    a, b = ((half.take(n), side.take(n)) for n in (i, j))
+    view = seen_from((centre.take(i), centre.take(j)), (axis.take(i), axis.take(j)), a, b)
+    apart = np.stack(view.along_axes())
+    best = np.argmax(apart, axis=0)
+    ahead, aside, back = best < 2, best % 2 == 1, view.mirrored()
+    x, y = np.where(ahead, view.x, back.x), np.where(ahead, view.y, back.y)
+    towards = np.where(aside, np.where(y < 0, 1j, -1j), np.where(x < 0, -1.0, 1.0))
+    owner, other = np.where(ahead, i, j), np.where(ahead, j, i)
+    return (PartedPairs(owner, other, towards, np.where(aside, side.take(owner), half.take(owner)),
+                        np.stack((half.take(other), side.take(other)), axis=1)),
+            apart[best, np.arange(best.size)])
 
 
 def signed_gap(pairs: Placement) -> Floats:

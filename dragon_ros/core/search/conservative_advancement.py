@@ -19,7 +19,7 @@ import numpy as np
 from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.geometry.broad_phase import pairs_on_steps
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
-from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
+from dragon_ros.core.geometry.signed_distance import gaps, parted_between, placement, rounding_m
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.search.certificate import ALL, Interval
 from dragon_ros.core.search.driver import Judgement, clear, parts_for
@@ -187,21 +187,10 @@ class _Space:
         gone_m = np.abs(b.places - a.places)[row]
         seen = [views(each.p, each.axis, each.headings, row, i, j) for each in (a, b)]
         most = second_derivatives(moving, seen[0], seen[1], row, i, j, gone_m, np.hypot(*self._half))
-        sag = [ABOVE * each * (gone_m * gone_m / 8) + self._rounding_m for each in most]
-        apart = [self._apart(each, row, i, j) for each in (a, b)]
-        low_m, room = np.full(i.size, -np.inf), np.zeros(i.size)
-        for frame in (0, 1):
-            for at_a, at_b in zip(apart[0][frame], apart[1][frame], strict=True):
-                least = np.minimum(at_a, at_b)
-                low_m = np.maximum(low_m, least - sag[frame])
-                with np.errstate(divide='ignore'):
-                    room = np.maximum(room, np.sqrt(np.maximum(least, 0.0) / np.maximum(sag[frame], _STILL_M)))
-        return low_m, room
-
-    def _apart(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[list[Floats], list[Floats]]:
-        """Return separations (K,) from the four edges of one bench of each pair, and from those of the other."""
-        view = placement(*self._rectangles(samples, row, i, j))
-        return view.from_edges(), view.mirrored().from_edges()
+        first, second = (ABOVE * each * (gone_m * gone_m / 8) + self._rounding_m for each in most)
+        low_m, ratio = parted_between([placement(*self._rectangles(each, row, i, j)) for each in (a, b)],
+                                      (first, second))
+        return low_m, np.sqrt(ratio)
 
     def _gaps(self, samples: ChainSamples, row: Ints, i: Ints, j: Ints) -> Floats:
         return gaps(*self._rectangles(samples, row, i, j))

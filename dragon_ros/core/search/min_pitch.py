@@ -27,19 +27,19 @@ from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
 from dragon_ros.core.enclosures.on_spiral import ABOVE, bend
 from dragon_ros.core.errors import DragonError, FieldError
-from dragon_ros.core.geometry.narrow_phase import line_distance
-from dragon_ros.core.geometry.signed_distance import rounding_m
+from dragon_ros.core.geometry.narrow_phase import BenchSamples, line_distance, samples_of
+from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
 from dragon_ros.core.numerics.types import Floats, Ints
-from dragon_ros.core.numerics.vectors import dot, left
 from dragon_ros.core.tiers import EXACT
-from dragon_ros.core.tracks.chord import steps
-from dragon_ros.core.tracks.segments import Effort
-from dragon_ros.core.tracks.spiral import points
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.spec import Spiral
 
 _WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's way about the centre, and part of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
 _OUTWARDS = 1 + 2.0**-50    # a pitch: it is the quotient of a rounded number and a scale
 _SAME = 1e-15               # of a pitch: it is the inverse of a scale, rounded twice
+_UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # in units of b
 _BENT = 1.09                # no spiral's curvature exceeds 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
@@ -191,7 +191,7 @@ class _Search:
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
         placed = self._windings(places[0], places[1])
-        separation = separations(self.task.dragon, self.first, placed)
+        separation = separations(self.task.dragon, self.first, placed, places[1])
         self._note(places, separation)
         ends = where.reshape(4, -1)
         apart, sag = separation[ends], self._sags(cells, placed, ends)
@@ -205,7 +205,7 @@ class _Search:
         unclear = (low[each, pair, edge] <= self._tolerance_m * cells[3]) & (cells[2] < self._best)
         return _halved(cells, apart[:, each, pair, edge], sag[each, pair, edge], unclear)
 
-    def _windings(self, radius_m: Floats, scale: Floats) -> 'Windings':
+    def _windings(self, radius_m: Floats, scale: Floats) -> BenchSamples:
         """Return a little more than the turn of the chain behind each place."""
         self.states += scale.size
         self._tell(scale.size)
@@ -215,7 +215,7 @@ class _Search:
         follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / link))
         return windings(dragon, self.first, follow, radius_m, scale, self._effort)
 
-    def _sags(self, cells: Floats, placed: 'Windings', ends: Ints) -> Floats:
+    def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
         """Return how far corners of benches can sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
         benches = slice(self.first, self.first + placed.delta.shape[1])
         dragon, scale = self.task.dragon, cells[2:, :, None]
@@ -227,7 +227,7 @@ class _Search:
         delta = between(placed.delta[ends[1]], placed.delta[ends[2]], 2 * off[:, :-1])
         by_radius = bend(theta, delta, chord, arm) * (scale[1] * (cells[1] - cells[0])[:, None])[..., None] ** 2
         by_scale = bend_by_scale(theta, delta, chord, arm) * ((scale[1] - scale[0]) / scale[0])[..., None] ** 2
-        out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 1, 1, 0, 0, 1, 1]] * (ABOVE / 8)
+        out: Floats = np.stack((by_radius, by_scale), axis=-1)[:, :, [0, 0, 0, 0, 1, 1, 1, 1]] * (ABOVE / 8)
         return out
 
     def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
@@ -235,7 +235,7 @@ class _Search:
         out: Floats = self._tolerance_m * scale / np.maximum(theta, 1.0)
         return out
 
-    def _check_rest(self, cells: Floats, placed: 'Windings', ends: Ints) -> None:
+    def _check_rest(self, cells: Floats, placed: BenchSamples, ends: Ints) -> None:
         """Refuse cells in which a bench further behind than those placed could come near.
 
         In metres the leading bench is within its rear handle's radius, which is largest at the larger radius and pitch,
@@ -276,52 +276,25 @@ def _halved(cells: Floats, corner: Floats, sag: Floats, which: Floats) -> Floats
     return np.concatenate((lower, upper), axis=1)
 
 
-@dataclass(frozen=True)
-class Windings:
-    """M windings, in units of b: handles, what links span, and their directions ``axis`` (M, N, 2) to the front."""
-
-    theta: Floats
-    delta: Floats
-    p: Floats
-    axis: Floats
-    scale: Floats
-
-
-def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats, effort: Effort) -> 'Windings':
-    """Place ``follow`` benches behind radii (M,) on spirals of the given scales; the first is bench ``first``.
+def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats,
+             effort: Effort) -> BenchSamples:
+    """Place ``follow`` benches behind radii (M,) on spirals of the given scales, in units of b; the first is ``first``.
 
     Raises ChainLockError where a link finds no place.
     """
-    links = dragon.link_lengths_m[first:first + follow]
-    theta, delta = [scale * radius_m], list[Floats]()
-    for i, link in enumerate(links.tolist()):
-        chord = link * scale
-        if i < 2 or link != links[i - 1]:
-            guess = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta[i] + np.pi)))
-        else:
-            square = delta[-1] * (theta[i] + theta[i - 1])
-            guess = square / (theta[i] + np.sqrt(theta[i] ** 2 + square))
-        delta.append(steps(theta[i], chord, guess, effort.newton)[0])
-        theta.append(theta[i] + delta[i])
-    places = np.stack(theta, axis=1)
-    p = points(1.0, places, np.zeros_like(places))
-    axis = p[:, :-1] - p[:, 1:]
-    return Windings(places, np.stack(delta, axis=1), p, axis / np.hypot(axis[..., 0], axis[..., 1])[..., None], scale)
+    size, benches = scale[:, None], slice(first, first + follow)
+    half = 0.5 * size * dragon.bench_lengths_m[benches], 0.5 * size * dragon.width_m
+    return samples_of(_UNIT, size * dragon.link_lengths_m[benches], half, scale * radius_m,
+                      np.zeros(scale.size, dtype=np.int64), effort)
 
 
-def separations(dragon: AnyDragon, first: int, winding: Windings) -> Floats:
+def separations(dragon: AnyDragon, first: int, winding: BenchSamples, scale: Floats) -> Floats:
     """Return how far the leading bench and those from the second behind it on are apart, (M, K, 8), in units of b.
 
-    Along four edges (two of the leading bench, two of the other), on either side: apart where any is positive.
+    From four edges of the leading bench and four of the other: apart where any is positive.
     """
-    count = winding.delta.shape[1]
-    half = 0.5 * dragon.bench_lengths_m[first:first + count] * winding.scale[:, None]
-    side = np.broadcast_to(0.5 * dragon.width_m * winding.scale[:, None], half.shape)
-    centre, u = 0.5 * (winding.p[:, :-1] + winding.p[:, 1:]), winding.axis
-    d, lead, other = centre[:, 2:] - centre[:, :1], u[:, :1], u[:, 2:]
-    c, s = np.abs(dot(lead, other)), np.abs(dot(left(lead), other))
-    offset = np.stack((dot(d, lead), dot(d, left(lead)), dot(d, other), dot(d, left(other))), axis=-1)
-    extent = np.stack((half[:, :1] + half[:, 2:] * c + side[:, 2:] * s, side[:, :1] + half[:, 2:] * s + side[:, 2:] * c,
-                       half[:, 2:] + half[:, :1] * c + side[:, :1] * s, side[:, 2:] + half[:, :1] * s
-                       + side[:, :1] * c), axis=-1)
-    return np.concatenate((offset - extent, -offset - extent), axis=-1)
+    half = 0.5 * scale[:, None] * dragon.bench_lengths_m[first:first + winding.delta.shape[1]]
+    side, (centre, axis) = 0.5 * scale[:, None] * dragon.width_m, (winding.centre, winding.axis)
+    seen = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]), (half[:, :1], side),
+                     (half[:, 2:], side))
+    return np.stack((*seen.from_edges(), *seen.mirrored().from_edges()), axis=-1)

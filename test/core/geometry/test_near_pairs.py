@@ -118,12 +118,12 @@ def converging(draw):
 def test_a_part_names_every_pair_within_a_limit_whatever_comes_near(looks, limit_m):
     far = np.hypot(looks[0][1].half_length, looks[0][1].half_width)
     i, j = np.triu_indices(far.size, 2)
-    listed = near_pairs._listed(near_pairs._sight(looks[0][1], far), *looks[0], (0, far.size, far.size),
+    listed = near_pairs._listed(near_pairs._bodies(looks[0][1], far), *looks[0], (0, far.size, far.size),
                                 max(limit_m, 0.0) + 0.5, limit_m)
     assert listed
     part, _ = listed
     for p, benches in looks:
-        seen = near_pairs._seen_part(part, near_pairs._sight(benches, far), p, benches, limit_m, 0.5)
+        seen = near_pairs._seen_part(part, near_pairs._bodies(benches, far), p, benches, limit_m, 0.5)
         assert seen
         part, rows = seen
         named = set(zip(*(one[rows].tolist() for one in part.list.pairs), strict=True))

@@ -34,11 +34,10 @@ def bounds(radii, scales, dragon, first):
 
 def corners(radius_m, scale, dragon, first):
     """Corners of benches 2 and on in the frame of the leading bench, and of its own in theirs, (M, K-2, 2, 4)."""
-    chain = winding(radius_m, scale, dragon, first)
-    z, axis = chain.p @ [1, 1j], chain.axis @ [1, 1j]
-    half = 0.5 * dragon.bench_lengths_m[first:first + COUNT] * chain.scale[:, None]
-    side = 0.5 * dragon.width_m * chain.scale[:, None, None] * [1j, 1j, -1j, -1j]
-    middle = 0.5 * (z[:, 1:] + z[:, :-1])
+    chain, scale = winding(radius_m, scale, dragon, first), np.broadcast_to(scale, np.shape(radius_m))
+    middle, axis = chain.centre, chain.axis
+    half = 0.5 * dragon.bench_lengths_m[first:first + COUNT] * scale[:, None]
+    side = 0.5 * dragon.width_m * scale[:, None, None] * [1j, 1j, -1j, -1j]
     corner = middle[..., None] + axis[..., None] * (half[..., None] * [1, -1, -1, 1] + side)
     return np.stack(((corner[:, 2:] - middle[:, :1, None]) / axis[:, :1, None],
                      (corner[:, :1] - middle[:, 2:, None]) / axis[:, 2:, None]), axis=2)
@@ -55,11 +54,11 @@ def second_differences(radius_m, scale, dragon, first):
 def test_a_winding_is_the_chain_that_the_march_places():
     radius_m, scale = np.array([4.6, 9.0]), 2 * np.pi / np.array([0.451, 0.7])
     found = winding(radius_m, scale)
-    for r, s, p in zip(radius_m, scale, found.p, strict=True):
+    for r, s, middle in zip(radius_m, scale, found.centre, strict=True):
         spiral = Spiral(2 * np.pi / s)
         head = Place(0, DoubleDouble(s * r, 0.0))
         chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], head, BEHIND, EFFORT)
-        assert p / s == pytest.approx(chain.p, abs=1e-11)
+        assert middle / s == pytest.approx(0.5 * (chain.p[1:] + chain.p[:-1]) @ [1, 1j], abs=1e-11)
 
 
 @pytest.mark.parametrize('dragon', DRAGONS)
@@ -103,8 +102,9 @@ def test_inside_a_cell_no_separation_sags_below_what_its_corners_say(first):
         scale = 2 * np.pi / pitch
         wide, tall = 0.3, 0.03 * scale
         u, v = (np.append(row, rng.uniform(0, 1, 30)) for row in ([0.0, 0, 1, 1], [0.0, 1, 0, 1]))
-        apart = separations(Dragon(), first, winding(radius + u * wide, scale + v * tall, first=first))
+        scales = scale + v * tall
+        apart = separations(Dragon(), first, winding(radius + u * wide, scales, first=first), scales)
         by_radius, by_scale = bounds((radius, radius + wide), (scale, scale + tall), Dragon(), first)
         sag = (by_radius * wide**2 + by_scale * tall**2) / 8
-        low = np.min(apart[:4], axis=0) - sag[:, [0, 0, 1, 1, 0, 0, 1, 1]]
+        low = np.min(apart[:4], axis=0) - sag[:, [0, 0, 0, 0, 1, 1, 1, 1]]
         assert np.min(apart[4:] - low) > -1e-12
