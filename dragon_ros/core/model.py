@@ -375,31 +375,41 @@ class _Compiled:
     """Simulations and models that are kept, the most recently used last; bounded in number and in bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each holds its scene: no other has its id
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
+        self._latest: Simulation | None = None
         self._lock = Lock()
 
     def get(self, scene: Scene) -> Simulation:
         """Return the simulation of a scene, compiled when it is first asked for."""
-        known = self._simulations.get(id(scene))        # it holds its scene, so that no other one has its id
-        if known is not None and known.scene is scene:
-            return known
+        latest = self._latest
+        if latest is not None and latest.scene is scene:
+            return latest
         with self._lock:
-            simulation = self._at(scene, tier_for(scene.accuracy))
-            tier = tier_for(scene.accuracy, simulation.size_m)
-            if tier is not simulation.tier:     # metres may ask for more where coordinates are large
-                simulation = self._at(scene, tier)
-            key = _key_of(scene, simulation.tier)
-            self._models[key] = simulation.model
-            self._models.move_to_end(key)
-            self._simulations[id(scene)] = simulation
-            self._bound()
+            known = self._simulations.get(id(scene))
+            simulation = known or self._compiled(scene)
+            self._use(simulation)
+            if not known:
+                self._bound()
         return simulation
 
+    def _compiled(self, scene: Scene) -> Simulation:
+        """Return a new simulation, with the model that is kept if there is one."""
+        simulation = self._at(scene, tier_for(scene.accuracy))
+        tier = tier_for(scene.accuracy, simulation.size_m)      # metres may ask for more where coordinates are large
+        return simulation if tier is simulation.tier else self._at(scene, tier)
+
     def _at(self, scene: Scene, tier: Tier) -> Simulation:
-        """Return the simulation at a tier, with the model that is kept if there is one."""
         key = _key_of(scene, tier)
         return Simulation(scene, self._models.get(key) or Model(*key))
+
+    def _use(self, simulation: Simulation) -> None:
+        """Keep a simulation and its model, as the most recently used."""
+        scene, key = simulation.scene, _key_of(simulation.scene, simulation.tier)
+        self._simulations[id(scene)] = self._latest = simulation
+        self._simulations.move_to_end(id(scene))
+        self._models[key] = simulation.model
+        self._models.move_to_end(key)
 
     def _bound(self) -> None:
         """Drop what was used least recently."""

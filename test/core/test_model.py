@@ -52,6 +52,17 @@ def test_models_are_kept_in_number_and_the_least_recently_used_go_first():
     assert compile_scene(Scene(dragon=Dragon(300))).model is compile_scene(Scene(dragon=Dragon(300))).model
 
 
+def test_a_scene_that_is_used_before_every_other_keeps_its_tables():
+    scene = Scene(dragon=Dragon(60))
+    state(scene, 1.0)
+    model = compile_scene(scene).model
+    for benches in range(500, 500 + 2 * model_module._MOST_SIMULATIONS):
+        assert compile_scene(scene).model is model
+        compile_scene(Scene(dragon=Dragon(benches)))
+    assert compile_scene(Scene(dragon=Dragon(60))).model is model
+    assert model.memory_bytes
+
+
 def test_models_are_kept_in_bytes(monkeypatch):
     scenes = [Scene(dragon=Dragon(benches)) for benches in range(100, 110)]
     state(scenes[0], 1.0)
