@@ -16,6 +16,7 @@ from bisect import bisect_right
 from collections import OrderedDict, deque
 from collections.abc import Callable
 from dataclasses import dataclass
+from enum import Enum, auto
 from functools import cached_property
 from math import acos, floor, inf
 from typing import NamedTuple
@@ -89,6 +90,15 @@ class Spots(NamedTuple):
     basis: Floats
 
 
+class Elsewhere(Enum):
+    """Said of a place that is not on a stretch."""
+
+    ELSEWHERE = auto()
+
+
+_ELSEWHERE = Elsewhere.ELSEWHERE
+
+
 class _Side(NamedTuple):
     """The cells on one segment, in the order of ``sense`` times the coordinate, which grows backwards."""
 
@@ -153,19 +163,19 @@ class Entrance:
         self._cells[number] = cell
         return cell
 
-    def spot(self, place: Place) -> Spot | None:
-        """Return where a place is; None where the table has no track for it. Raises LookupError off the stretch.
+    def spot(self, place: Place) -> Spot | Elsewhere | None:
+        """Return where a place is on the stretch, if it is on it; None if the table has no track for it.
 
         The stretch is half open: it holds its rear end.
         """
         side = self.sides[place[0]]
         if side is None:
-            raise LookupError
+            return _ELSEWHERE
         high, low = place[1]
         sense, front, rear, begins, cells = side
         along = sense * high
         if not front < along <= rear:
-            raise LookupError
+            return _ELSEWHERE
         number = cells[bisect_right(begins, along, 1) - 1]      # what is before the first begins is in it or in none
         cell = self._cells.get(number) or self._cell(number)
         _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
@@ -336,27 +346,25 @@ class ShiftMap:
 
     def spot(self, place: Place) -> Spot | None:
         """Return where a place is; None where no table serves it."""
-        try:
-            return self._last.spot(place)       # type: ignore[union-attr]
-        except (LookupError, AttributeError):   # on another tile than the last place, or no tile yet
+        found = self._last.spot(place) if self._last is not None else _ELSEWHERE
+        if found is _ELSEWHERE:
             tile = self._tile(self._number(place) // self._stretches)
-            self._last = tile.entrance if tile else self._last
-            try:
-                return tile.entrance.spot(place) if tile else None
-            except LookupError:                 # on a segment too short for a part
+            if tile is None:
                 return None
+            self._last = tile.entrance
+            found = self._last.spot(place)
+        return None if found is _ELSEWHERE else found       # on a segment too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
         """Return where the handle is that follows a leader at a link of another length; None where no series tell."""
-        try:
-            return self._last_before.spot(leader)       # type: ignore[union-attr]
-        except (LookupError, AttributeError):
+        found = self._last_before.spot(leader) if self._last_before is not None else _ELSEWHERE
+        if found is _ELSEWHERE:
             entrance = self._entrance_before(self._number(leader, link_m), link_m)
-            self._last_before = entrance or self._last_before
-            try:
-                return entrance.spot(leader) if entrance else None
-            except LookupError:                 # on a segment where no leader's series end
+            if entrance is None:
                 return None
+            self._last_before = entrance
+            found = entrance.spot(leader)
+        return None if found is _ELSEWHERE else found       # on a segment where no leader's series end
 
     def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
         """Return where the leaders one link before blocks on a stretch are; None where none is."""

@@ -17,7 +17,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
-from dragon_ros.core.shift_map.table import ShiftMap
+from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, states, tick
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
@@ -261,3 +261,19 @@ def test_many_places_are_on_the_stretches_where_each_is_to_the_last_bit(name):
         segment, u, lo = (np.array(values) for values in zip(*((k, *u) for k, u in places), strict=True))
         assert begins
         assert shift._numbers((segment, u, lo)).tolist() == [shift._number(place) for place in places]
+
+
+@pytest.mark.parametrize('error', [IndexError, KeyError, AttributeError])
+@pytest.mark.parametrize('benches', [223, 8], ids=['leader before its block', 'leader in a row'])
+def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table(monkeypatch, error, benches):
+    def mistaken(self, number):
+        raise error('planted')
+    dragon = Dragon(benches) if benches > 8 else Dragon(benches, 2.2)
+    model = compile_scene(Scene(dragon=dragon)).model
+    placement = Placement(model.track, model.links_m, model.direction, model.effort, {
+        link_m: ShiftMap(model.track, link_m, benches, model.direction, model._series_m)
+        for link_m in lengths_with_maps(model.links_m)})
+    assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
+    monkeypatch.setattr(Entrance, '_cell', mistaken)
+    with pytest.raises(error, match='planted'):     # on the same stretch, in another cell
+        placement.place(model.leader.place((3.0, 0.0)))
