@@ -3,7 +3,7 @@ from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidParameterTypeException, InvalidParameterValueException
+from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
@@ -12,16 +12,27 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.params import NAMES, Parameter
 
 
-def declare(node: Node, parameter: Parameter) -> Any:
-    """Declare a parameter and return its value. Raises InputError that names it, the value and the limits."""
-    given = node._parameter_overrides.get(parameter.name)
-    if given is not None:
-        node._parameter_overrides[parameter.name] = widened(parameter, given)
+def given_to(node: Node) -> dict[str, Any]:
+    """Return the values that command line, files and ``parameter_overrides`` give to parameters of a node, by name.
+
+    rclpy says which there are to nobody: it declares them all by itself, and fails at an empty list, which has no type,
+    or it gives those that are asked for by name. So this reads where it keeps them, here alone, and changes nothing.
+    """
+    return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
+
+
+def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
+    """Declare a parameter and return its value: the one that is given, else the default.
+
+    Raises InputError that names it, the value and the limits.
+    """
+    default, value = parameter.default, widened(parameter, given.get(parameter.name, parameter.default))
+    if value == [] and isinstance(default, list):
+        value = default
+    if type(value) is not type(default) or (isinstance(value, list) and not all(isinstance(one, str) for one in value)):
+        raise InputError(f'parameter {parameter.name}: is not of type {type(default).__name__}; {parameter.text}')
     try:
-        value = node.declare_parameter(parameter.name, parameter.default, descriptor_of(parameter)).value
-    except InvalidParameterTypeException:
-        wanted = type(parameter.default).__name__
-        raise InputError(f'parameter {parameter.name}: is not of type {wanted}; {parameter.text}') from None
+        node.declare_parameter(parameter.name, value, descriptor_of(parameter), ignore_override=True)
     except InvalidParameterValueException:
         raise InputError(f'parameter {parameter.name}: is outside {parameter.low} to {parameter.high}; '
                          f'{parameter.text}') from None
@@ -36,10 +47,9 @@ def check(parameter: Parameter, value: Any) -> None:
                          f'{parameter.text}')
 
 
-def widened(parameter: Parameter, given: RosParameter) -> RosParameter:
+def widened(parameter: Parameter, value: Any) -> Any:
     """Accept an integer for a float parameter: ``-p rate_hz:=50`` means 50.0."""
-    whole = isinstance(parameter.default, float) and type(given.value) is int
-    return RosParameter(given.name, value=float(given.value)) if whole else given
+    return float(value) if isinstance(parameter.default, float) and type(value) is int else value
 
 
 def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
@@ -79,11 +89,13 @@ class DragonNode(Node):
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
             RosParameter(key, value=value) for key, value in (overrides or {}).items() if key not in lists])
+        given = given_to(self)
         for key, value in lists.items():
-            self._append(key, value)
+            known = given.setdefault(key, [])
+            given[key] = [*known, *value] if isinstance(known, list) else known     # which is refused as it is
         self._table = {parameter.name: parameter for parameter in table}
-        self.setting = {parameter.name: declare(self, parameter) for parameter in table}
-        self._check_names()
+        self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
+        self._check_names(given)
         self.add_pre_set_parameters_callback(self._widen)
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
@@ -94,9 +106,9 @@ class DragonNode(Node):
         """Return the logger of the node, which can also write JSON."""
         return logs.logger(super().get_logger().name)
 
-    def _check_names(self) -> None:
+    def _check_names(self, given: dict[str, Any]) -> None:
         """Raise InputError for a name that looks misspelt; warn of others, since a file may be for several nodes."""
-        for name in self._parameter_overrides:
+        for name in given:
             if self.has_parameter(name) or name.startswith(_OF_ROS):
                 continue
             unknown = f'parameter {name}: {self.get_name()} has none of that name'
@@ -106,14 +118,6 @@ class DragonNode(Node):
             hint = known if name in NAMES else did_you_mean(name, self._table, known)
             self.get_logger().warning(f'{unknown}, it is ignored; {hint}')
 
-    def _append(self, name: str, value: list[Any]) -> None:
-        """Append to a list that the command line gives as a parameter; one of another type is refused as it is."""
-        given = self._parameter_overrides.get(name)
-        if given is None:
-            self._parameter_overrides[name] = RosParameter(name, value=value)
-        elif given.type_ == RosParameter.Type.STRING_ARRAY:
-            self._parameter_overrides[name] = RosParameter(name, value=[*given.value, *value])
-
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError, with the reason, where a live parameter may not take a value."""
 
@@ -121,7 +125,8 @@ class DragonNode(Node):
         """Act on the new value of a live parameter."""
 
     def _widen(self, given: list[RosParameter]) -> list[RosParameter]:
-        return [widened(self._table[one.name], one) if one.name in self._table else one for one in given]
+        return [RosParameter(one.name, value=widened(known, one.value)) if (known := self._table.get(one.name)) else one
+                for one in given]
 
     def _on_set(self, given: list[RosParameter]) -> SetParametersResult:
         try:

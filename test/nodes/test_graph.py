@@ -214,6 +214,9 @@ def test_the_sim_publishes_no_topic_without_subscribers_and_every_tick_of_the_ot
     (['sim', '--set', 'head.speed_m_s=0'], 'run.stop_s'),
     (['sim', '--sceen', 'x'], '--sceen'),
     (['sim', '--ros-args', '-p', 'on_contact:=halt'], "'halt' is not one of continue, hold, stop"),
+    (['sim', '--ros-args', '-p', 'rate_hz:=[]'], 'rate_hz: is not of type float'),
+    (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=3'], 'set: is not of type list'),
+    (['sim', '--set', 'dragon.benches=9', '--ros-args', '-p', 'set:=[1, 2]'], 'set: is not of type list'),
     (['sim', '--ros-args', '-p', 'rate_hx:=5.0'], 'rate_hx: sim has none of that name; did you mean rate_hz?'),
     (['monitor', '--ros-args', '-p', 'warn_below:=0.1'], 'did you mean warn_below_m?'),
     (['monitor', '--ros-args', '-p', 'warn_below_m:=-1.0'], 'warn_below_m'),
@@ -229,6 +232,25 @@ def test_bad_input_is_one_clear_line_and_exit_code_2(start, arguments, says):
     assert process.end() == 2, process.text
     assert says in process.text
     assert 'Traceback' not in process.text
+
+
+def test_an_empty_list_is_a_value_of_a_parameter_that_is_a_list(start):
+    sim = start('sim', '--set', 'run.stop_s=0.1', '--ros-args', '-p', 'set:=[]', '-p', 'rate_hz:=20', '-p', 'other:=[]')
+    assert sim.end() == 0, sim.text
+    assert 'parameter other: sim has none of that name' in sim.text
+    assert 'tick 0 of 3' in sim.text
+
+
+def test_what_rclpy_keeps_of_given_parameters_is_where_it_is_read():
+    import rclpy
+
+    from dragon_ros.nodes.base import given_to
+    context = rclpy.Context()
+    context.init(args=['--ros-args', '-p', 'a:=1', '-p', 'b:=[x]', '-p', 'c:=[]'])
+    node = rclpy.create_node('reader', context=context, parameter_overrides=[rclpy.Parameter('d', value=2.5)])
+    assert given_to(node) == {'a': 1, 'b': ['x'], 'c': [], 'd': 2.5}
+    node.destroy_node()
+    context.shutdown()
 
 
 def test_a_parameter_for_another_node_is_named_and_ignored(start, tmp_path):
