@@ -22,7 +22,8 @@ class Logger(rcutils_logger.RcutilsLogger):
         return passed
 
 
-# Filters such as throttle_duration_sec are kept per calling line, which is not in this file.
+# The log names the first line outside of these files, and keeps filters such as throttle_duration_sec for it. rclpy
+# keeps files that others add, but has no public name for the list: it is used here alone.
 rcutils_logger._internal_callers.append(__file__)
 
 
