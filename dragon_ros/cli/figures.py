@@ -55,15 +55,6 @@ def spread(values: Sequence[float], least: float, end: float) -> list[float]:
     return out
 
 
-def leave_out_documentation() -> None:
-    """Spare a process that nobody asks for help the documentation that Matplotlib writes of each artist's properties.
-
-    It does so as it is imported, which is a fifth of a picture. What is imported already keeps its own.
-    """
-    import matplotlib.artist
-    matplotlib.artist.kwdoc = lambda artist: ''
-
-
 @contextmanager
 def style() -> Iterator[None]:
     """Draw everything inside this block in the style of dragon_ros."""

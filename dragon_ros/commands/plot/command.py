@@ -69,7 +69,6 @@ def _run(arguments: Namespace) -> int:
             if path.suffix.lower() not in figures.FORMATS:
                 raise InputError(f'--output {path}: a picture is {", ".join(figures.FORMATS)}')
     from dragon_ros.commands.sources import opened
-    figures.leave_out_documentation()
     with opened(arguments) as source, figures.style():
         for path in _draw(arguments, source, paths):
             print(path)
