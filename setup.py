@@ -19,11 +19,11 @@ def configuration() -> list[tuple[str, list[str]]]:
 
 setup(
     name=NAME,
-    version='0.2.0',
+    version='0.3.0',
     description='Bench dragon simulator for ROS 2',
     license='Apache-2.0',
     maintainer='dragon_ros maintainers',
-    maintainer_email='maintainers@users.noreply.h-seed-4158cdd4.example',
+    maintainer_email='maintainers@dragon-ros.example.org',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
     package_data={f'{NAME}.commands.view': ['web/*']},
     # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
