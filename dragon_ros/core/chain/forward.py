@@ -13,7 +13,7 @@ import numpy as np
 
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
-from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.numerics.types import Array, Floats, distinct
 from dragon_ros.core.tracks.chord import TIGHT, corrections
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort, Past, SpiralSegment
@@ -52,7 +52,7 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
     links = links_m.T if direction == BEHIND else links_m.T[::-1]
     if not links.size:
         return ()
-    ends = [0, *(np.unique(np.nonzero(np.diff(links, axis=0))[0]) + 1).tolist(), len(links)]
+    ends = [0, *(distinct(np.nonzero(np.diff(links, axis=0))[0]) + 1).tolist(), len(links)]
     each = links.tolist() if links.ndim == 1 else links
     return tuple(Block(start, stop, each[start]) for start, stop in pairwise(ends))
 
