@@ -25,7 +25,7 @@ setup(
     maintainer='dragon_ros maintainers',
     maintainer_email='maintainers@dragon-ros.example.org',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={f'{NAME}.commands.view': ['web/*']},
+    package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*']},
     # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),

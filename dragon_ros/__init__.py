@@ -9,7 +9,14 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from dragon_ros.api import (
         Bag,
+        Contact,
+        DragonError,
+        FieldError,
+        InputError,
+        MissingError,
+        ModelEnd,
         Motion,
+        NoContact,
         Rows,
         Simulated,
         compile,  # noqa: A004
@@ -21,7 +28,8 @@ if TYPE_CHECKING:
     )
     from dragon_ros.version import __version__ as __version__
 
-__all__ = ['Bag', 'Motion', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
+__all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
+           'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
 
 
 def __getattr__(name: str) -> Any:
@@ -35,4 +43,4 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """Return the public names."""
-    return sorted([*globals(), *__all__])
+    return sorted([*__all__, '__version__'])

@@ -1,23 +1,25 @@
 """The public Python API: ``import dragon_ros as dr``, and scenes, states, contacts, bags and pictures in a line each.
 
 Lengths are in metres, angles in radians, times in seconds, and arrays are numpy's. Handle 0 is the head's front handle.
-Errors are those of ``dragon_ros.core.errors``: DragonError, and below it InputError for what is asked wrongly.
+Every error that dragon_ros raises on purpose is a DragonError; InputError, below it, says what was asked wrongly.
 """
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
 from threading import Event
-from types import TracebackType
+from types import NoneType, TracebackType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of, scene_of_bag
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Mixed
+from dragon_ros.core.checks import number, whole
+from dragon_ros.core.errors import DragonError, FieldError, InputError, MissingError, ModelEnd
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
@@ -25,13 +27,26 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import batches, state, states, tick, velocity_of
-from dragon_ros.scenes.load import changed_scene
+from dragon_ros.core.tracks.spec import STurn
+from dragon_ros.scenes.load import changed_scene, scene_values
 
 if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
+    from dragon_ros.core.search.bounding_box import BoundingBox
+    from dragon_ros.core.search.max_speed import MaxSpeed
+    from dragon_ros.core.search.min_pitch import MinPitch
+    from dragon_ros.core.tracks.s_turn import TurnAnswer
+
+Progress = Callable[[int], object]
 _COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
+__all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
+           'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
 _DPI = 72       # of a scene that draws itself
+
+
+def _quiet(states: int) -> None:
+    """Show no progress."""
 
 
 def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scene:
@@ -40,12 +55,40 @@ def scene(name_or_path: str | PathLike[str] = 'winding', **changes: Any) -> Scen
     Changes are the keys of a scene file: ``scene('winding', track={'pitch_m': 0.5}, accuracy='fine')``. Scenes are
     frozen, compare by value and pickle. Raises InputError naming the key, MissingError for a scene that is not there.
     """
-    return changed_scene(fspath(name_or_path), changes)
+    return changed_scene(_path('name_or_path', name_or_path), changes)
 
 
 def compile(scene: Scene) -> 'Simulated':       # noqa: A001 - the word of the field; only ever used as dr.compile
-    """Return what answers questions about a scene. Scenes that share their geometry share one compiled model."""
-    return Simulated(compile_scene(scene))
+    """Return an object that answers questions about a scene. Scenes that share their geometry share one model."""
+    return Simulated(compile_scene(_scene('scene', scene)))
+
+
+def _scene(field: str, value: Any) -> Scene:
+    """Return a scene, or the scene of a compiled one. Raises FieldError."""
+    if isinstance(value, Simulated):
+        return value.scene
+    if not isinstance(value, Scene):
+        raise FieldError(field, value, f'it is a {type(value).__name__}, not a scene', "write dr.scene('winding')")
+    return value
+
+
+def _path(field: str, value: Any) -> str:
+    """Return a name or a path as text. Raises FieldError."""
+    if not isinstance(value, (str, PathLike)):
+        raise FieldError(field, value, f'it is a {type(value).__name__}, not a name or a path', 'give text or a Path')
+    return fspath(value)
+
+
+def _times(values: Any) -> list[float]:
+    """Return times in s as a list. Raises FieldError for anything but a sequence of numbers."""
+    try:
+        times = np.asarray(values, dtype=np.float64)
+    except (TypeError, ValueError):
+        times = np.empty((0, 0))
+    if times.ndim != 1:
+        raise FieldError('times_s', values, 'it is not a sequence of numbers', 'give for example [0.0, 60.0]')
+    out: list[float] = times.tolist()
+    return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,10 +104,16 @@ class Motion:
     velocity_m_s: Floats
     promise_m: float
 
-    @property
+    def __repr__(self) -> str:
+        """Name the times and the shape; the arrays would fill screens."""
+        times = f'{self.t_s:g} s' if self.t_s.ndim == 0 else f'{self.t_s.size} times'
+        return f'Motion({times}, handles_m {self.handles_m.shape}, promise_m={self.promise_m:g})'
+
+    @cached_property
     def speed_m_s(self) -> Floats:
-        """Speeds (..., N+1)."""
-        return read_only(np.hypot(self.velocity_m_s[..., 0], self.velocity_m_s[..., 1]))
+        """Speeds (..., N+1), read-only."""
+        square = np.square(self.velocity_m_s).sum(axis=-1)      # a third of the time that np.hypot takes
+        return read_only(np.sqrt(square, out=square))
 
     def frame(self) -> Any:
         """Return a pandas DataFrame with a row for each time and handle. Raises MissingError without pandas."""
@@ -105,7 +154,8 @@ class Simulated:
         return self.simulation.last_tick + 1
 
     def state(self, t_s: float) -> Motion:
-        """Return all handles at any time up to the end of the model. Raises ModelEnd beyond it."""
+        """Return all handles at any time up to the end of the model. Raises ModelEnd beyond it, FieldError."""
+        t_s = number('t_s', t_s)
         chain = state(self.scene, t_s)
         return Motion(np.array(t_s), chain.p, velocity_of(self.scene, chain, t_s), self.simulation.promise_m)
 
@@ -115,32 +165,36 @@ class Simulated:
         ``out``, two arrays (times, N+1, 2), takes handles and velocities; so a loop need not ask for fresh memory.
         Raises FieldError where it cannot.
         """
-        times = np.asarray(times_s, dtype=np.float64).tolist()
+        times = _times(times_s)
         handles, velocity = out or (None, None)
         chain = states(self.scene, times, handles)
         return Motion(np.array(times), chain.p, velocity_of(self.scene, chain, times, velocity),
                       self.simulation.promise_m)
 
     def batches(self, times_s: Sequence[float] | Floats, size: int | None = None) -> Iterator[Motion]:
-        """Yield all handles at very many times, ``size`` of them at a time (by itself as many as a cache holds).
+        """Yield all handles at very many times, ``size`` of them at a time (by default as many as a cache holds).
 
-        All are in the same memory, which the next one takes again: copy what is to stay. So the memory is that of one
-        batch, and a time takes no longer for many than for a few.
+        All batches share the memory of one: copy what you want to keep. Raises FieldError.
         """
-        for one in batches(self.scene, np.asarray(times_s, dtype=np.float64).tolist(), size):
+        size = None if size is None else whole('size', size, low=1, high=2**31)
+        for one in batches(self.scene, _times(times_s), size):
             yield Motion(*one, self.simulation.promise_m)
 
     def frame(self, k: int) -> Frame:
         """Return tick k with every effect that the scene calls for, as the node ``sim`` publishes it."""
-        return tick(self.scene, k)
+        return tick(self.scene, whole('k', k, low=0, high=2**62))
 
-    def contact(self, **options: Any) -> Contact | NoContact:
-        """Return the first contact of the run with its proof, or that there is none (``contact.first_contact``)."""
-        return first_contact(self.scene, **options)
+    def contact(self, *, progress: Progress = _quiet) -> Contact | NoContact:
+        """Return the first contact of the run, which is true, or NoContact, which is false; each with its proof.
+
+        ``progress(states)`` is called with each number of states just computed. Raises FieldError for a run that
+        cannot be searched to its end, naming the time to stop at.
+        """
+        return first_contact(self.scene, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
         """Return points (P, 2) along the track where handles are in the run, ``sag_m`` off at most."""
-        return self.simulation.track_line(sag_m)
+        return self.simulation.track_line(number('sag_m', sag_m, low=1e-9, high=1e9))
 
     def plot(self, t_s: float | None = None, ax: 'Axes | None' = None) -> 'Axes':
         """Draw the dragon at a time (the end of the run) into Matplotlib axes, and return them."""
@@ -156,7 +210,7 @@ class Bag:
 
     def __init__(self, path: str | PathLike[str], namespace: str | None = None, trust: bool = False) -> None:
         """Open a bag (.mcap, or a folder of rosbag2). Raises InputError where it holds no dragon, or several."""
-        self._reader, self._trust = BagReader(Path(path)), trust
+        self._reader, self._trust = BagReader(Path(_path('path', path))), trust
         try:
             self.namespace = namespace_of(self._reader, namespace)
         except InputError:
@@ -214,11 +268,8 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
     from dragon_ros.commands.plot.dragon import draw, panel
     from dragon_ros.commands.sources import BagSource, SceneSource, Source, moment, window
     source: Source
-    if isinstance(of, Bag):
-        source = BagSource(of.reader, of.namespace)
-    else:
-        source = SceneSource('dragon', of.scene if isinstance(of, Simulated) else of)
-    one = moment(source, source.span_s[1] if t_s is None else t_s)
+    source = BagSource(of.reader, of.namespace) if isinstance(of, Bag) else SceneSource('dragon', _scene('of', of))
+    one = moment(source, source.span_s[1] if t_s is None else number('t_s', t_s))
     inches, seen = panel(window(source.track, [one]), 6.4)
     axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
     draw(axes, seen, source.track, one)
@@ -241,29 +292,55 @@ def _svg(of: 'Simulated | Scene') -> str:
     return out.getvalue()
 
 
-class _Design:
-    """Questions of design: the smallest pitch, the room that a run takes, the largest speed."""
+class Design:
+    """Questions of design: the smallest pitch, the room that a run takes, the largest speed, the S-turn.
+
+    ``progress(states)`` is called with each number of states just computed.
+    """
 
     @staticmethod
-    def min_pitch(dragon: Any = None, **options: Any) -> Any:
-        """Return the smallest pitch at which the head reaches a circle without contact (``core.search.min_pitch``)."""
+    def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
+                  start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
+                  progress: Progress = _quiet) -> 'MinPitch':
+        """Return the smallest pitch from which on, up to ``largest_m``, the head reaches a circle without contact.
+
+        ``dragon`` is that of a scene, or a dragon; None for the classic one. Bounds are ``within_m`` apart. Raises
+        FieldError.
+        """
         from dragon_ros.core.search.min_pitch import min_pitch
-        return min_pitch(dragon.dragon if isinstance(dragon, Scene) else dragon, **options)
+        if not isinstance(dragon, (Dragon, Mixed, NoneType)):
+            dragon = _scene('dragon', dragon).dragon
+        return min_pitch(dragon, number('diameter_m', diameter_m), number('start_turns', start_turns),
+                         number('largest_m', largest_m), number('within_m', within_m, above=0.0), progress)
 
     @staticmethod
-    def fit(scene: Scene, **options: Any) -> Any:
-        """Return how far the benches reach in a run (``core.search.bounding_box``)."""
+    def fit(scene: Scene | Simulated, *, within_m: float = 1e-10, progress: Progress = _quiet) -> 'BoundingBox':
+        """Return how far the benches reach in a run, between bounds ``within_m`` apart. Raises FieldError."""
         from dragon_ros.core.search.bounding_box import bounding_box
-        return bounding_box(scene, **options)
+        return bounding_box(_scene('scene', scene), number('within_m', within_m, above=0.0), progress)
 
     @staticmethod
-    def max_speed(scene: Scene, **options: Any) -> Any:
-        """Return the fastest handle of a run, over the leader's largest speed (``core.search.max_speed``)."""
+    def max_speed(scene: Scene | Simulated, *, progress: Progress = _quiet) -> 'MaxSpeed':
+        """Return the fastest handle of a run, over the leader's largest speed. Raises FieldError for a run to a lock.
+
+        ``max_speed(scene).leader_m_s(2.0)`` is the leader's largest speed under a limit of 2 m/s for every handle.
+        """
         from dragon_ros.core.search.max_speed import max_speed
-        return max_speed(scene, **options)
+        return max_speed(_scene('scene', scene), progress)
+
+    @staticmethod
+    def turn(scene: Scene | Simulated) -> 'TurnAnswer':
+        """Return the length of the scene's S-turn, and what shortens it. Raises FieldError without an S-turn."""
+        from dragon_ros.core.tracks.composite import least_radius_m
+        from dragon_ros.core.tracks.s_turn import turn_answer
+        given = _scene('scene', scene)
+        if not isinstance(given.track, STurn):
+            raise FieldError('track.kind', scene_values(given)['track']['kind'], 'its track has no S-turn',
+                             "give a scene whose track.kind is turn, such as dr.scene('turning')")
+        return turn_answer(given.track, least_radius_m(given.dragon.link_lengths_m))
 
 
-design = _Design()
+design = Design()
 
 
 @dataclass(frozen=True, eq=False)
@@ -304,7 +381,7 @@ def study(name_or_path: str | PathLike[str], output: str | PathLike[str] | None 
         from dragon_ros.studies.study import load_study
     except ImportError as error:
         raise MissingError(f"{error.name}: is not installed: pip install 'dragon_ros[study]'") from None
-    path = Path(name_or_path)
+    path = Path(_path('name_or_path', name_or_path))
     if output is None and not path.is_dir():
         raise InputError('output: say in which folder the rows are kept', field='output')
     known = open_set(path) if output is None else DataSet(Path(output), load_study(fspath(name_or_path)))

@@ -1,4 +1,5 @@
 """The public Python API: what ``import dragon_ros as dr`` offers, and the examples of its page."""
+import json
 import pickle
 import re
 import subprocess
@@ -10,7 +11,7 @@ import pytest
 
 import dragon_ros as dr
 from dragon_ros.__main__ import main
-from dragon_ros.core.errors import InputError, MissingError, ModelEnd
+from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd
 from dragon_ros.core.step import state
 from dragon_ros.scenes.load import load_scene
 
@@ -128,3 +129,86 @@ def test_a_scene_draws_itself():
     run = dr.compile(dr.scene('winding', dragon={'benches': 20}, run={'stop_s': 5}))
     assert run._repr_svg_().lstrip().startswith('<?xml')
     assert 'svg' in run._repr_svg_()
+
+
+WINDING = dr.scene('winding')
+MISUSES = {
+    "dr.compile('winding')": "write dr.scene('winding')", 'dr.scene(3)': 'not a name or a path',
+    "dr.scene('winding', dragon=3)": 'write a mapping', 'run.states(5)': 'times_s: 5',
+    "run.states(['a'])": 'not a sequence of numbers', 'run.states([[1, 2]])': 'not a sequence of numbers',
+    'run.state([1, 2])': 't_s: [1, 2] is not possible, it is a list', "run.state('x')": 'it is text, not a number',
+    "run.state(float('nan'))": 'only finite numbers', 'run.frame(2.5)': 'k: 2.5', "run.frame('a')": 'k: ',
+    'run.frame(-1)': 'k: -1', 'run.track_m(-1)': 'sag_m: -1', 'next(run.batches([1.0], size=0))': 'size: 0',
+    "run.plot('a')": 't_s: ', 'dr.plot(3)': "write dr.scene('winding')", 'dr.read_bag(3)': 'path: 3',
+    "dr.read_bag('nowhere.mcap')": 'nowhere.mcap', "dr.design.fit('winding')": "write dr.scene('winding')",
+    'dr.design.fit(run, within_m=-1)': 'within_m: -1', 'dr.design.max_speed(3)': 'scene: 3',
+    "dr.design.min_pitch('x')": "dragon: 'x'", "dr.design.min_pitch(diameter_m='a')": 'diameter_m: ',
+    'dr.design.turn(run)': 'track.kind: ', "dr.study('pitch_map')": 'output: ', 'dr.study(3)': 'name_or_path: 3'}
+
+
+@pytest.mark.parametrize('call', MISUSES)
+def test_a_misuse_is_a_dragon_error_that_names_what_is_wrong(call):
+    with pytest.raises(DragonError) as error:
+        eval(call, {'dr': dr, 'run': dr.compile(WINDING)})
+    assert MISUSES[call] in str(error.value)
+
+
+def test_numbers_of_numpy_are_numbers():
+    scene = dr.scene('winding', dragon={'benches': np.int64(5)}, track={'pitch_m': np.float32(0.5)})
+    assert (scene.dragon.benches, scene.track.pitch_m) == (5, 0.5)
+    run = dr.compile(scene)
+    assert run.frame(np.int16(3)).k == 3
+    assert run.state(np.float64(1.0)).t_s == 1.0
+
+
+def test_a_contact_is_true_and_none_is_false():
+    assert dr.compile(dr.scene('first_contact')).contact()
+    none = dr.compile(dr.scene('winding', dragon={'benches': 5}, run={'stop_s': 5})).contact()
+    assert isinstance(none, dr.NoContact)
+    assert not none
+
+
+def test_what_is_returned_fits_a_screen_as_text():
+    run = dr.compile(dr.scene('winding', run={'stop_s': 5}))
+    for result in (run, run.state(1.0), run.states([1.0, 2.0]), run.frame(3), run.frame(3).chain, run.contact(),
+                   dr.design.fit(run), dr.design.turn(dr.scene('turning'))):
+        assert len(repr(result)) < 2000
+
+
+def test_only_public_names_are_listed():
+    assert dir(dr) == sorted([*dr.__all__, '__version__'])
+    assert {'InputError', 'DragonError', 'FieldError', 'ModelEnd', 'Contact', 'NoContact'} <= set(dr.__all__)
+
+
+def test_the_speed_of_the_leader_under_a_limit_is_that_of_the_command(capsys):
+    scene = dr.scene('turning')
+    assert main(['design', 'max-speed', '--limit', '2', '--format', 'json']) == 0
+    said = json.loads(capsys.readouterr().out)
+    assert dr.design.max_speed(scene).leader_m_s(2.0) == (said['speed_m_s'], said['uncertainty_m_s'])
+    with pytest.raises(InputError, match='limit_m_s: 0'):
+        dr.design.max_speed(scene).leader_m_s(0)
+
+
+def test_the_turn_is_that_of_the_command(capsys):
+    assert main(['design', 'turn', '--format', 'json']) == 0
+    said = json.loads(capsys.readouterr().out)
+    found = dr.design.turn(dr.scene('turning'))
+    assert (found.length_m, found.smallest_diameter_m) == (said['length_m'], said['smallest_diameter_m'])
+
+
+def test_speeds_are_computed_once():
+    motion = dr.compile(WINDING).state(10.0)
+    assert motion.speed_m_s is motion.speed_m_s
+    np.testing.assert_allclose(motion.speed_m_s, np.hypot(*motion.velocity_m_s.T), rtol=1e-15)
+
+
+@pytest.mark.parametrize('name', ['winding', 'turning'])
+def test_a_pickled_frame_has_the_size_of_its_arrays(name):
+    frame = dr.compile(dr.scene(name)).frame(200)
+    data = pickle.dumps(frame)
+    again = pickle.loads(data)
+    assert len(data) < 12 * frame.chain.p.nbytes
+    np.testing.assert_array_equal(again.chain.p, frame.chain.p)
+    np.testing.assert_array_equal(again.velocity_m_s, frame.velocity_m_s)
+    assert again.chain.solver == frame.chain.solver
+    np.testing.assert_allclose(again.chain.velocities(1.0), frame.chain.velocities(1.0), rtol=0, atol=1e-12)

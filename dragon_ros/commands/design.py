@@ -12,6 +12,7 @@ from dragon_ros.core.errors import FieldError, InputError
 
 if TYPE_CHECKING:       # each question imports what it needs
     from dragon_ros.core.scene import Scene
+    from dragon_ros.core.tracks.s_turn import TurnAnswer
     from dragon_ros.core.tracks.spec import STurn
 
 Values = dict[str, Any]
@@ -59,9 +60,9 @@ def _turn_options(parser: ArgumentParser) -> None:
 def _turn_answer(arguments: Namespace) -> dict[str, Any]:
     """Return the length of the scene's turn, and of shorter alternatives."""
     from dragon_ros.core.tracks.composite import least_radius_m
+    from dragon_ros.core.tracks.s_turn import turn_answer
     scene = command_line.scene_from(arguments)
-    turn = _turn_of(scene)
-    values = _figures_of(turn, least_radius_m(scene.dragon.link_lengths_m))
+    values = _turn_values(turn_answer(_turn_of(scene), least_radius_m(scene.dragon.link_lengths_m)))
     if arguments.contact and values['smallest_diameter_m']:
         values['contact_there_m'] = _contact_m(scene, values['smallest_diameter_m'])
     return values
@@ -94,16 +95,11 @@ def _turn_of(scene: 'Scene') -> 'STurn':
     raise InputError('--scene: its track has no S-turn; give a scene whose track.kind is turn', field='track.kind')
 
 
-def _figures_of(turn: 'STurn', least_radius_m: float) -> dict[str, Any]:
-    """Return the figures of a turn whose arcs may have a least radius."""
-    from dataclasses import asdict, replace
-
-    from dragon_ros.core.tracks.s_turn import shortest_bent
-    smallest, bent = turn.smallest_diameter_m(least_radius_m), shortest_bent(turn, least_radius_m)
-    return {'length_m': turn.length_m, 'radii_m': list(turn.radii_m), 'angle_rad': turn.angle_rad,
-            'shortened_by_ratio': False, 'least_radius_m': least_radius_m,
-            'largest_ratio': turn.largest_ratio(least_radius_m), 'smallest_diameter_m': smallest,
-            'length_there_m': replace(turn, diameter_m=smallest, ratio=1.0).length_m if smallest else None,
+def _turn_values(found: 'TurnAnswer') -> dict[str, Any]:
+    """Return the answer as plain values."""
+    from dataclasses import asdict
+    bent = found.with_line
+    return {**asdict(found), 'radii_m': list(found.radii_m), 'shortened_by_ratio': False,
             'with_line': asdict(bent) | {'length_m': bent.length_m} if bent else None}
 
 
@@ -146,8 +142,8 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
     scene = command_line.scene_from(arguments)
     with Progress('max-speed', 'places') as bar:
         found = max_speed(scene, bar.update)
-    return {'speed_m_s': limit / found.ratio, 'uncertainty_m_s': limit / found.ratio - limit / found.bound,
-            'limit_m_s': limit, **asdict(found)}
+    speed, uncertainty = found.leader_m_s(limit)
+    return {'speed_m_s': speed, 'uncertainty_m_s': uncertainty, 'limit_m_s': limit, **asdict(found)}
 
 
 def _max_speed_text(values: dict[str, Any]) -> str:

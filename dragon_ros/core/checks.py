@@ -1,5 +1,9 @@
-"""Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit."""
+"""Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit.
+
+Numbers are Python's and numpy's alike.
+"""
 from math import isfinite
+from numbers import Integral, Real
 from typing import Any
 
 from dragon_ros.core.errors import FieldError, did_you_mean
@@ -11,7 +15,7 @@ _KINDS = {type(None): 'empty', str: 'text', bool: 'true or false', float: 'a fra
 def number(field: str, value: Any, *, low: float | None = None, above: float | None = None,
            high: float | None = None) -> float:
     """Return the value as a float (0.0 for -0.0) if it is a finite number within the limits, else raise FieldError."""
-    if isinstance(value, bool) or not isinstance(value, (int, float)):
+    if isinstance(value, bool) or not isinstance(value, (int, float, Real)):
         raise FieldError(field, value, f'it is {_kind(value)}, not a number', _unquoted(value) or 'give a number')
     if not _is_finite(value):
         raise FieldError(field, value, 'only finite numbers are', 'give a finite number')
@@ -26,7 +30,7 @@ def number(field: str, value: Any, *, low: float | None = None, above: float | N
 
 def whole(field: str, value: Any, *, low: int, high: int) -> int:
     """Return the value if it is an integer within the limits, else raise FieldError."""
-    if isinstance(value, bool) or not isinstance(value, int):
+    if isinstance(value, bool) or not isinstance(value, (int, Integral)):
         raise FieldError(field, value, f'it is {_kind(value)}, not a whole number',
                          _unquoted(value) or 'give a whole number')
     number(field, value, low=low, high=high)

@@ -1,5 +1,5 @@
 """What one tick computes: the frame, and the results of its effects."""
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.geometry.contacts import Closeness, Contacts
@@ -62,3 +62,8 @@ class Frame:
     trail_m: Floats | None = None
     health: Health | None = None
     leader: Leading | None = None
+
+    def __repr__(self) -> str:
+        """Name the tick and the fields that are there; their arrays would fill screens."""
+        there = [one.name for one in fields(self)[2:] if getattr(self, one.name) is not None]
+        return f'Frame(k={self.k}, t_ns={self.t_ns}, with {", ".join(there)})'

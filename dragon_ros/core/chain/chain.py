@@ -68,6 +68,18 @@ class Chain:
     direction: int
     parts: tuple[Part, ...]
 
+    def __repr__(self) -> str:
+        """Name the size and the solver; the arrays would fill screens."""
+        return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
+
+    def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
+        """Pickle the places of the handles instead of the tables they came from, which are a hundred times larger.
+
+        Velocities that are computed from the copy agree to rounding, and not bit for bit.
+        """
+        parts = tuple(MarchedLinks(part.start, part.places(), part.solver) for part in self.parts)
+        return Chain, (self.p, self.links_m, self.evaluations, self.track, self.direction, parts)
+
     @property
     def solver(self) -> str:
         """What placed the handles: 'table', 'march', or 'table+march' where a table did not reach all along a block."""

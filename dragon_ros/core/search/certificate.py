@@ -38,6 +38,10 @@ class Certificate:
     intervals: tuple[Interval, ...] = ()
     complete: bool = True
 
+    def __repr__(self) -> str:
+        """Say how much it proves; there are hundreds of intervals."""
+        return f'Certificate({len(self.intervals)} intervals, complete={self.complete})'
+
     def led_by(self, lead: int) -> tuple[Interval, ...]:
         """Return the intervals of one leading bench."""
         return tuple(each for each in self.intervals if each.lead == lead)
@@ -81,3 +85,7 @@ class NoContact:
     end: End
     states: int
     certificate: Certificate
+
+    def __bool__(self) -> bool:
+        """Be false, as a Contact is true."""
+        return False

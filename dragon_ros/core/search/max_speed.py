@@ -37,6 +37,7 @@ import numpy as np
 from dragon_ros.core.chain.chain import Chain, marched_many
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks
+from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
 from dragon_ros.core.enclosures.motion_bounds import curvatures_between, divisible, swing_rad
 from dragon_ros.core.errors import FieldError
@@ -68,7 +69,7 @@ class MaxSpeed:
     the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run: proved, with what
     rounding may put speeds off. ``looks`` counts the states that were computed.
 
-    Under a limit the leader's largest speed may therefore be limit / ratio. A profile is scaled as a whole: all its
+    A profile is scaled as a whole: all its
     speeds by one factor and all its times by the inverse, so that the leader passes the same places. Of a leader that
     rests for the whole run the ratio is that of the place where it rests.
     """
@@ -79,6 +80,14 @@ class MaxSpeed:
     along_m: float
     bound: float
     looks: int
+
+    def leader_m_s(self, limit_m_s: float) -> tuple[float, float]:
+        """Return the leader's largest speed at which no handle exceeds a limit, and by how much that may be too high.
+
+        Raises FieldError for a limit that is not positive.
+        """
+        limit = number('limit_m_s', limit_m_s, above=0.0, high=1e9)
+        return limit / self.ratio, limit / self.ratio - limit / self.bound
 
 
 def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: None) -> MaxSpeed:

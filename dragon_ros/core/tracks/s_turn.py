@@ -1,5 +1,5 @@
 """The S-turn (``spec.STurn``): from a spiral in to the same spiral out, half a turn round, along two tangent arcs."""
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
 
@@ -35,6 +35,33 @@ class Bent:
     def length_m(self) -> float:
         """Length of the whole way."""
         return 2 * self.radius_m * self.angle_rad + self.line_m
+
+
+@dataclass(frozen=True)
+class TurnAnswer:
+    """How long an S-turn is and whether it can be shortened, for arcs no tighter than ``least_radius_m``.
+
+    No ratio of the radii shortens it, since the length does not depend on the ratio. ``smallest_diameter_m`` is the
+    smallest circle with two equal arcs of that radius, 0 if any will do, and ``length_there_m`` the turn's length in
+    it. ``with_line`` replaces the arcs in the same circle by tighter ones and a line, None where that is no shorter.
+    """
+
+    length_m: float
+    radii_m: tuple[float, float]
+    angle_rad: float
+    least_radius_m: float
+    largest_ratio: float
+    smallest_diameter_m: float
+    length_there_m: float | None
+    with_line: Bent | None
+
+
+def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
+    """Return the length of a turn, and what shortens it."""
+    smallest = turn.smallest_diameter_m(least_radius_m)
+    there_m = replace(turn, diameter_m=smallest, ratio=1.0).length_m if smallest else None
+    return TurnAnswer(turn.length_m, turn.radii_m, turn.angle_rad, least_radius_m, turn.largest_ratio(least_radius_m),
+                      smallest, there_m, shortest_bent(turn, least_radius_m))
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
