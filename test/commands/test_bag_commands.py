@@ -15,7 +15,7 @@ from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.configuration import folder as configuration_folder
-from dragon_ros.core.flags import Effect
+from dragon_ros.core.flags import Effect, effects_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import states, tick
 from dragon_ros.messages.cdr import PoseArrayTemplate, string_message
@@ -26,6 +26,7 @@ from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
 
 CORPUS = Path(__file__).parents[1] / 'data' / 'corpus'
 MADE_BY_0_1_0 = CORPUS.parent / 'made_by_0_1_0.mcap'
+MADE_BY_0_2_0 = CORPUS.parent / 'made_by_0_2_0' / 'run.mcap'
 SCENE = ('--scene', 'first_contact', '--set', 'run.start_s=412.2', '--set', 'run.stop_s=412.7')
 TICKS = 26
 
@@ -277,6 +278,19 @@ def test_check_holds_a_bag_of_another_version_to_twice_the_promise_on_every_topi
     assert 0 < values['worst_m'] < 4e-12
     assert 'version 0.1.0 made the bag, so all topics are held to twice the promise' in run(
         capsys, 'inspect', old, '--check')[1]
+
+
+def test_a_bag_of_0_2_0_with_every_effect_is_read_and_keeps_the_promise(capsys):
+    code, out, _ = run(capsys, 'inspect', MADE_BY_0_2_0, '--check', '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['other_version'], values['fault_count'], values['missing_count']) == (0, '0.2.0', 0, 0)
+    assert values['equal'] + values['close'] == 65
+    assert values['worst_m'] < 4e-12
+    code, out, _ = run(capsys, 'inspect', MADE_BY_0_2_0, '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['problem_count'], values['first_contact']['benches']) == (0, 0, [0, 15])
+    every = encoders(Scene(effects=effects_of(values['scene']['effects'])))
+    assert {row['topic'] for row in values['topics']} == {f'/dragon/{name}' for name in ('track', 'scene', *every)}
 
 
 def test_check_of_a_bag_of_another_version_still_tells_values_beyond_the_promise(capsys, tmp_path):

@@ -1,5 +1,7 @@
 """Honest certificates of every kind of run are accepted, and what they prove is said."""
+import json
 from itertools import islice, pairwise
+from pathlib import Path
 
 import pytest
 from certificates import proved, written
@@ -9,9 +11,11 @@ from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.certificate import Interval
+from dragon_ros.core.search.certificate import Interval, NoContact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
-from dragon_ros.scenes.load import load_scene, scene_values
+from dragon_ros.scenes.load import load_scene, scene_of, scene_values
+from dragon_ros.scenes.yaml import Document
 
 CROSSING = Dragon(30, 0.9, 2.9, 0.2)       # between two places where its body touches, with 4.28 turns to go
 LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
@@ -69,6 +73,30 @@ SCENES = {
 def test_an_honest_certificate_is_accepted(name):
     scene, said = SCENES[name]
     assert said in proved(written(scene))
+
+
+MADE_BY_0_2_0 = Path(__file__).parents[1] / 'data' / 'made_by_0_2_0'
+SAID_OF_0_2_0 = {
+    'back_and_forth': 'from 3.0 s to the contact at 59.6601779',
+    'contact': 'from 400.0 s to the contact at 412.4738376821',
+    'contact_at_the_start': 'starts with its contact at 413.0 s: benches 0 and 8 overlap',
+    'contact_of_mixed_benches': 'from 395.6 s to the contact at 395.6223649811',
+    'contact_on_a_turn': 'from 0.0 s to the contact at 18.8575054155',
+    'end_of_the_track': 'end of the run at 17.5663706144 s (the head leaves the track)',
+    'lock': 'end of the run at 432.917924228 s (the chain locks at link 0)',
+    'unwinding_tail': 'end of the run at 40 s (it stops)'}
+
+
+@pytest.mark.parametrize('name', SAID_OF_0_2_0)
+def test_a_certificate_that_0_2_0_wrote_is_proved_and_its_contact_found_again(name):
+    values = json.loads((MADE_BY_0_2_0 / f'{name}.json').read_text())
+    assert SAID_OF_0_2_0[name] in proved(values)
+    found, known = first_contact(scene_of(Document(name, values['scene']))), values['contact']
+    if isinstance(found, NoContact):
+        assert known == {'t_s': None}
+    else:
+        assert known['benches'] == list(found.benches)
+        assert abs(known['t_s'] - found.t_s) <= 2 * found.uncertainty_s
 
 
 @pytest.mark.parametrize('seed', range(4))
