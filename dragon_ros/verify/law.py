@@ -1,7 +1,7 @@
 """The head law, exactly: how far the leader has gone, in rational arithmetic.
 
 Times and speeds in a certificate are floats, which are rational; a ramp's speed is a polynomial of time, so distances
-are rational too. Only the instant at which a smooth ramp comes to rest is not; the distance there is bounded outwards.
+are rational too. Only the instant of a turn on a smooth ramp is not; the distance there is bounded outwards.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -12,17 +12,29 @@ from itertools import pairwise
 from math import asin, sin
 from typing import NamedTuple
 
-_NEAR = Fraction(1, 2**50)      # of a smooth ramp: how near to its rest floats come
+_NEAR = Fraction(1, 2**50)      # of a smooth ramp: how near to its turn floats come
 
 Extent = tuple[Fraction, Fraction]
 
 
 class Mark(NamedTuple):
-    """A knot, or about a rest: a time, how far the leader has gone by then, and how much further it may have been."""
+    """A knot, or about a turn: a time, how far the leader has gone by then, and how much further it may have been.
+
+    From then on the leader goes on (``sense`` 1), goes back (-1) or rests (0), up to the next mark.
+    """
 
     t_s: Fraction
     gone_m: Fraction
+    sense: int
     more_m: Fraction = Fraction(0)
+
+
+class Leg(NamedTuple):
+    """As long as the leader goes on (``sense`` 1), goes back (-1) or rests (0); ``until_s`` None is without end."""
+
+    since_s: Fraction
+    until_s: Fraction | None
+    sense: int
 
 
 @dataclass(frozen=True)
@@ -71,19 +83,38 @@ class Law:
 
     @cached_property
     def marks(self) -> list[Mark]:
-        """All knots and rests, in order: between them the leader goes one way."""
+        """All knots and turns, in order: between them the leader goes one way."""
         out = []
-        for n, (t_s, speed) in enumerate(self.knots):
-            out.append(Mark(t_s, self._reached[n]))
-            if n + 1 < len(self.knots) and speed * self.knots[n + 1][1] < 0 and t_s < self.knots[n + 1][0]:
-                out.append(self._rest(n))
+        for n, ((t_s, speed), (next_s, following)) in enumerate(pairwise((*self.knots, self.knots[-1]))):
+            turns = speed * following < 0 and t_s < next_s
+            out.append(Mark(t_s, self._reached[n], _sign(speed if turns else speed + following)))
+            if turns:
+                out.append(self._turn(n))
         return out
 
-    def _rest(self, n: int) -> Mark:
+    def _turn(self, n: int) -> Mark:
         (t0, v0), (t1, v1) = self.knots[n:n + 2]
-        share, width = _smooth_rest(v0 / (v0 - v1)) if self.smooth else (v0 / (v0 - v1), Fraction(0))
+        share, width = _smooth_turn(v0 / (v0 - v1)) if self.smooth else (v0 / (v0 - v1), Fraction(0))
         t_s = t0 + share * (t1 - t0)
-        return Mark(t_s, self._gone(n, t_s), abs(self._speed(n, t_s)) * width * (t1 - t0))
+        return Mark(t_s, self._gone(n, t_s), _sign(v1), abs(self._speed(n, t_s)) * width * (t1 - t0))
+
+    @cached_property
+    def legs(self) -> list[Leg]:
+        """All that the leader does from 0 s on; a moment at which it stands still ends nothing."""
+        out: list[Leg] = []
+        for mark, until_s in zip(self.marks, (*self._mark_times[1:], None), strict=True):
+            if until_s == mark.t_s:
+                continue
+            if out and out[-1].sense == mark.sense:
+                out[-1] = out[-1]._replace(until_s=until_s)
+            else:
+                out.append(Leg(mark.t_s, until_s, mark.sense))
+        return out
+
+    def legs_at(self, t_s: Fraction, unsure_s: Fraction) -> list[Leg]:
+        """Return the legs that are within so many seconds of a time, in order."""
+        return [leg for leg in self.legs
+                if leg.since_s <= t_s + unsure_s and (leg.until_s is None or leg.until_s >= t_s - unsure_s)]
 
     @cached_property
     def _mark_times(self) -> list[Fraction]:
@@ -91,7 +122,7 @@ class Law:
 
     def extent_m(self, start_s: Fraction, end_s: Fraction) -> Extent:
         """Return bounds, rounded outwards, of how far the leader has gone at any time from start to end."""
-        inside = self.marks[bisect_right(self._mark_times, start_s):bisect_left(self._mark_times, end_s)]
+        inside = self.marks[bisect_left(self._mark_times, start_s):bisect_right(self._mark_times, end_s)]
         gone = [self.gone_m(start_s), self.gone_m(end_s), *(mark.gone_m for mark in inside)]
         more = max((mark.more_m for mark in inside), default=Fraction(0))
         return min(gone) - more, max(gone) + more
@@ -103,24 +134,19 @@ class Law:
                 break
             yield before, after
         if end_s is not None and end_s > 0:
-            yield self.marks[bisect_left(self._mark_times, end_s) - 1], Mark(end_s, self.gone_m(end_s))
+            yield self.marks[bisect_left(self._mark_times, end_s) - 1], Mark(end_s, self.gone_m(end_s), 0)
 
     @property
     def last(self) -> tuple[Mark, Fraction]:
         """The last knot, and the speed that stays from there on."""
         return self.marks[-1], self.knots[-1][1]
 
-    def rests_at(self, t_s: Fraction) -> Fraction | None:
-        """Return since when the leader has rested, where it rests at a time and a while before; else None."""
-        since = None
-        for (t0, v0), (t1, v1) in pairwise((*self.knots, (max(t_s, self.knots[-1][0]) + 1, self.knots[-1][1]))):
-            if t0 >= t_s:
-                break
-            since = (t0 if since is None else since) if v0 == v1 == 0 and t0 < t1 else None
-        return since
+
+def _sign(value: Fraction) -> int:
+    return (value > 0) - (value < 0)
 
 
-def _smooth_rest(share: Fraction) -> tuple[Fraction, Fraction]:
+def _smooth_turn(share: Fraction) -> tuple[Fraction, Fraction]:
     """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and how much below it is at most.
 
     The root is solved for in floats, by the third of an angle, and its bracket checked exactly.

@@ -5,6 +5,7 @@ from math import ulp
 
 from flint import arb
 
+from dragon_ros.verify.approach import Approach, approaches
 from dragon_ros.verify.balls import above, below, exact, precise, size
 from dragon_ros.verify.cover import Budget, Cover, Progress, Way, repeated, ways
 from dragon_ros.verify.errors import Refused
@@ -67,7 +68,7 @@ class _Proof:
     def _none(self) -> str:
         """Prove that no benches touch in the run."""
         run = self._run(None)
-        self._clear(run.whole, run.part)
+        self._clear(run.whole, run.part, run.part)
         less = f", less {_metres(run.slack_m)} of the leader's way" if run.slack_m else ''
         return (f'no two benches touch from {self._scene.start_s!r} s to the end of the run at {run.end_s:.12g} s '
                 f'({run.why}){less}')
@@ -76,41 +77,36 @@ class _Proof:
         """Prove that none touch before a contact, and that those that are named do then."""
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
-        slack_m = _GRAZING * self._unit if contact.grazing else self._slack_m(contact, gone)
-        slack = exact(slack_m)
-        senses = [sense for sense, end in ((1, run.part[1]), (-1, run.part[0])) if not abs(end - gone) > slack]
-        if not senses:
+        slack_m = Fraction(_GRAZING * self._unit if contact.grazing else self._slack_m(contact, gone))
+        ways = [way for way in approaches(self._scene.law, start_s, t_s) if way.was_beyond_m <= slack_m]
+        if not ways:
             raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond where it is then')
-        sense = senses[0]
+        way = ways[0]
         if contact.grazing:
             self._check_grazing(contact, gone)
             touching = f'benches {_pair(contact)} come within {_metres(slack_m)} of each other there'
         else:
-            sense = self._overlapping(contact, gone, slack, senses)
-            touching = f'benches {_pair(contact)} overlap {_metres(slack_m)} after it'
-        low, high = run.part
-        part = (low, high.min(gone - slack).upper()) if sense > 0 else (low.max(gone + slack).lower(), high)
-        if not part[0] <= part[1]:
-            self._clear(run.whole, None)
+            way, touching = self._overlapping(contact, ways, slack_m)
+        part = _up_to(run.part, way, slack_m)
+        self._clear(run.whole, part, run.part)
+        if part is None:
             return f'the run starts with its contact at {t_s!r} s: {touching}'
-        self._clear(run.whole, part)
+        takes = way.takes_s(start_s, slack_m)
+        when = f' (which it goes from {takes[0]!r} to {takes[1]!r} s)' if takes else ''
         return (f'no two benches touch from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of the '
-                f"leader's way, and {touching}")
+                f"leader's way{when}, and {touching}")
 
     def _run(self, until_s: float | None) -> Run:
         return run_of(self._scene.law, self._leader, self._scene, until_s, _SLACK * self._unit)
 
     def _run_to(self, t_s: float) -> Run:
-        """Return the run up to a contact. Raises Refused where it ends before, or where the leader rested there."""
-        stop_s, law = self._scene.stop_s, self._scene.law
+        """Return the run up to a contact. Raises Refused where it ends before."""
+        stop_s = self._scene.stop_s
         if stop_s is not None and t_s > stop_s:
             raise Refused(f'contact.t_s: {t_s!r} s is after the run stops, at {stop_s!r} s')
         run = self._run(t_s)
         if run.end_s < t_s:
             raise Refused(f'contact.t_s: {t_s!r} s is after the end of the run at {run.end_s:.12g} s: {run.why}')
-        since = law.rests_at(Fraction(t_s))
-        if since is not None and max(since, Fraction(self._scene.start_s)) < Fraction(t_s):
-            raise Refused(f'contact.t_s: at {t_s!r} s the leader has rested since {float(since)!r} s')
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
@@ -146,23 +142,28 @@ class _Proof:
         if not size(away) < _GRAZING * self._unit:
             raise Refused(f'contact: benches {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
-    def _overlapping(self, contact: Contact, gone: arb, slack: arb, senses: list[int]) -> int:
-        """Return the sense in which the leader goes on to where the benches of a contact are proved to overlap."""
-        for sense in senses:
-            if overlap(*self._poses(contact, gone + slack * sense)):
-                return sense
-        away = float(gap(*self._poses(contact, gone + slack * senses[0])))
-        raise Refused(f"contact: {_metres(float(slack))} of the leader's way after {contact.t_s!r} s benches "
-                      f'{_pair(contact)} do not overlap: they are {away:.3g} m apart')
+    def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:
+        """Return how the leader goes on to where the benches of a contact are proved to overlap, and that they do."""
+        for way in ways:
+            after_m = way.after_m(slack_m)
+            poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))
+            if overlap(*poses):
+                return way, f'benches {_pair(contact)} overlap {_metres(max(after_m, Fraction(0)))} after it'
+        raise Refused(f"contact: {_metres(after_m)} of the leader's way after {contact.t_s!r} s benches "
+                      f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
-    def _clear(self, whole: Range, part: Range | None) -> None:
-        """Prove that the chain stands on all of the leader's way, and that no two benches touch on a part of it."""
+    def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
+        """Prove that the chain stands on all of the leader's way, and that no two benches touch on a part of it.
+
+        Intervals may speak of as much as the run goes through up to a contact (``spoken``).
+        """
         places = self._places(whole)
         if part is None:
-            places = []
-        elif part != whole:
+            self._hints([], places if spoken == whole else self._places(spoken))
+            return
+        if part != whole:
             places = self._places(part)
-        every = ways(self._dragon, places) if places else []
+        every = ways(self._dragon, places)
         self._cover.clear(every, self._hints(every, places))
 
     def _places(self, gone: Range) -> list[Range]:
@@ -188,8 +189,6 @@ class _Proof:
         out, reach = dict[int, list[float]](), dict[int, tuple[float, float]]()
         for number, row in enumerate(self._claims.rows):
             bench = row.lead or 0
-            if not places:
-                raise Refused(f'intervals[{number}]: there is nothing to clear in a run that starts with its contact')
             lead = known.get(bench, bench)
             low, high = sorted((row.start_m, row.stop_m))
             if bench not in reach:
@@ -202,6 +201,20 @@ class _Proof:
                 raise Refused(f'intervals[{number}].behind: only {count - 1 - bench} benches are behind that one')
             out.setdefault(lead, []).extend((row.start_m, row.stop_m))
         return out
+
+
+def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
+    """Return what is cleared up to a contact: all but the slack before it, and all where the leader was before."""
+    if not way.sense:
+        return None
+    low, high = part
+    if way.sense > 0:
+        high = high.min(exact(way.gone_m - slack_m)).upper()
+        high = high if way.earlier is None else high.max(exact(way.earlier[1])).upper()
+    else:
+        low = low.max(exact(way.gone_m + slack_m)).lower()
+        low = low if way.earlier is None else low.min(exact(way.earlier[0])).lower()
+    return (low, high) if low <= high else None
 
 
 def _far(scene: Scene) -> float:
@@ -224,5 +237,5 @@ def _pair(contact: Contact) -> str:
     return f'{contact.benches[0]} and {contact.benches[1]}'
 
 
-def _metres(value: float) -> str:
-    return f'{value * 1e9:.3g} nm'
+def _metres(value: float | Fraction) -> str:
+    return f'{float(value) * 1e9:.3g} nm'

@@ -139,7 +139,8 @@ TAMPERINGS = [
     ('contact', (*ROW, 'bound_m'), 0.1, 'nobody checks'), ('contact', ROW, [], 'no mapping'),
     ('contact', ('intervals',), {}, 'list of'), ('contact', ('intervals',), REMOVED, 'missing'),
     ('turn', (*ROW, 'stop_m'), 50.0, 'more than the track'),
-    ('start', ('intervals',), [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'behind': 11}], 'nothing to clear'),
+    ('start', ('intervals',), [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'behind': 11}],
+     'more than the track'),
     # Claims that nobody checks, and scenes that leave something open
     ('contact', ('start_gap_m',), 0.1, 'nobody checks'), ('contact', ('certified',), True, 'nobody checks'),
     ('contact', ('contact', 'uncertainty_s'), 1e-12, 'nobody checks'),

@@ -1,6 +1,7 @@
 """The checker's own track, chain and law are the solver's, to the solver's last digits, and known far better."""
 from dataclasses import replace
 from fractions import Fraction
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -129,7 +130,21 @@ def test_a_smooth_ramp_comes_to_rest_between_bounds_that_are_rounded_outwards():
     assert low < law.gone_m(Fraction(3))
 
 
-@pytest.mark.parametrize(('t_s', 'since'), [(0.5, None), (1.0, None), (1.5, 1), (2.5, 1), (3.5, None)])
-def test_a_rest_is_known_since_it_began(t_s, since):
-    law = Law(tuple((Fraction(t), Fraction(v)) for t, v in ((0, 1), (1, 0), (2, 0), (3, 0), (4, 1))))
-    assert law.rests_at(Fraction(t_s)) == since
+@examples(60)
+@given(st.lists(st.tuples(st.sampled_from([0, 1, 2]), st.sampled_from([-1, 0, 0, 2])), min_size=1, max_size=6),
+       st.booleans())
+@example([(1, 0), (1, 0), (1, 0), (1, 1)], False)
+def test_the_legs_of_a_law_say_which_way_the_leader_goes_at_any_time(rows, smooth):
+    times = np.cumsum([0, *(gap for gap, _ in rows)]).tolist()
+    law = Law(tuple((Fraction(t), Fraction(v)) for t, v in zip(times, [1, *(v for _, v in rows)], strict=True)), smooth)
+    assert law.legs[0].since_s == 0
+    assert law.legs[-1].until_s is None
+    assert all(a.until_s == b.since_s and a.sense != b.sense for a, b in pairwise(law.legs))
+    for leg in law.legs:
+        until_s = leg.since_s + 2 if leg.until_s is None else leg.until_s
+        gone = [law.gone_m(leg.since_s + (until_s - leg.since_s) * k / 9) for k in range(10)]
+        assert all((b > a) - (b < a) == leg.sense for a, b in pairwise(gone))
+        assert leg in law.legs_at(leg.since_s, Fraction(0))
+        assert law.legs_at((leg.since_s + until_s) / 2, Fraction(0)) == [leg]
+        assert leg in law.legs_at(leg.since_s - Fraction(1, 8), Fraction(1, 8))
+        assert leg in law.legs_at(until_s + Fraction(1, 8), Fraction(1, 8))

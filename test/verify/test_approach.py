@@ -1,0 +1,126 @@
+"""The slack of a contact's place excuses no time: a contact is proved where the leader first comes to it alone."""
+import re
+
+import pytest
+from certificates import proved, refusal, written
+from flint import arb
+from motions import at, compiled
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import scene_values
+from dragon_ros.verify.posture import overlap
+
+BODY, TRACK = Dragon(30, 0.9, 2.9, 0.2), Spiral(0.55, 4.28)
+HOUR = 3600.0
+BACK_S = 0.1        # further back other benches touch
+FOUND = written(Scene(dragon=BODY, track=TRACK, run=Run(0, 5)))['contact']
+PAIR = FOUND['benches']
+
+
+def contact_m():
+    """How far the head has gone where its benches begin to overlap, to the last float."""
+    track, benches, _ = compiled(BODY, TRACK)
+    low, high = FOUND['t_s'] - 1e-9, FOUND['t_s'] + 1e-9
+    while low < (middle := 0.5 * (low + high)) < high:
+        posture = at(track, benches, arb(middle))
+        touches = overlap(*(posture.pose(bench) for bench in PAIR))
+        low, high = (low, middle) if touches else (middle, high)
+    return high
+
+
+THERE_M = contact_m()
+
+
+def claim(head, t_s=None, stop_s=None, start_s=0.0, grazing=False):
+    """A bare certificate of a contact at a time, or of none."""
+    scene = Scene(dragon=BODY, track=TRACK, head=head, run=Run(start_s, stop_s))
+    contact = {'t_s': t_s} if t_s is None else {'t_s': t_s, 'benches': PAIR} | ({'grazing': True} if grazing else {})
+    return {'scene': scene_values(scene), 'contact': contact, 'intervals': []}
+
+
+def there_and_back(beyond_m):
+    """A head that turns back so far beyond the contact, rests for an hour and returns; when it turns, and returns."""
+    turn_s = THERE_M + beyond_m
+    back_s = turn_s + BACK_S
+    again_s = back_s + HOUR
+    knots = ((0.0, 1.0), (turn_s, 1.0), (turn_s, -1.0), (back_s, -1.0), (back_s, 0.0), (again_s, 0.0), (again_s, 1.0),
+             (again_s + 9.0, 1.0))
+    return Profile(knots), turn_s, again_s + (THERE_M - (2 * turn_s - back_s))
+
+
+@pytest.mark.parametrize('beyond_m', [1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3])
+@pytest.mark.parametrize('grazing', [False, True])
+def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond_m, grazing):
+    head, turn_s, again_s = there_and_back(beyond_m)
+    assert re.search('overlap|already been beyond', refusal(claim(head, again_s, grazing=grazing)))
+    assert refusal(claim(head))
+    assert refusal(claim(head, stop_s=turn_s + 2 * BACK_S))
+    assert f'to the contact at {THERE_M!r} s' in proved(claim(head, THERE_M))
+
+
+@pytest.mark.parametrize('beyond_m', [-1e-12, -1e-11, -1e-10, -5e-10, -9e-10, -1e-3])
+def test_one_contact_alone_is_proved_of_a_leader_that_first_turns_back_just_before_it(beyond_m):
+    head, turn_s, again_s = there_and_back(beyond_m)
+    assert 'do not overlap' in refusal(claim(head, turn_s))
+    assert f'to the contact at {again_s!r} s' in proved(claim(head, again_s))
+    assert 'it stops' in proved(claim(head, stop_s=turn_s + 2 * BACK_S))
+    assert refusal(claim(head))
+
+
+def test_a_leader_that_rests_just_before_a_contact_comes_to_it_after_its_rest():
+    rest_s = THERE_M - 5e-10
+    head = Profile(((0.0, 1.0), (rest_s, 1.0), (rest_s, 0.0), (rest_s + HOUR, 0.0), (rest_s + HOUR, 1.0)))
+    assert 'do not overlap' in refusal(claim(head, rest_s))
+    assert 'has rested since' in refusal(claim(head, rest_s + 1.0))
+    assert proved(claim(head, rest_s + HOUR + 5e-10))
+    assert 'it stops' in proved(claim(head, stop_s=rest_s + HOUR))
+
+
+def test_a_leader_that_rests_just_beyond_a_contact_came_to_it_before():
+    rest_s = THERE_M + 5e-10
+    head = Profile(((0.0, 1.0), (rest_s, 1.0), (rest_s, 0.0), (rest_s + HOUR, 0.0), (rest_s + HOUR, 1.0)))
+    assert 'overlap 0.5 nm after it' in proved(claim(head, THERE_M))
+    assert proved(claim(head, rest_s))
+    assert 'has rested since' in refusal(claim(head, rest_s + 1.0))
+    assert refusal(claim(head, rest_s + HOUR))
+    assert refusal(claim(head, stop_s=rest_s + HOUR))
+
+
+@pytest.mark.parametrize('early_m', [-9e-10, 0.0, 9e-10])
+def test_where_the_leader_creeps_through_the_slack_both_times_are_told(early_m):
+    """At a picometre a second: the contact's place is known to a nanometre, and its time to half an hour."""
+    slow_s = THERE_M - 2e-9
+    head = Profile(((0.0, 1.0), (slow_s, 1.0), (slow_s, 1e-12), (slow_s + 4000.0, 1e-12), (slow_s + 4000.0, 1.0)))
+    t_s = slow_s + 2000.0 + early_m * 1e12
+    said = proved(claim(head, t_s))
+    first, last = (float(part) for part in said.split('which it goes from ')[1].split(' s)')[0].split(' to '))
+    assert (first - slow_s, last - slow_s) == pytest.approx((1000 + early_m * 1e12, 3000 + early_m * 1e12), abs=0.1)
+    assert first < slow_s + 2000.0 < last
+
+
+def test_no_times_are_told_where_the_slack_is_soon_over():
+    assert 'which it goes' not in proved(claim(Head(1.0), THERE_M))
+    assert 'which it goes from' in proved(claim(Head(1e-5), THERE_M * 1e5))
+
+
+@pytest.mark.parametrize('before_s', [3.6e-9, 1.5e-9, 1e-9, 3e-10, 0.0])
+def test_a_run_that_starts_just_before_its_contact_is_proved_with_its_intervals(before_s):
+    start_s = THERE_M - before_s
+    honest = written(Scene(dragon=BODY, track=TRACK, run=Run(start_s, 5)))
+    assert proved(honest)
+    elsewhere = {'lead': 'body', 'start_m': 3.0, 'stop_m': 4.0, 'behind': 5}
+    assert 'more than the track' in refusal({**honest, 'intervals': [elsewhere]})
+
+
+def test_at_the_start_benches_overlap_as_far_on_as_the_leader_goes_and_no_further():
+    start_s = THERE_M - 5e-10
+    back = Profile(((0.0, 1.0), (start_s, 1.0), (start_s, -1.0)))
+    rest = Profile(((0.0, 1.0), (start_s, 1.0), (start_s, 0.0)))
+    for head in (back, rest):
+        assert 'do not overlap' in refusal(claim(head, start_s, start_s + BACK_S, start_s))
+        assert 'it stops' in proved(claim(head, None, start_s + BACK_S, start_s))
+    beyond = Profile(((0.0, 1.0), (THERE_M + 5e-10, 1.0), (THERE_M + 5e-10, 0.0)))
+    assert 'starts with its contact' in proved(claim(beyond, THERE_M + 5e-10, 9.0, THERE_M + 5e-10))
