@@ -111,7 +111,8 @@ def _compared(folder: Path, live: Path) -> tuple[Comparison, list[Path]]:
         comparison, event = compare_with_model(bag, scene), _event(bag)
     value = event.values
     pair, point = (int(value['inner']), int(value['outer'])), (float(value['x_m']), float(value['y_m']))
-    return comparison, _drawn(scene, float(value['t_contact_s']), pair, point, folder)
+    step_s = float(value['t_after_s']) - float(value['t_before_s'])
+    return comparison, _drawn(scene, float(value['t_contact_s']), pair, point, step_s, folder)
 
 
 def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path]) -> int:
@@ -130,13 +131,14 @@ def _told(comparison: Comparison, live: Path, again: Path, pictures: list[Path])
 
 
 def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float, float],
-           folder: Path) -> list[Path]:
+           step_s: float, folder: Path) -> list[Path]:
     """Draw the contact that the monitor reported."""
     from dragon_ros.commands.plot.dragon import contact_picture
-    from dragon_ros.commands.sources import SceneSource, Touch, moment, witness_at
+    from dragon_ros.commands.sources import SceneSource, Touch, decimals_of, moment, witness_at
     source = SceneSource(SCENE, scene)
     with style():
-        picture = contact_picture(source, Touch(t_s, pair, point_m, witness_at(moment(source, t_s), pair)))
+        seen = witness_at(moment(source, t_s), pair)
+        picture = contact_picture(source, Touch(t_s, pair, point_m, seen, decimals_of(step_s)))
         return save(picture, folder / 'contact')
 
 

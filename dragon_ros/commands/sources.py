@@ -6,6 +6,7 @@ from dataclasses import dataclass
 from functools import cached_property
 from itertools import chain as joined
 from itertools import count, islice
+from math import floor, log10
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Protocol
 
@@ -45,12 +46,16 @@ class Moment:
 
 @dataclass(frozen=True)
 class Touch:
-    """A first contact: when, between which benches (inner first), where, and which corner meets which edge."""
+    """A first contact: when, between which benches (inner first), where, and which corner meets which edge.
+
+    ``decimals`` are those of the point that are right: fewer if it was interpolated from ticks.
+    """
 
     t_s: float
     benches: tuple[int, int]
     point_m: tuple[float, float]
     witness: 'Witness'
+    decimals: int = 6
 
 
 class Source(Protocol):
@@ -145,6 +150,15 @@ def window(track: Floats | None, moments: Iterable[Moment]) -> Floats:
         high = np.maximum(high, np.minimum(track.max(axis=0), high + reach))
     margin = _MARGIN * float(np.max(high - low))
     return np.array((low - margin, high + margin))
+
+
+def decimals_of(step_s: float) -> int:
+    """Return how many decimals of a point in m are right that was interpolated from ticks ``step_s`` apart.
+
+    A cubic through ticks is off by about the fourth power of the step, in units of a bend's radius; near a run's start
+    there are fewer ticks, so the third power is taken.
+    """
+    return 6 if step_s <= 0 else min(6, max(0, floor(-3 * log10(step_s))))
 
 
 def check_times(source: Source, times_s: Iterable[float]) -> None:
@@ -250,7 +264,9 @@ class BagSource:
         for observation, _ in progress(self._observations(self._ticks[0][1], self._ticks[-1][1])):
             for event in joined.from_iterable(report.begins for report in tracker.add(observation)):
                 at = Moment(observation.t_ns / NS, observation.p, observation.benches, None)
-                return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches))
+                before_ns = observation.t_ns if event.before_ns is None else event.before_ns
+                return Touch(event.t_contact_s, event.benches, event.point_m, witness_at(at, event.benches),
+                             decimals_of((observation.t_ns - before_ns) / NS))
         return None
 
     def _observations(self, first_ns: int, last_ns: int) -> Iterator[tuple['Observation', Floats | None]]:

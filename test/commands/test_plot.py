@@ -13,12 +13,14 @@ from dragon_ros.commands.plot.animation import AnimatedFigure, animate
 from dragon_ros.commands.plot.command import options
 from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture
 from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
-from dragon_ros.commands.sources import SceneSource, clearances, dragon_in, moment, window
+from dragon_ros.commands.sources import SceneSource, clearances, decimals_of, dragon_in, moment, window
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.step import tick
+from dragon_ros.core.step import tick, ticks
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
@@ -244,3 +246,13 @@ def test_the_window_of_an_animation_holds_every_frame(source):
         axes = AnimatedFigure(source, times_s).figure.axes[0]
     for one in source.moments(times_s):
         assert pictures.outside(axes, one.benches.corners.reshape(-1, 2)).size == 0
+
+
+@pytest.mark.parametrize(('rate_hz', 'decimals'), [(50, 5), (10, 3), (2, 0)])
+def test_the_decimals_that_a_picture_of_ticks_shows_are_right(rate_hz, decimals):
+    scene = Scene(run=Run(405, 413, rate_hz))
+    tracker, frames = ContactTracker(), ticks(scene, 0, int(8 * rate_hz) + 1)
+    (event,) = [event for one in frames for report in tracker.add(Observation(one.t_ns, one.chain.p, one.benches))
+                for event in report.begins]
+    assert decimals_of((event.after_ns - event.before_ns) / 1e9) == decimals
+    assert event.point_m == pytest.approx((1.474394671648, 2.110664876932), abs=0.5 * 10.0**-decimals)

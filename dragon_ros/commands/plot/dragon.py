@@ -126,7 +126,8 @@ def _look_closer(axes: Axes, track: Floats | None, one: Moment, touch: Touch) ->
         axes.text(middle_x, middle_y, f'bench {bench}', ha='center', va='center', fontsize=8.5, zorder=4,
                   rotation=(angle + 90) % 180 - 90, rotation_mode='anchor')
     at_x, at_y = _emptiest_corner((benches.centre[inside] - (x, y)) / (2 * reach) + 0.5)
-    axes.annotate(f'({x:.6f}, {y:.6f}) m', (x, y), xytext=(at_x, at_y), textcoords='axes fraction',
+    point = ', '.join(f'{value:.{touch.decimals}f}' for value in touch.point_m)
+    axes.annotate(f'({point}) m', (x, y), xytext=(at_x, at_y), textcoords='axes fraction',
                   ha='right' if at_x > 0.5 else 'left', va='top' if at_y > 0.5 else 'bottom',
                   arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.9, 'shrinkB': 7},
                   bbox={'boxstyle': 'round,pad=0.3', 'facecolor': 'white', 'edgecolor': QUIET}, zorder=6)

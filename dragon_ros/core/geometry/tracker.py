@@ -8,7 +8,7 @@ are the open contacts of all pairs at once, as arrays: which pairs touch, how de
 """
 from collections import deque
 from dataclasses import dataclass
-from math import nan
+from math import nan, prod
 from typing import Generic, Protocol, TypeVar
 
 import numpy as np
@@ -242,7 +242,8 @@ class ContactTracker:
     def _event(self, observation: Observation, pair: Pair, gap: float) -> Event:
         before = self._seen[-1] if self._seen else None
         t_s, slope = self._crossing(observation, pair)
-        point = witness(_between(before, observation, t_s), *pair).point_m
+        known = [*self._even(observation), observation] if before else [observation]
+        point = witness(_interpolated(known, t_s), *pair).point_m
         return Event(pair, before.t_ns if before else None, observation.t_ns, t_s, point, gap, -slope,
                      observation.frame_id)
 
@@ -269,12 +270,12 @@ class ContactTracker:
         return out
 
 
-def _between(before: Observation | None, after: Observation, t_s: float) -> Benches:
-    """Return the benches at a time between two observations, each moved along a line and turned evenly."""
-    if before is None:
-        return after.benches
-    share = (t_s - before.t_ns / NS) * NS / (after.t_ns - before.t_ns)
-    a, b = before.benches, after.benches
-    axis = (1 - share) * a.axis + share * b.axis
-    return Benches((1 - share) * a.centre + share * b.centre, axis / np.hypot(axis[:, 0], axis[:, 1])[:, None],
-                   b.half_length, b.half_width)
+def _interpolated(known: list[Observation], t_s: float) -> Benches:
+    """Return the benches at a time, their centres and axes on polynomials through some observations (Lagrange)."""
+    last = known[-1].benches
+    at = [(one.t_ns - known[-1].t_ns) / NS for one in known]
+    t = t_s - known[-1].t_ns / NS
+    weights = [prod((t - other) / (own - other) for other in at if other != own) for own in at]
+    centre: Floats = np.sum([weight * one.benches.centre for weight, one in zip(weights, known, strict=True)], axis=0)
+    axis: Floats = np.sum([weight * one.benches.axis for weight, one in zip(weights, known, strict=True)], axis=0)
+    return Benches(centre, axis / np.hypot(axis[:, 0], axis[:, 1])[:, None], last.half_length, last.half_width)

@@ -25,7 +25,7 @@ def test_the_event_brackets_the_contact_and_interpolates_it():
     assert event.benches == (0, 8)
     assert (event.before_ns, event.after_ns) == (412_460_000_000, 412_480_000_000)
     assert event.t_contact_s == pytest.approx(412.473837682, abs=1e-6)
-    assert event.point_m == pytest.approx((1.474395, 2.110665), abs=1e-4)
+    assert event.point_m == pytest.approx((1.474394671648, 2.110664876932), abs=1e-8)
     assert event.gap_m == pytest.approx(-1.618e-4, abs=1e-6)
     assert event.approach_m_s == pytest.approx(0.02632, abs=1e-5)
 
