@@ -12,12 +12,11 @@ link), is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link: a coordinate of
     g' = (A q') + (B r') cos alpha / cos beta,
 
 alpha and beta the link's angles with the track's tangents. What goes from x0 to x1 and by X at most on its way is never
-further than X / 2 from their mean. With k the largest curvature between the rear handle's first place and the front
-handle's last, tangents turn by k h and k l at most, and the link by ``swing_rad``. All factors of g' therefore lie in
-balls, and so does g': |g'| <= G. So the coordinate goes by V = min(G h, |A| h + |B| l) at most, and is nowhere above
-the mean of its values at the two ends plus V / 2. As intervals shrink that comes down with the square of their length,
-and where a handle passes a joint, so that a curvature jumps, with it. The rear handle must go one way
-(``motion_bounds``).
+further than X / 2 from their mean. With k the largest curvature at a handle its tangent turns by k h, or k l, at most,
+and ``enclosures.on_track`` bounds the ratio of the cosines. All factors of g' therefore lie in balls, and so does g':
+|g'| <= G. So the coordinate goes by V = min(G h, |A| h + |B| l) at most, and is nowhere above the mean of its values at
+the two ends plus V / 2. As intervals shrink that comes down with the square of their length, and where a handle passes
+a joint, so that a curvature jumps, with it. The rear handle must go one way.
 
 A link of no length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
 """
@@ -32,12 +31,7 @@ from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.chain.forward import next_places
 from dragon_ros.core.chain.lock import turns
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
-from dragon_ros.core.enclosures.motion_bounds import (
-    TOLERANCE,
-    curvatures_between,
-    divisible,
-    swing_rad,
-)
+from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import CORNERS
@@ -45,6 +39,7 @@ from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.driver import divisible
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -54,6 +49,7 @@ _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 128      # intervals
 _SAME = 1e-13       # of a distance along the track: nearer places are the same
 _MOST = 200_000     # benches that are placed
+_TOLERANCE = 1e-9   # of Newton's last step: its square is below what floats keep
 
 
 @dataclass(frozen=True)
@@ -218,24 +214,20 @@ def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Search, side: int
 
 @dataclass(frozen=True)
 class BenchStates:
-    """A bench at M places: ways (2, M), segments and curvatures of its front and rear handle, and its corners' values.
+    """A bench at M places: its link as ``on_track`` sees it, behind its front handle, and its corners' values.
 
     ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES, ``front`` and ``rear`` the two parts of their
-    derivative but for the ratio cos alpha / cos beta, ``cos`` (2, M).
+    derivative but for the ratio cos alpha / cos beta.
     """
 
-    way_m: Floats
-    segment: Ints
-    bend: Floats
-    cos: Floats
+    link: LinkStates
     value: Floats
     front: Floats
     rear: Floats
 
     def rows(self, index: Index) -> 'BenchStates':
         """Return some of the places."""
-        return BenchStates(self.way_m[:, index], self.segment[:, index], self.bend[:, index], self.cos[:, index],
-                           self.value[index], self.front[index], self.rear[index])
+        return BenchStates(self.link.rows(index), self.value[index], self.front[index], self.rear[index])
 
 
 @dataclass(frozen=True)
@@ -270,35 +262,34 @@ class SweptBench:
         track, link = self.track, self.link_m
         fronts = track.places_at(along_m, np.zeros_like(along_m))
         rears = self._rears(fronts) if link else fronts
-        segment, u, lo = (np.stack(pair) for pair in zip(fronts, rears, strict=True))
-        q, r = _complex(track.points(segment, u, lo))
-        to, to_rear = _complex(track.headings(segment, u, lo))
+        segment, u, lo = (np.stack(pair, axis=1) for pair in zip(fronts, rears, strict=True))
+        (q, r), headings = _complex(track.points(segment, u, lo)).T, track.headings(segment, u, lo)
+        to, to_rear = _complex(headings).T
         axis = (q - r) / link if link else to
-        cos = np.stack([(axis.conj() * heading).real for heading in (to, to_rear)])
+        states = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), headings,
+                             np.stack((axis.real, axis.imag), axis=-1)[:, None], 0)
         one, two = self._shares
         value = (0.5 * (q + r))[:, None] + self._lever * axis[:, None]
-        return BenchStates(track.distances(segment, u), segment, track.curvatures(segment, u), cos,
-                           _sides(value), _sides(one * to[:, None]),
+        return BenchStates(states, _sides(value), _sides(one * to[:, None]),
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
         """Return the rear handles; at a lock itself one by one, where the chord is longest."""
         try:
-            return next_places(self.track, fronts, self.link_m, BEHIND, Effort(TOLERANCE))[0]
+            return next_places(self.track, fronts, self.link_m, BEHIND, Effort(_TOLERANCE))[0]
         except ChainLockError:
-            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND, TOLERANCE)[0]
+            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND, _TOLERANCE)[0]
                      for front in zip(*fronts, strict=True)]
             u: Floats = np.array([place.u for place in rears])
             return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
         """Return bounds (M, 4, 4) of the corners' coordinates between states a and the next ones b, further along."""
-        front_m, rear_m = np.abs(b.way_m - a.way_m)
-        most = curvatures_between(self.track, [*a.segment, *b.segment], [*a.bend, *b.bend]).most
-        turned, other = most * front_m, most * rear_m
         with np.errstate(all='ignore'):
-            ratio = self._ratio(a, b, most) if self.link_m else curvatures_between(
-                self.track, (a.segment[0], b.segment[0]), (a.bend[0], b.bend[0]))
+            moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
+            front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
+            turned, other = (moving.k.most * np.stack((front_m, rear_m), axis=1)).T
+            ratio = (moving.r if self.link_m else moving.k)[:, 0]
             one, two = (np.abs(share)[:, None] for share in self._shares)
             front = _mean(a.front, b.front, one * _each(turned))
             rear = _mean(a.rear, b.rear, two * _each(other))
@@ -307,13 +298,6 @@ class SweptBench:
             goes = np.fmin(crude, slope.most * _each(front_m))
         out: Floats = 0.5 * (a.value + b.value + goes)
         return out
-
-    def _ratio(self, a: BenchStates, b: BenchStates, most: Floats) -> Ball:
-        """Return cos alpha / cos beta between states on a stretch of track with a largest curvature."""
-        moved_m = np.abs(b.way_m - a.way_m)
-        swing = swing_rad(most, self.link_m, np.sum(moved_m, axis=0))
-        alpha, beta = (_mean(a.cos[n], b.cos[n], swing + most * moved_m[n]) for n in (0, 1))
-        return alpha * beta.inverse()
 
     def cap_m(self, low_m: float, high_m: float) -> float:
         """Return a bound on all coordinates while the front handle is between two distances along the track."""

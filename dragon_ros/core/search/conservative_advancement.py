@@ -8,7 +8,7 @@ theirs would have been apart by their gaps at both states: they would have gone 
 
 That bound shrinks with the way that benches go, also where they go together. The other one, for pairs that it does not
 clear, shrinks with the square of the step, and with how little benches move as seen from each other: over a step h no
-corner leaves the line between its places at both ends by more than B h^2 / 8, B of ``relative_motion``. docs/contact.md
+corner leaves the line between its places at both ends by more than B h^2 / 8, B of ``on_track``. docs/contact.md
 has the proofs. All is rounded outwards: gaps and separations by ``signed_distance.rounding_m``, ways by a factor ABOVE.
 """
 from collections.abc import Iterator
@@ -177,13 +177,14 @@ class _Space:
     def _bent(self, a: ChainSamples, b: ChainSamples, row: Ints, i: Ints, j: Ints) -> tuple[Floats, Floats]:
         """Return second-order bounds of pairs' gaps, and the room."""
         # Dragons that wind in on one spiral are cleared by leading benches alone.
-        from dragon_ros.core.enclosures.relative_motion import Handles, kinematics, second_derivatives, views
+        from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
         domain = self._domain
         used, row = np.unique(row, return_inverse=True)
         a, b = a.rows(used), b.rows(used)
-        one, two = (Handles(each.along_m, each.curvature, each.segment, each.headings) for each in (a, b))
-        moving = kinematics(one, two, (a.axis, b.axis), domain.dragon.link_lengths_m, domain.track.bends,
-                            0 if domain.leader.direction == BEHIND else -1, domain.error_m)
+        leader = 0 if domain.leader.direction == BEHIND else -1
+        one, two = (link_states(each.along_m, each.segment, each.curvature, each.headings, each.axis, leader)
+                    for each in (a, b))
+        moving = kinematics(one, two, domain.dragon.link_lengths_m, domain.track.bends, leader, domain.error_m)
         gone_m = np.abs(b.places - a.places)[row]
         seen = [views(each.p, each.axis, each.headings, row, i, j) for each in (a, b)]
         most = second_derivatives(moving, seen[0], seen[1], row, i, j, gone_m, np.hypot(*self._half))

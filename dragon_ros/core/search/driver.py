@@ -17,6 +17,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 _SHARE = 0.9        # of the room for an interval: gaps shrink on the way
 _MOST_PARTS = 3     # that an interval is cut into at once: shorter ones have more room than that of a long one says
 _AT_ONCE = 4096     # intervals that are bounded together; later ones wait, so that a long search keeps to its memory
+_FINEST = 1e-14     # of a time or a distance: intervals this short are not cut
 Bools = NDArray[np.bool_]
 
 
@@ -235,6 +236,12 @@ def _between(start: Floats, stop: Floats) -> Bools:
     """Return whether floats lie between two."""
     middle = 0.5 * (start + stop)
     out: Bools = (middle != start) & (middle != stop)
+    return out
+
+
+def divisible(starts: Floats, stops: Floats) -> Bools:
+    """Return which intervals of time or distance between starts and stops (M,) are long enough to be cut."""
+    out: Bools = np.abs(stops - starts) > _FINEST * (1 + np.maximum(np.abs(starts), np.abs(stops)))
     return out
 
 

@@ -5,22 +5,12 @@ intervals of time in which the leader goes one way: intervals whose bound exceed
 Where handles are equally fast in many places, as on a circle, that would never end: the more intervals would be cut,
 the more their bounds may exceed it.
 
-The bound of an interval. A link's direction phi makes angles alpha and beta with the tangents at its two handles, the
-nearer to the leader first; the speeds v, over the leader's, obey v_next = v cos alpha / cos beta. A prime is a
-derivative by the leader's distance, kappa the signed curvature, and ``way`` -1 behind a head and 1 ahead of a tail:
-
-    phi' = (v_next sin beta - v sin alpha) / link,    alpha' = phi' + way kappa v,    beta' = phi' + way kappa v_next,
-    (log |v_next| - log |v|)' = tan beta beta' - tan alpha alpha'.
-
-All that stands on the right lies in balls between two states. Handles move one way (``motion_bounds``), so curvatures
-lie between those on the way, and an angle that is alpha_0 at one end and alpha_1 at the other is nowhere further from
-their middle than half of what it turns in between: half the link's swing and half of kappa times the handle's way; or,
-once alpha' is in a ball, half of the leader's way times |alpha'|, in which swing and kappa all but cancel. With slopes
-between a lowest and a highest, log |v| lies below the two lines from its ends, and its bound is where they meet. To it
-comes log of the leader's own speed, whose slope is its acceleration over its speed squared. Where a slope is unbounded,
-as where a handle turns back or the leader comes to rest, the product of the largest ratios bounds the speed. As
-intervals shrink the bound comes down with the square of their length, and where a handle passes a joint, so that a
-curvature jumps, with the length.
+The bound of an interval. ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
+between two states. With slopes between a lowest and a highest, log |v| lies below the two lines from its ends, and its
+bound is where they meet. To it comes log of the leader's own speed, whose slope is its acceleration over its speed
+squared. Where a slope is unbounded, as where a handle turns back or the leader comes to rest, the product of the
+largest ratios bounds the speed. As intervals shrink the bound comes down with the square of their length, and where a
+handle passes a joint, so that a curvature jumps, with the length.
 
 Where the first segment winds in behind a leading head, no handle on it is faster than the one before it: curvature
 grows to the front, and of a chord's two angles with an arc that turns by less than pi the one at the more curved end is
@@ -28,7 +18,7 @@ the larger (Vogt 1914). So only handles beyond it are followed; on a single spir
 could turn by pi.
 """
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import pairwise
 from math import ceil, inf, isfinite
 
@@ -38,13 +28,14 @@ from dragon_ros.core.chain.chain import Chain, marched_many
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks
 from dragon_ros.core.checks import number
-from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
-from dragon_ros.core.enclosures.motion_bounds import curvatures_between, divisible, swing_rad
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
+from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.driver import divisible
 from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -52,7 +43,6 @@ from dragon_ros.core.tracks.segments import BEHIND, Effort
 _SPACING_M = 0.1        # of the leader's way, of the first intervals
 _PARTS = 4              # into which an interval is cut
 _AT_ONCE = 128          # intervals
-_PASSES = 6             # in which rates narrow the angles; with fewer, long chains need shorter intervals
 _SAME = 1e-12           # speeds within this, in parts, are the same
 _APART_M = 1e-9         # before the segment that winds in ends: to its end itself rounding could tell either way
 _PRECISE = Effort(1e-8)     # a Newton step whose square is below what floats keep
@@ -199,17 +189,18 @@ class _Search:
         tops = bounds(states.rows(np.where(back, stops, starts)), states.rows(np.where(back, starts, stops)),
                       law.swapped(back))
         with np.errstate(over='ignore'):
-            sure = tops + self._relative(states) * np.exp(2 * tops)
+            off = self._relative(states) * np.exp(2 * tops)
+        sure = np.where(off < 1, tops + off, np.inf)     # beyond that rounding may hide a speed without a bound
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
-    def _relative(self, states: 'States') -> Floats:
+    def _relative(self, states: 'SpeedStates') -> Floats:
         """Return what the positions of each handle (K+1,) and of those nearer to the leader err, by the mean link."""
         mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
         if not mean_m:      # all handles are one
             return np.zeros(1)
         return np.array([best_m(size) / mean_m for size in np.maximum.accumulate(states.size_m).tolist()])
 
-    def _states(self, times_s: Floats) -> 'States':
+    def _states(self, times_s: Floats) -> 'SpeedStates':
         self._looks += times_s.size
         self._tell(times_s.size)
         leader, gone = self._leader, self._scene.head.travelled_m(times_s)
@@ -296,96 +287,51 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
 
 
 @dataclass(frozen=True)
-class States:
-    """M states of a chain, handles in order from the leader: K links in metres, and (M, K+1) or (M, K) values.
+class SpeedStates:
+    """M states of a chain, handles in order from the leader: K ``links_m``, their ``links``, and speeds.
 
-    ``log`` are the logs of speeds over the leader's, ``alpha`` and ``beta`` the links' angles with the track at the
-    handle nearer to the leader and at the other one, ``along_m`` distances along the track, ``segment`` and ``bend``
-    segments and signed curvatures there, ``size_m`` (K+1,) how far from the origin each handle is at most.
+    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) how far from the origin each handle is
+    at most, ``bends`` the least and greatest curvatures from one segment of the track to another, ``way`` -1 behind a
+    head and 1 ahead of a tail.
     """
 
-    track: Track
     links_m: Floats
+    bends: tuple[Floats, Floats]
     way: int
     gone_m: Floats
     log: Floats
-    alpha: Floats
-    beta: Floats
-    along_m: Floats
-    segment: Ints
-    bend: Floats
+    links: LinkStates
     size_m: Floats
 
-    def rows(self, index: Ints) -> 'States':
+    def rows(self, index: Ints) -> 'SpeedStates':
         """Return some of the states."""
-        return States(self.track, self.links_m, self.way, self.gone_m[index], self.log[index], self.alpha[index],
-                      self.beta[index], self.along_m[index], self.segment[index], self.bend[index], self.size_m)
+        return replace(self, gone_m=self.gone_m[index], log=self.log[index], links=self.links.rows(index))
 
 
-def states_of(chains: Chain, gone_m: Floats, way: int) -> States:
+def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
     """Return the states of chains (M) whose leaders have gone so far."""
-    links = RigidLinks(chains.p, chains.links_m, chains.headings, HEAD if way == BEHIND else TAIL)
-    order = slice(None, None, -way)
-    front, rear = _angle(chains.headings[:, :-1], links.axis), _angle(chains.headings[:, 1:], links.axis)
-    alpha, beta = (angle[:, order] for angle in ((front, rear) if way == BEHIND else (rear, front)))
+    track, segment, u = chains.track, chains.segment, chains.u
+    axis = RigidLinks(chains.p, chains.links_m, chains.headings, HEAD if way == BEHIND else TAIL).axis
+    links = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), chains.headings, axis,
+                        chains.leader)
     with np.errstate(divide='ignore'):      # a handle that turns back rests
-        log = np.cumsum(np.log(np.abs(np.cos(alpha))) - np.log(np.abs(np.cos(beta))), axis=1)
-    segment, u, track = chains.segment[:, order], chains.u[:, order], chains.track
-    return States(track, chains.links_m[order], way, gone_m, np.insert(log, 0, 0.0, axis=1), alpha, beta,
-                  track.distances(segment, u), segment, track.curvatures(segment, u),
-                  np.max(np.hypot(chains.p[..., 0], chains.p[..., 1]), axis=0)[order])
+        log = np.cumsum(np.log(np.abs(np.cos(links.near))) - np.log(np.abs(np.cos(links.far))), axis=1)
+    order = slice(None, None, -way)
+    return SpeedStates(chains.links_m[order], track.bends, way, gone_m, np.insert(log, 0, 0.0, axis=1), links,
+                       np.max(np.hypot(chains.p[..., 0], chains.p[..., 1]), axis=0)[order])
 
 
-def _angle(a: Floats, b: Floats) -> Floats:
-    """Return the angles from vectors a to vectors b."""
-    out: Floats = np.arctan2(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0], np.sum(a * b, axis=-1))
-    return out
-
-
-def bounds(a: States, b: States, law: LawBetween) -> Floats:
+def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
     """Return bounds (M, K+1) of the logs of speeds between states a and b, the leader further on in b."""
     with np.errstate(all='ignore'):
-        slopes, most = _slopes(a, b)
-        slope = slopes + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
+        moving = enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
+        slope = -a.way * moving.v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])
         low, high = slope.mid - slope.rad, slope.mid + slope.rad
         start, stop, step = a.log + law.start[:, None], b.log + law.stop[:, None], (b.gone_m - a.gone_m)[:, None]
         meet = start + high * (stop - start - low * step) / (high - low)
         lines = np.maximum(np.maximum(start, stop), np.where((low < 0) & (high > 0), meet, -np.inf))
+        most = np.insert(np.cumsum(np.log(moving.r.most), axis=1), 0, 0.0, axis=1)
         crude = most + np.maximum(law.start, law.stop)[:, None]
     sure = np.isfinite(slope.rad) & np.isfinite(slope.mid) & np.isfinite(lines)
     out: Floats = np.fmin(np.where(sure, lines, np.inf), np.where(np.isnan(crude), np.inf, crude))
     return out
-
-
-def _slopes(a: States, b: States) -> tuple[Ball, Floats]:
-    """Return the slopes (M, K+1) of all logs by the leader's distance, and bounds of the logs by the largest ratios."""
-    bend, alpha, beta = _angles(a, b)
-    none = Ball(np.zeros_like(bend.mid[:, :1]), np.zeros_like(bend.mid[:, :1]))
-    share = np.where(a.links_m > 0, 1 / np.where(a.links_m > 0, a.links_m, 1.0), 0.0)
-    half = 0.5 * (b.gone_m - a.gone_m)[:, None]
-    for last in range(_PASSES, -1, -1):
-        (sin_a, cos_a), (sin_b, cos_b) = alpha.sin_cos(), beta.sin_cos()
-        ratio = cos_a * cos_b.inverse()
-        v = side_by_side([none + 1.0, ratio.running_product()])
-        turned = a.way * bend * v
-        phi = (v[:, 1:] * sin_b - v[:, :-1] * sin_a) * share
-        alpha_1, beta_1 = phi + turned[:, :-1], phi + turned[:, 1:]
-        if last:
-            alpha, beta = (Ball(angle.mid, np.fmin(angle.rad, np.where(a.links_m > 0, half * rate.most, 0.0)))
-                           for angle, rate in ((alpha, alpha_1), (beta, beta_1)))
-    slopes = sin_b * cos_b.inverse() * beta_1 - sin_a * cos_a.inverse() * alpha_1
-    most = np.insert(np.cumsum(np.log(ratio.most), axis=1), 0, 0.0, axis=1)
-    return side_by_side([none, slopes.running_sum()]), most
-
-
-def _angles(a: States, b: States) -> tuple[Ball, Ball, Ball]:
-    """Return the curvatures at handles (M, K+1), and the angles of links (M, K), between two states each."""
-    bend = curvatures_between(a.track, (a.segment, b.segment), (a.bend, b.bend))
-    moved_m, front, rear = np.abs(b.along_m - a.along_m), slice(None, -1), slice(1, None)
-    across = curvatures_between(a.track, [state.segment[:, part] for state in (a, b) for part in (front, rear)],
-                                [state.bend[:, part] for state in (a, b) for part in (front, rear)]).most
-    swing = swing_rad(across, a.links_m, moved_m[:, front] + moved_m[:, rear])
-    turned = bend.most * moved_m
-    alpha, beta = (Ball(0.5 * (one + other), np.where(a.links_m > 0, 0.5 * (swing + own), 0.0))
-                   for one, other, own in ((a.alpha, b.alpha, turned[:, front]), (a.beta, b.beta, turned[:, rear])))
-    return bend, alpha, beta

@@ -8,8 +8,8 @@ from arb_balls import each_exact, in_arb
 from flint import arb
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.enclosures import ball_arithmetic, by_scale, on_spiral, relative_motion
-from dragon_ros.core.enclosures.relative_motion import Handles, kinematics, second_derivatives, views
+from dragon_ros.core.enclosures import ball_arithmetic, by_scale, on_spiral, on_track
+from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
 from dragon_ros.core.geometry.narrow_phase import line_distance
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
@@ -70,7 +70,7 @@ def wound(seed):
         axis = p[:-1] - p[1:]
         heading = np.stack((np.cos(angle), np.sin(angle)), axis=-1)
         segment = dice.integers(0, 2, LINKS + 1) if seed % 3 == 0 else np.zeros(LINKS + 1, dtype=np.int64)
-        states.append((Handles(along[None], k, segment[None], heading[None]), p[None],
+        states.append((along[None], segment[None], k, heading[None], p[None],
                        (axis / np.hypot(*axis.T)[:, None])[None]))
     bends = np.array([[0, 0], [0, 0]]) * k[0, 0] + k[0, 0], np.array([[1, 1.2], [1.2, 1.5]]) * k[0, 0]
     return states, links, bends, way
@@ -84,13 +84,13 @@ def test_no_bound_of_two_benches_on_any_track_is_below_what_arb_proves(seed, lea
     row, arm = np.zeros_like(i), np.full(LINKS, 1.2)
 
     def evaluated():
-        ends = [handles for handles, _, _ in states]
-        moving = kinematics(*ends, (states[0][2], states[1][2]), links, bends, leader, 2e-12)
-        seen = [views(p, axis, handles.headings, row, i, j) for handles, p, axis in states]
+        ends = [link_states(*handles, axis, leader) for *handles, _, axis in states]
+        moving = kinematics(*ends, links, bends, leader, 2e-12)
+        seen = [views(p, axis, headings, row, i, j) for *_, headings, p, axis in states]
         return second_derivatives(moving, *seen, row, i, j, np.full(i.size, way), arm)
 
     mine = evaluated()
-    with in_arb(ball_arithmetic, relative_motion):
+    with in_arb(ball_arithmetic, on_track):
         exact = evaluated()
     for one, other in zip(mine, exact, strict=True):
         assert np.any(np.isfinite(one))

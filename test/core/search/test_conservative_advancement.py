@@ -16,7 +16,7 @@ from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.enclosures.relative_motion import Handles, kinematics, second_derivatives, views
+from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
@@ -263,8 +263,9 @@ def bounds_of(domain, gone_m, way_m, i, j):
     chain = domain.chains(np.array([gone_m, gone_m + way_m]))
     along_m, bend = domain.track.distances(chain.segment, chain.u), domain.track.curvatures(chain.segment, chain.u)
     axis, row = axes_of(chain), np.zeros_like(i)
-    ends = [Handles(along_m[[n]], bend[[n]], chain.segment[[n]], chain.headings[[n]]) for n in (0, 1)]
-    moving = kinematics(*ends, (axis[[0]], axis[[1]]), chain.links_m, domain.track.bends, chain.leader, 0.0)
+    ends = [link_states(along_m[[n]], chain.segment[[n]], bend[[n]], chain.headings[[n]], axis[[n]], chain.leader)
+            for n in (0, 1)]
+    moving = kinematics(*ends, chain.links_m, domain.track.bends, chain.leader, 0.0)
     pairs = [views(chain.p[[n]], axis[[n]], chain.headings[[n]], row, i, j) for n in (0, 1)]
     dragon = domain.dragon
     arm = np.hypot(0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m)

@@ -1,0 +1,379 @@
+"""What handles, links and benches can do between two states of a chain, on any track: speeds, turning, and their rates.
+
+One enclosure serves the first contact (corners seen from other benches), the fastest handle (ratios of speeds and how
+they change) and the bounding box (where one bench goes). Between the states the leader goes from one place to another,
+and every handle one way: that fails only where a follower turns back, near the centre of a single spiral, and
+``Leader.turning_m`` tells where intervals must be cut for it.
+
+A prime is a derivative by the leader's way, a dot one by a handle's own. Of each link let A be the handle nearer to the
+leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the angles from e to the
+track at A and B. The length l does not change, so with speeds v and curvatures k
+
+    v_B = r v_A,  r = cos alpha / cos beta,      omega = w v_A,  w = (sin alpha - r sin beta) / l,
+    alpha. = k_A - w,      beta. = r k_B - w,      r. = r g,  g = tan beta beta. - tan alpha alpha.,
+    w. = (cos alpha alpha. - r. sin beta - r cos beta beta.) / l,
+    v_B' = r v_A' + r. v_A^2, that is (log |v_B|)' = (log |v_A|)' + v_A g,      omega' = w v_A' + w. v_A^2
+
+(behind a tail that leads e points away from A: w and w. have the other sign, and so has the prime).
+
+Where angles are between two states. A quantity that goes by L at most in all lies within L / 2 of the mean of its
+values at both, or between these if that is more. What a link turns, and what the track turns under its handles, bounds
+what angles go by (``swing_rad``); where k l < 2 for the largest curvature k in between, a chord and the track at its
+ends differ by no more than asin(k l / 2) at all (Schur). From there each pass bounds the rates of angles, and with
+these the angles; where both handles stay on one line or arc angles do not change.
+
+Of two benches let x be the middle of the second as the first sees it, from its middle and along its axis, and tau the
+angles of handles' tracks seen from it:
+
+    x' = V_2 - V_1 - omega J x,      x'' = A_2 - A_1 - 2 omega J x' - omega' J x + omega^2 x,
+
+V and A the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both handles, J
+a quarter turn. Where all turns together nothing is left of x', and all terms of x'' cancel but for rounding. From the
+other bench, which turns by D more, it is no more than |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner at a distance
+from the middle adds that times |(D', D^2)|. Curvatures jump at joints, so first derivatives have kinks there; what
+follows needs no more than that they are bounded.
+
+All is evaluated in ball arithmetic and rounded outwards: balls by themselves, what puts them together by the factor
+ABOVE (``on_spiral``). What is known at states is known as well as positions p are, to within an error e: the axis of a
+link of length l turns by no more than 2 e / l, one of a link of no length with the track, and the track by k e;
+curvatures of lines and arcs do not change, and those of spirals by no more than k^2 e.
+"""
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+from functools import cached_property, reduce
+
+import numpy as np
+
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_side
+from dragon_ros.core.enclosures.on_spiral import ABOVE
+from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
+
+_ROUNDED_RAD = 2.0**-46 # of an angle between unit vectors
+_PASSES = 8     # at most; each makes what is left beyond the ends smaller by about the way over twice the link's length
+_WORTH = 0.9    # of a radius: where a pass leaves more of nearly all of them, it is the last one
+_FEW = 0.02     # of the radii may still shrink by more
+
+Range = tuple[Floats, Floats]
+
+
+@dataclass(frozen=True)
+class LinkStates:
+    """Links of M chains at one state each, from the leader on: N + 1 handles, and N angles from links to the track.
+
+    ``along_m`` are distances along the track, ``segment`` and ``curvature`` (1/m, signed) are those there; ``near`` and
+    ``far`` are the angles at a link's handle nearer to the leader and at its other one.
+    """
+
+    along_m: Floats
+    segment: Ints
+    curvature: Floats
+    near: Floats
+    far: Floats
+
+    def rows(self, index: Index) -> 'LinkStates':
+        """Return some of the states."""
+        return LinkStates(*(getattr(self, each.name)[index] for each in fields(self)))
+
+
+def link_states(along_m: Floats, segment: Ints, curvature: Floats, headings: Floats, axis: Floats,
+                leader: int) -> LinkStates:
+    """Return the links of chains given from head to tail; ``leader`` is 0 or -1, ``axis`` (M, N, 2) are of links."""
+    ends = _angle(axis, headings[:, :-1]), _angle(axis, headings[:, 1:])
+    if leader == 0:
+        return LinkStates(along_m, segment, curvature, *ends)
+    rear, front = (end[:, ::-1] for end in ends[::-1])
+    return LinkStates(along_m[:, ::-1], segment[:, ::-1], curvature[:, ::-1], rear, front)
+
+
+def _angle(axis: Floats, headings: Floats) -> Floats:
+    """Return angles from axes (..., 2) to headings."""
+    cross = axis[..., 0] * headings[..., 1] - axis[..., 1] * headings[..., 0]
+    out: Floats = np.arctan2(cross, axis[..., 0] * headings[..., 0] + axis[..., 1] * headings[..., 1])
+    return out
+
+
+def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
+    """Return the least and greatest curvature in 1/m on the track between places, of their segments and curvatures.
+
+    ``bends`` are those from one segment to another, (P, P). Curvature is monotone on a segment, so on one it lies
+    between those at the places; else all segments count whole.
+    """
+    first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
+    one = first == last
+    return (np.where(one, reduce(np.minimum, curvatures), bends[0][first, last]),
+            np.where(one, reduce(np.maximum, curvatures), bends[1][first, last]))
+
+
+def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
+    """Return how far a link turns at most, in all, while its two handles move by ``moved_m`` together.
+
+    ``most`` is the largest curvature in 1/m between the rear handle's first place and the front handle's last. A link
+    turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1, nor, where most * link < 2, half of that
+    (Schur's comparison with a circle).
+    """
+    with np.errstate(divide='ignore'):
+        out: Floats = np.minimum(0.5 * most, np.divide(1.0, link_m)) * moved_m
+    return out
+
+
+@dataclass(frozen=True)
+class LinkMotion:
+    """What links (M, N) and their handles (M, N+1), from the leader on, can do over M intervals.
+
+    ``k`` are curvatures, ``near`` and ``far`` sines and cosines of the angles, ``inverse_l`` signed as e is. Links that
+    are ``rigid`` keep their angles, those that are ``joined`` have no length. All by the way of the nearer handle.
+    """
+
+    k: Ball
+    near: tuple[Ball, Ball]
+    far: tuple[Ball, Ball]
+    inverse_l: Floats
+    rigid: Array
+    joined: Array
+
+    @cached_property
+    def _none(self) -> Ball:
+        return Ball(np.zeros(self.rigid.shape), np.zeros(self.rigid.shape))
+
+    @cached_property
+    def r(self) -> Ball:
+        """The ratio of the farther handle's speed to that of the nearer one."""
+        return _where(self.joined, self._none + 1.0, self.near[1] * self.far[1].inverse())
+
+    @cached_property
+    def w(self) -> Ball:
+        """How fast a link turns; one of no length turns with the track."""
+        return _where(self.joined, self.k[:, :-1], (self.near[0] - self.r * self.far[0]) * self.inverse_l)
+
+    @cached_property
+    def _dots(self) -> tuple[Ball, Ball]:
+        """The rates of both angles."""
+        return self.k[:, :-1] - self.w, self.r * self.k[:, 1:] - self.w
+
+    @cached_property
+    def g(self) -> Ball:
+        """The rate of log |r|."""
+        (sin_n, cos_n), (sin_f, cos_f), (near, far) = self.near, self.far, self._dots
+        rate = sin_f * cos_f.inverse() * far - sin_n * cos_n.inverse() * near
+        return _where(self.rigid | self.joined, self._none, rate)
+
+    @cached_property
+    def w_dot(self) -> Ball:
+        """The rate of turning; nothing is known of a link of no length across a jump of the track's curvature."""
+        (sin_f, cos_f), (near, far) = self.far, self._dots
+        rate = (self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l
+        unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
+        return _where(self.joined, unknown, _where(self.rigid, self._none, rate))
+
+    @cached_property
+    def v(self) -> Ball:
+        """Speeds of the handles over the leader's."""
+        return side_by_side([self._leader + 1.0, self.r.running_product()])
+
+    @cached_property
+    def v_rate(self) -> Ball:
+        """The rates of their logs by the leader's way: a sum along the chain."""
+        return side_by_side([self._leader, (self.v[:, :-1] * self.g).running_sum()])
+
+    @property
+    def _leader(self) -> Ball:
+        return Ball(np.zeros_like(self.k.mid[:, :1]), np.zeros_like(self.k.mid[:, :1]))
+
+
+def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float = 1.0,
+             error_m: float = 0.0, passes: int = _PASSES) -> LinkMotion:
+    """Return what links (N,), from the leader on, can do between states of M chains.
+
+    ``bends`` are the least and greatest curvatures from one segment to another, (P, P), ``sign`` is 1.0 behind a head
+    and -1.0 ahead of a tail, and ``error_m`` is what positions may err by. So many ``passes`` narrow the angles, at
+    most: without any they are as wide as what links and the track turn.
+    """
+    with np.errstate(all='ignore'):
+        low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
+        k, even, joined = between(low, high, error_m * np.maximum(low * low, high * high)), low == high, links_m == 0
+        rigid = even[:, :-1] & even[:, 1:] & (one.segment[:, :-1] == one.segment[:, 1:])
+        axis_error, track_error = direction_errors(links_m, bends, error_m)
+        off = axis_error + track_error
+        way = np.abs(two.along_m - one.along_m) + 2 * error_m
+        ends = [between(a, b, off) for a, b in ((one.near, two.near), (one.far, two.far))]
+        most = _largest(one, two, bends)
+        angles = _first_angles(ends, k, most + most * most * error_m, way, links_m, off)
+        inverse_l = sign / np.where(joined, 1.0, links_m)
+        near, far = _narrowed(angles, ends, k, way, rigid, inverse_l, off, passes)
+        return LinkMotion(k, near.sin_cos(), far.sin_cos(), inverse_l, rigid, np.broadcast_to(joined, rigid.shape))
+
+
+def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
+    """Return what directions of links (N,) and of the track may err by, in rad, of positions that err by so much."""
+    track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
+    return np.where(links_m > 0, 2 * error_m / links_m + _ROUNDED_RAD, track_error), track_error
+
+
+def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
+    """Return the largest curvatures that links (M, N) can have between their handles."""
+    places = [(state.segment[:, part], state.curvature[:, part]) for state in (one, two)
+              for part in (slice(None, -1), slice(1, None))]
+    low, high = curvature_range(bends, [segment for segment, _ in places], [curvature for _, curvature in places])
+    out: Floats = np.maximum(np.abs(low), np.abs(high))
+    return out
+
+
+def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m: Floats, off: Floats) -> list[Ball]:
+    """Return what both angles can be, from what links and the track turn at most, and from Schur's bound."""
+    half = ABOVE * 0.5 * most * links_m
+    widest = np.where(half < 1, ABOVE * np.arcsin(np.minimum(half, 1.0)), np.inf)
+    swing = swing_rad(most, links_m, way[:, :-1] + way[:, 1:])
+    turned = k.most * way
+    return [Ball(end.mid, np.fmin(ABOVE * (widest + end.most), np.maximum(
+        end.rad, ABOVE * (0.5 * (swing + own) + off)))) for end, own in zip(ends, (turned[:, :-1], turned[:, 1:]),
+                                                                           strict=True)]
+
+
+def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
+              off: Floats, passes: int) -> list[Ball]:
+    """Return what both angles can be once their rates have bounded them, pass by pass."""
+    ways = way[:, :-1], way[:, 1:]
+    for _ in range(passes):
+        (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
+        rates = (k[:, :-1] - (sin_n - cos_n * cos_f.inverse() * sin_f) * inverse_l,
+                 k[:, 1:] - (sin_n * cos_f * cos_n.inverse() - sin_f) * inverse_l)
+        reach = [ABOVE * (0.5 * rate.most * gone + off) for rate, gone in zip(rates, ways, strict=True)]
+        before = angles
+        angles = [Ball(end.mid, np.where(rigid, end.rad, np.fmin(angle.rad, np.maximum(end.rad, most))))
+                  for angle, end, most in zip(angles, ends, reach, strict=True)]
+        if _settled(before, angles):
+            break
+    return angles
+
+
+def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
+    """Return whether a pass has left most of nearly all radii."""
+    return not any(np.count_nonzero(b.rad < _WORTH * a.rad) > _FEW * b.rad.size
+                   for a, b in zip(before, now, strict=True))
+
+
+def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
+    """Return one ball or another, number by number."""
+    return Ball(np.where(chosen, one.mid, other.mid), np.where(chosen, one.rad, other.rad))
+
+
+@dataclass(frozen=True)
+class Kinematics:
+    """What handles (M, N+1) and links (M, N), from head to tail, can do over intervals, by the leader's way.
+
+    Speeds and turning, and their rates. ``k`` are curvatures; ``axis_error`` (N,) and ``track_error`` what directions
+    of links and of the track may err by, and ``error_m`` what positions may.
+    """
+
+    v: Ball
+    a: Ball
+    k: Ball
+    w: Ball
+    w_rate: Ball
+    axis_error: Floats
+    track_error: float
+    error_m: float
+
+
+def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, leader: int,
+               error_m: float) -> Kinematics:
+    """Return what handles and links can do between states of M chains, from head to tail again."""
+    back = slice(None) if leader == 0 else slice(None, None, -1)
+    moving = enclosed(one, two, links_m[back], bends, 1.0 if leader == 0 else -1.0, error_m)
+    with np.errstate(all='ignore'):
+        v, a, near = moving.v, moving.v * moving.v_rate, moving.v[:, :-1]
+        w, w_rate = moving.w * near, moving.w * a[:, :-1] + moving.w_dot * near.squared()
+    v, a, k, w, w_rate = (ball[:, back] for ball in (v, a, moving.k, w, w_rate))
+    return Kinematics(v, a, k, w, w_rate, *direction_errors(links_m, bends, error_m), error_m)
+
+
+@dataclass(frozen=True)
+class Views:
+    """Pairs of benches (K,) at one state: the second's middle and axis as the first sees them, and its handles' tracks.
+
+    ``track`` are the cosines and sines (K, 4, 2) of both handles' headings of the first bench and then of the second.
+    """
+
+    middle: tuple[Floats, Floats]
+    track: Floats
+
+
+def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
+    """Return pairs of benches i, j of the chains in rows, with handles (M, N+1, 2) at ``p``, and links' axes."""
+    u = axis[row, i]
+    middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
+    x, y = _turned(u, middle)
+    track = np.stack([np.stack(_turned(u, headings[row, handle]), axis=-1) for handle in (i, i + 1, j, j + 1)], axis=1)
+    return Views((x, y), track)
+
+
+def _turned(u: Floats, vectors: Floats) -> tuple[Floats, Floats]:
+    """Return vectors along and across axes."""
+    return (u[:, 0] * vectors[:, 0] + u[:, 1] * vectors[:, 1], u[:, 0] * vectors[:, 1] - u[:, 1] * vectors[:, 0])
+
+
+def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i: Ints, j: Ints, gone_m: Floats,
+                       arm: Floats) -> tuple[Floats, Floats]:
+    """Return bounds (K,) of corners' second derivatives: of the second bench's seen from the first, and the reverse.
+
+    ``gone_m`` (K,) are the leader's ways, ``arm`` (N,) corners' distances from middles. Infinite where nothing is
+    known.
+    """
+    with np.errstate(all='ignore'):
+        turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
+        axis_error = moving.axis_error[i]
+        handles = [_handle(moving, row, handle, (one.track[:, n], two.track[:, n]), turn, gone_m,
+                           axis_error + moving.track_error)
+                   for n, handle in enumerate((i, i + 1, j, j + 1))]
+        (v_x, v_y), (a_x, a_y) = ([0.5 * (c + d - a - b) for a, b, c, d in zip(*parts, strict=True)]
+                                  for parts in zip(*handles, strict=True))
+        off_m = 3 * moving.error_m + axis_error * np.maximum(np.hypot(*one.middle), np.hypot(*two.middle))
+        x, y, u_x, u_y = _middle(one, two, (v_x, v_y), turn, gone_m, off_m)
+        square = turn.squared()
+        first = ABOVE * np.hypot((a_x + 2 * turn * u_y + turn_rate * y + square * x).most,
+                         (a_y - 2 * turn * u_x - turn_rate * x + square * y).most)
+        more, more_rate = (_at(moving.w, row, j) - turn).most, (_at(moving.w_rate, row, j) - turn_rate).most
+        spin = ABOVE * np.hypot(more_rate, more * more)
+        second = first + 2 * more * np.hypot(u_x.most, u_y.most) + (more_rate + more * more) * np.hypot(x.most, y.most)
+        out = ABOVE * (first + arm[j] * spin), ABOVE * (second + arm[i] * spin)
+    low, high = (np.where(np.isfinite(each), each, np.inf) for each in out)
+    return low, high
+
+
+def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
+    """Return numbers of a ball, one for each row and column."""
+    return Ball(ball.mid[row, column], ball.rad[row, column])
+
+
+def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
+            off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
+    """Return a handle's velocity and its change along and across the first bench, from where that does not turn."""
+    v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
+    start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
+    stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
+    reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
+    ends = between(start, stop, off)
+    # With less than half a turn on the way the angle went the short way from one end to the other.
+    sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
+    bent = k * v.squared()
+    return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
+
+
+def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,
+            off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
+    """Return what the second bench's middle, seen from the first, and its velocity can be.
+
+    Middles go no further from each other than their velocities say, however the first bench turns. What is known of
+    them at the states may be ``off`` (K,) in metres.
+    """
+    far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
+    far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))
+    ends = [between(a, b, off) for a, b in zip(one.middle, two.middle, strict=True)]
+    x, y = (Ball(end.mid, ABOVE * (far + end.most)) for end in ends)
+    for _ in range(_PASSES):
+        u, before = (v[0] + turn * y, v[1] - turn * x), (x, y)
+        x, y = (Ball(end.mid, np.fmin(ball.rad, np.maximum(end.rad, ABOVE * (0.5 * rate.most * gone_m + off))))
+                for end, ball, rate in zip(ends, (x, y), u, strict=True))
+        if _settled(before, (x, y)):
+            break
+    return x, y, v[0] + turn * y, v[1] - turn * x
