@@ -133,14 +133,15 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
         with Progress('check', 'ticks', compile_scene(scene).last_tick + 1) as bar:
             found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id,
                                        contact.t_s if isinstance(contact, Contact) else None)
-    code = command_line.FAILED if found.fault_count else command_line.OK
+    code = command_line.OK if found.passed else command_line.FAILED
     return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
 
 
 def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
             'other_version': found.other_version, 'fault_count': found.fault_count,
-            'missing_count': found.missing_count, 'faults': found.faults}
+            'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once,
+            'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()}}
 
 
 def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
@@ -149,8 +150,8 @@ def _repair(arguments: Namespace) -> tuple[dict[str, Any], int]:
     with Progress('repair', 'B', total, unit_scale=True) as bar:
         done = repair(arguments.bag, arguments.repair, bar.update)
     values = {'bag': str(arguments.bag), 'repaired': str(arguments.repair), 'messages': done.messages,
-              'lost_count': done.lost.count, 'lost': done.lost.lines}
-    return values, command_line.OK
+              'unsaved': done.unsaved, 'lost_count': done.lost.count, 'lost': done.lost.lines}
+    return values, command_line.FAILED if done.unsaved else command_line.OK
 
 
 def _bag_text(values: dict[str, Any]) -> str:
@@ -178,7 +179,11 @@ def _check_text(values: dict[str, Any]) -> str:
     missing = values['missing_count']
     line += f', {values["fault_count"] - missing} are not' + (f'; {missing} are missing' if missing else '')
     lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
-    return '\n'.join(lines + _more(len(values['faults'][:_SHOWN]), len(values['faults'])))
+    lines += _more(len(values['faults'][:_SHOWN]), len(values['faults']))
+    if values['once']:
+        lines.append(f'  scene and track: {values["once"]} messages are those of the scene')
+    return '\n'.join([*lines, *(f'  unchecked: {row["messages"]} of {name} ({row["reason"]})'
+                                for name, row in values['unchecked'].items())])
 
 
 def _repair_text(values: dict[str, Any]) -> str:

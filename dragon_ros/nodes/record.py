@@ -10,10 +10,11 @@ from typing import Any
 from diagnostic_msgs.msg import DiagnosticArray
 from rclpy.publisher import Publisher
 
-from dragon_ros.bags.record.loss_accounting import LossAccount
+from dragon_ros.bags.record.loss_accounting import RECEIVED, LossAccount
 from dragon_ros.bags.record.scene_reader import SceneReader
 from dragon_ros.bags.record.simulation_clock import SimulationClock
 from dragon_ros.bags.record.writer_thread import WriterThread
+from dragon_ros.bags.write.mcap import MESSAGE_BYTES
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
@@ -30,7 +31,6 @@ _IDLE_S = 0.25      # longest wait of messages without a stamp for the next hand
 _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that wait for a scene to be read; then the recorder waits for it
 _HEALTH = '/diagnostics'
-RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 
 
 class Recorder(DragonNode):
@@ -49,6 +49,7 @@ class Recorder(DragonNode):
         # Nodes of every dragon publish on absolute topics.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
         self._several: dict[str, list[str]] = {}
+        self._named = set[str]()        # topics with messages that are left out
         self._health: Publisher | None = None
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
@@ -82,18 +83,23 @@ class Recorder(DragonNode):
         self.writer.stop()
         try:
             with suppress(DiskError):
-                self.bag.describe(RECEIVED, self.losses.report(gone) | self._pressure())
+                self.bag.describe(RECEIVED, self.losses.report(gone) | self._left_out() | self._pressure())
             self.bag.close()
             if self.writer.error is not None:
                 raise self.writer.error
         finally:
             self._log_summary(gone)
-        return self.losses.complete(gone)
+        return self._is_complete(gone)
+
+    def _is_complete(self, gone: bool) -> bool:
+        """Return whether the closed bag has all that was published, as far as anybody can say."""
+        return self.losses.complete(gone) and self.bag.kept >= self.losses.received
 
     def _look_around(self) -> None:
         """Look for topics that several publish, of which nobody can say what is missing, and warn of them."""
         self._several = publishers.several_of(self, self._sources, self._several)
         self.losses.share(self._several)
+        self._name_left_out()
         if self._several:
             row = channels()[_HEALTH]
             self._health = self._health or self.create_publisher(DiagnosticArray, _HEALTH, qos.of_channel(row))
@@ -102,16 +108,30 @@ class Recorder(DragonNode):
             message.header.stamp = self.get_clock().now().to_msg()
             self._health.publish(message)
 
+    def _name_left_out(self) -> None:
+        """Warn once of each topic with messages that are too large for any reader."""
+        for topic in set(self.bag.left_out) - self._named:
+            self._named.add(topic)
+            self.get_logger().warning(f'{topic}: messages of more than {MESSAGE_BYTES} bytes are left out, since no '
+                                      'reader takes them')
+
+    def _left_out(self) -> dict[str, str]:
+        """Return how many messages were too large; the account is not complete then."""
+        found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
+        return found | ({'complete': 'false'} if found else {})
+
     def _log_summary(self, gone: bool) -> None:
         writer, log = self.writer, self.get_logger()
         topics = sum(count > 0 for count in self.bag.counts.values())
-        whole = 'nothing is missing' if self.losses.complete(gone) else 'NOT COMPLETE'
+        whole = 'nothing is missing' if self._is_complete(gone) else 'NOT COMPLETE'
         log.info(f'{self.bag.path}: {self.bag.kept} messages of {topics} topics, {whole}; the queue was '
                  f'{writer.fullest:.1%} full at most, the longest write took {writer.slowest_write_s:.3f} s')
         for lack in self.losses.lines(gone):
             log.warning(lack)
         if writer.waits:
             log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in all')
+        for topic, count in self.bag.left_out.items():
+            log.warning(f'{topic}: {count} messages of more than {MESSAGE_BYTES} bytes are left out')
         if self.losses.received > self.bag.kept:
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 

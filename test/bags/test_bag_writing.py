@@ -1,4 +1,5 @@
 """Bags can be read by others, are never overwritten unasked, and are complete even where the disk is full."""
+import shutil
 from contextlib import suppress
 
 import pytest
@@ -9,9 +10,13 @@ from mcap.records import Message
 from mcap.stream_reader import StreamReader
 from small_disk import small_disk
 
+from dragon_ros.bags.check.examine import examine
+from dragon_ros.bags.read import mcap as reading
 from dragon_ros.bags.read.reader import BagReader
-from dragon_ros.bags.write.mcap import CHUNK_BYTES
+from dragon_ros.bags.write import writer
+from dragon_ros.bags.write.mcap import CHUNK_BYTES, MESSAGE_BYTES
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.core import limits
 from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
@@ -263,6 +268,124 @@ def test_without_a_thread_a_chunk_that_is_lost_is_known_at_once(tmp_path):
             bag.write('/x', bytes(CHUNK_BYTES), 1, 1)
         bag.close()
     assert read(tmp_path / 'a.mcap') == [('/x', 0, b'kept')]
+
+
+def begun_in_parts(folder, parts=3):
+    """Return a bag of small messages, one a part, and how many are in its folder."""
+    bag = BagWriter(folder, options=BagOptions('none', split_duration_s=1e-9))
+    bag.add_channel('/x', channels()['clearance'])
+    for k in range(parts):
+        bag.write('/x', bytes(12), k, k + 1)
+        bag.flush()
+    return bag
+
+
+def ended(bag):
+    """Do what a recorder does after an error, and return the words of the errors."""
+    errors = []
+    for act in (lambda: bag.describe('account', {'complete': 'false'}), lambda: bag.attach('a', 'text/plain', b'a'),
+                bag.flush, bag.close, bag.close):
+        try:
+            act()
+        except DiskError as error:
+            errors.append(str(error))
+    return errors
+
+
+def test_where_the_disk_is_full_between_two_parts_all_parts_are_whole_and_listed(tmp_path):
+    bag = begun_in_parts(tmp_path / 'run')
+    with small_disk(30_000):        # a part has room, the next metadata.yaml has none
+        with pytest.raises(DiskError, match='no further part can begin: File too large'):
+            bag.write('/x', bytes(12), 9, 9)
+        assert all('no further part can begin' in error for error in ended(bag))
+    assert bag.kept == 3
+    assert sorted(path.name for path in (tmp_path / 'run').iterdir()) == ['metadata.yaml', *(
+        f'run_{k}.mcap' for k in range(3))]
+    found = examine(tmp_path / 'run')
+    assert (found.topics['/x'].messages, found.problems.lines) == (3, [])
+
+
+@pytest.mark.parametrize('moved', [True, False])
+@pytest.mark.parametrize('flushed', [True, False])
+def test_a_folder_that_vanishes_between_two_parts_is_noticed_in_words(tmp_path, moved, flushed):
+    bag = begun_in_parts(tmp_path / 'run')
+    if not flushed:
+        bag.write('/x', bytes(12), 2, 4)
+    if moved:
+        (tmp_path / 'run').rename(tmp_path / 'elsewhere')
+    else:
+        shutil.rmtree(tmp_path / 'run')
+    with pytest.raises(DiskError, match='no longer exists; it was moved or removed during recording'):
+        bag.write('/x', bytes(12), 9, 9)
+    errors = ended(bag)
+    assert errors
+    assert all('no longer exists' in error for error in errors)
+
+
+@pytest.mark.parametrize('left', [0, 30, 700, 2000])
+def test_a_file_that_is_truncated_during_recording_is_noticed_and_ends_whole(tmp_path, left):
+    path = tmp_path / 'a.mcap'
+    bag = BagWriter(path, options=BagOptions('none'))
+    bag.add_channel('/x', channels()['clearance'])
+    for k in range(20):
+        bag.write('/x', bytes(100), k, k + 1)
+        bag.flush()
+    with path.open('r+b') as file:
+        file.truncate(left)
+    bag.write('/x', bytes(100), 20, 21)
+    with pytest.raises(DiskError, match=f'truncated to {left} bytes by another program'):
+        bag.flush()
+    bag.close()
+    found = examine(path)
+    assert not found.problems.count
+    assert [row.messages for row in found.topics.values()] == [bag.kept] * bool(bag.kept)
+    assert bag.kept == (0 if left < 2000 else 5)
+
+
+@pytest.mark.parametrize('folder', [True, False])
+def test_what_is_being_recorded_is_not_replaced_even_on_request(tmp_path, folder):
+    path = tmp_path / ('run' if folder else 'a.mcap')
+    with BagWriter(path) as bag:
+        bag.add_channel('/x', channels()['clearance'])
+        bag.write('/x', bytes(12), 0, 1)
+        bag.flush()
+        with pytest.raises(MissingError, match='another recorder is writing it'):
+            BagWriter(path, overwrite=True)
+    with BagReader(path) as reader:
+        assert len(list(reader.messages())) == 1
+
+
+@pytest.mark.parametrize('killed', [True, False])
+@pytest.mark.parametrize('folder', [True, False])
+def test_a_bag_without_messages_gives_way_to_the_next_one(tmp_path, folder, killed):
+    path = tmp_path / ('run' if folder else 'a.mcap')
+    first = BagWriter(path)
+    first.describe('account', {'complete': 'true'})
+    first.close()
+    if killed:      # with its header and without its end
+        file = path / 'run_0.mcap' if folder else path
+        file.write_bytes(file.read_bytes()[:40])
+    with BagWriter(path) as bag:
+        written = fill(bag, [0])
+    with BagReader(path) as reader:
+        assert len(list(reader.messages())) == len(written)
+    with pytest.raises(MissingError, match='--force'):
+        BagWriter(path)
+
+
+def test_a_message_that_no_reader_takes_is_left_out_and_counted_and_all_others_are_read(tmp_path, monkeypatch):
+    for module in (limits, reading):
+        monkeypatch.setattr(module, 'CHUNK_BYTES', 3000)
+    monkeypatch.setattr(writer, 'MESSAGE_BYTES', 3000 - 31)
+    sizes = [100, 2969, 2970, 100, 2900, 100]
+    with BagWriter(tmp_path / 'a.mcap', options=BagOptions('none')) as bag:
+        bag.add_channel('/x', channels()['clearance'])
+        for k, size in enumerate(sizes):
+            bag.write('/x', bytes(size), k, k + 1)
+    assert (bag.left_out, bag.kept) == ({'/x': 1}, 5)
+    with BagReader(tmp_path / 'a.mcap') as reader:
+        assert [len(message.data) for message in reader.messages()] == [100, 2969, 100, 2900, 100]
+    assert MESSAGE_BYTES == 128 * 2**20 - 31
 
 
 @pytest.mark.parametrize('remove', [True, False])

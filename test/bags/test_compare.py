@@ -4,14 +4,22 @@ from dataclasses import replace
 import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.read.frames import law_on
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.flags import Effect
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.step import contact_frame, tick, ticks_before
+from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
+from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_pose_array
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.markers import track_marker
+from dragon_ros.scenes.load import load_scene
+from dragon_ros.scenes.provenance import run_metadata, scene_file
 
 SCENE = Scene(run=Run(412, 412.5))
 
@@ -67,3 +75,127 @@ def test_a_run_that_ends_in_a_contact_has_the_ticks_before_it_and_its_frame(tmp_
     beyond = checked('c.mcap', [*before, end, tick(scene, len(before) + 1)])
     assert (beyond.equal, beyond.fault_count) == (whole.equal, topics)
     assert all('belongs to no tick' in fault for fault in beyond.faults)
+
+
+LED = load_scene('led', ['dragon.benches=3', 'run.stop_s=100'])
+
+
+def led_frames(count):
+    """Yield the first frames of a led dragon that speeds up from rest."""
+    law = None
+    for k in range(count):
+        law = law_on(LED, law, LED.run.time_ns(k), 0.01 * (k > 0))
+        yield led_tick(compile_scene(LED), law, k)
+
+
+def write_led(path, count, keep=lambda name, k: True, change=lambda name, k, data: data, account=False):
+    """Write a led run, perhaps as a recorder that was not killed, with some messages left out or changed."""
+    encode = encoders(LED)
+    with BagWriter(path) as bag:
+        for name in encode:
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        bag.describe('dragon_ros', run_metadata(scene_file(LED), LED, {}))
+        if account:
+            bag.describe(RECEIVED, {'complete': 'true'})
+        for k, frame in enumerate(led_frames(count)):
+            for name in encode:
+                if keep(name, k):
+                    bag.write(f'/dragon/{name}', change(name, k, bytes(encode[name](frame))), frame.t_ns, k + 1)
+    return path
+
+
+def compared(path, scene=LED):
+    with BagReader(path) as bag:
+        return compare_with_model(bag, scene)
+
+
+def five_metres_off(name, k, data):
+    if name != 'handles' or not k:
+        return data
+    moved = bytearray(data)
+    read_pose_array(moved).poses[:, 0] += 5.0
+    return bytes(moved)
+
+
+@pytest.mark.parametrize('ticks', [5, 200])
+def test_a_led_run_that_lacks_a_topic_from_some_tick_on_is_checked_on_its_other_topics(tmp_path, ticks):
+    lacking = compared(write_led(tmp_path / 'a.mcap', ticks, lambda name, k: name != 'velocities' or not k,
+                                 five_metres_off))
+    assert sum('handles' in line for line in lacking.faults) >= 1
+    assert lacking.fault_count >= ticks - 1
+    assert not lacking.passed
+
+
+@pytest.mark.parametrize(('account', 'passed'), [(False, True), (True, False)])
+def test_the_last_ticks_of_a_led_run_may_lack_topics_only_where_a_recorder_was_killed(tmp_path, account, passed):
+    found = compared(write_led(tmp_path / 'a.mcap', 20, lambda name, k: name == 'handles' or k < (
+        19 if name == 'leader' else 17), account=account))
+    topics = len(encoders(LED))
+    assert found.passed == passed
+    assert found.equal == 17 * topics + (0 if passed else 2 * 2)
+    assert (found.unchecked != {}) == (passed or account)
+    if passed:
+        assert {name: count for name, (count, _) in found.unchecked.items()} == {'handles': 3, 'leader': 2}
+    else:
+        assert found.missing_count == 2 * (topics - 2)
+
+
+def test_a_led_run_without_any_whole_tick_is_not_passed(tmp_path):
+    found = compared(write_led(tmp_path / 'a.mcap', 3, lambda name, k: name != 'velocities'))
+    assert (found.equal, found.fault_count, found.passed) == (0, 0, False)
+
+
+def test_topics_of_each_tick_that_the_scene_does_not_declare_are_faults(tmp_path):
+    scene, bare = Scene(run=Run(412, 412.1)), Scene(run=Run(412, 412.1), effects=Effect(0))
+    path = write_frames(tmp_path / 'a.mcap', scene, [tick(scene, k) for k in range(6)])
+    found = compared(path, bare)
+    assert (found.equal, found.fault_count, found.passed) == (6, 12, False)
+    assert found.faults == ['benches: 6 messages, which the scene does not declare',
+                            'velocities: 6 messages, which the scene does not declare']
+
+
+def test_every_message_of_a_bag_is_accounted_for(tmp_path):
+    scene = Scene(run=Run(412, 412.1))
+    text = scene_file(scene)
+    encode = encoders(scene)
+    others = {'/dragon/clearance': 'clearance', '/diagnostics': '/diagnostics', '/other/handles': 'handles',
+              '/dragon/joint_states': 'clearance', '/tf': 'clearance'}
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for topic, name in others.items():
+            bag.add_channel(topic, channels()[name])
+        for name in (*encode, 'scene', 'track'):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        bag.describe('dragon_ros', run_metadata(text, scene, {}))
+        bag.write('/dragon/scene', string_message(text), scene.run.start_ns, 1)
+        bag.write('/dragon/track', track_marker(scene, 'dragon'), scene.run.start_ns, 1)
+        for k in range(6):
+            frame = tick(scene, k)
+            for name in encode:
+                bag.write(f'/dragon/{name}', bytes(encode[name](frame)), frame.t_ns, k + 1)
+            for topic in others:
+                bag.write(topic, bytes(12), frame.t_ns, k + 1)
+    found = compared(tmp_path / 'a.mcap', scene)
+    with BagReader(tmp_path / 'a.mcap') as reader:
+        messages = sum(topic.messages for topic in reader.topics)
+    assert found.passed
+    assert found.equal + found.once + sum(count for count, _ in found.unchecked.values()) == messages == 18 + 2 + 30
+    assert [why.partition(',')[0] for _, why in found.unchecked.values()] == [
+        'published by monitor', 'published by all nodes', 'of no dragon', 'unknown to this version', 'of no dragon']
+
+
+@pytest.mark.parametrize('name', ['scene', 'track'])
+def test_a_scene_or_a_track_of_another_run_is_a_fault(tmp_path, name):
+    scene, other = Scene(run=Run(412, 412.1)), Scene(run=Run(400, 400.1), markers='triangles')
+    path = write_frames(tmp_path / 'a.mcap', scene, [tick(scene, k) for k in range(6)])
+    made = {'scene': string_message(scene_file(other)), 'track': track_marker(load_scene('turning'), 'dragon')}
+    encode = encoders(scene)
+    with BagWriter(path, overwrite=True) as bag:
+        bag.describe('dragon_ros', run_metadata(scene_file(scene), scene, {}))
+        for topic in (*encode, name):
+            bag.add_channel(f'/dragon/{topic}', channels()[topic])
+        bag.write(f'/dragon/{name}', made[name], scene.run.start_ns, 1)
+        for k in range(6):
+            for topic in encode:
+                bag.write(f'/dragon/{topic}', bytes(encode[topic](tick(scene, k))), scene.run.time_ns(k), k + 1)
+    found = compared(path, scene)
+    assert (found.equal, found.faults) == (18, [f'{name} at {scene.run.start_ns} ns is not that of the scene'])

@@ -306,3 +306,30 @@ def test_record_options_that_make_no_sense_are_refused(start, tmp_path, options,
     assert process.end() == 2
     assert says in process.text
     assert not [path for path in tmp_path.iterdir() if path.name != 'log']
+
+
+def test_a_message_that_no_reader_takes_is_named_and_counted_and_the_bag_is_not_complete(tmp_path, domain, capfd,
+                                                                                        monkeypatch):
+    import rclpy
+
+    from dragon_ros.bags.record.loss_accounting import RECEIVED
+    from dragon_ros.bags.write import writer
+    from dragon_ros.messages.channels import channels
+    from dragon_ros.nodes.record import Recorder
+    monkeypatch.setattr(writer, 'MESSAGE_BYTES', 1000)
+    rclpy.init()
+    try:
+        node = Recorder(writer.BagWriter(tmp_path / 'a.mcap', threaded=False))
+        take = node._take('/dragon/handles', channels()['handles'])
+        for n in range(1, 4):
+            take(poses(n) + bytes(1000 * (n == 2)), {'source_timestamp': n, 'publication_sequence_number': n})
+        assert not node.close()
+        node.destroy_node()
+    finally:
+        rclpy.shutdown()
+    said = capfd.readouterr().err
+    assert '2 messages of 1 topics, NOT COMPLETE' in said
+    assert '/dragon/handles: 1 messages of more than' in said
+    assert '1 received messages are not in the bag' in said
+    account = received(tmp_path / 'a.mcap')[RECEIVED]
+    assert (account['complete'], account['/dragon/handles too large']) == ('false', '1')

@@ -3,17 +3,21 @@
 Last bits may differ between machines, and between versions of this software. Handles, benches and velocities are then
 held to twice the promise of the tier: each side may be off by it. In a bag of another version so is everything that is
 computed from them.
+
+Every message of the bag is accounted for: compared, or left unchecked, with the reason.
 """
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import dataclass, field
 from heapq import merge
-from itertools import groupby
+from itertools import chain, groupby
 from math import inf
 
 import numpy as np
 
 from dragon_ros.bags.read.frames import law_on, log_times_are_ticks
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.record.loss_accounting import RECEIVED
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.frame import Frame
@@ -22,7 +26,8 @@ from dragon_ros.core.numerics.types import Array, Ints
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
 from dragon_ros.core.tiers import position_promise_m, speed_promise_m_s
-from dragon_ros.messages.channels import channel_of, channels
+from dragon_ros.messages.cdr import string_message
+from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import (
     MessageError,
     decode,
@@ -34,11 +39,12 @@ from dragon_ros.messages.decode import (
     stamp_of_message,
 )
 from dragon_ros.messages.encode import Encode, encoders
+from dragon_ros.messages.markers import track_marker
 from dragon_ros.scenes.provenance import RECORD
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_WAITING = 1000    # ticks that may lack a topic before a whole one
+_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic: a recorder was killed that lagged behind
 _Instant = tuple[int, dict[str, list[bytes]]]
 _SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
@@ -57,6 +63,8 @@ class Comparison:
     position difference among them. ``fault_count`` counts messages that are missing, extra or different;
     ``missing_count`` those that are missing.
     ``other_version`` is the version that made the bag, where that is another one: then all topics may be close.
+    ``once`` counts messages that are published once a run, and are those of the scene. ``unchecked`` has, by topic, how
+    many messages were not compared, and why; ``seen`` how many of each tick's topics were.
     """
 
     other_version: str | None = None
@@ -65,7 +73,10 @@ class Comparison:
     worst_m: float = 0.0
     fault_count: int = 0
     missing_count: int = 0
+    once: int = 0
     faults: list[str] = field(default_factory=list)
+    unchecked: dict[str, tuple[int, str]] = field(default_factory=dict)
+    seen: Counter[str] = field(default_factory=Counter)
     _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
 
     def note(self, name: str, k: int, what: str) -> None:
@@ -93,9 +104,19 @@ class Comparison:
 
     def stray(self, name: str, t_ns: int, count: int) -> None:
         """Count messages whose log time is not a tick."""
+        self.seen[name] += count
+        self.fault(f'{name} at {t_ns} ns belongs to no tick', count)
+
+    def fault(self, line: str, count: int) -> None:
+        """Count messages that are of no tick of the run."""
         self.fault_count += count
         if len(self.faults) < MOST_FAULTS:
-            self.faults.append(f'{name} at {t_ns} ns belongs to no tick')
+            self.faults.append(line)
+
+    @property
+    def passed(self) -> bool:
+        """Whether all that the run must contain was compared, and equals the model."""
+        return not self.fault_count and self.equal + self.close > 0
 
 
 def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
@@ -109,8 +130,17 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     encode, result = encoders(scene, frame_id), Comparison(None if made_by in (None, __version__) else made_by)
     instants = _instants(bag, namespace, encode)
     if scene.is_led:
-        _compare_led(result, scene, encode, _whole(instants, bag, namespace), progress)
-        return result
+        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that was not killed has whole ticks
+        _compare_led(result, scene, encode, instants, most, progress)
+    else:
+        _compare_run(result, scene, encode, instants, contact_s, progress)
+    _account(result, bag, scene, namespace, frame_id, set(encode))
+    return result
+
+
+def _compare_run(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
+                 contact_s: float | None, progress: Callable[[int], object]) -> None:
+    """Compare the ticks of a run that the scene alone decides."""
     ticks, k, last = compile_scene(scene).last_tick + 1, 0, None
     if contact_s is not None:
         ticks, last = min(ticks, ticks_before(scene, contact_s)), contact_frame(scene, contact_s)
@@ -131,24 +161,85 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
         progress(here)
         k = here + 1
     _missing(result, encode, k, ticks + (last is not None))
-    return result
 
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
-                 progress: Callable[[int], object]) -> None:
+                 most: int, progress: Callable[[int], object]) -> None:
     """Compare the ticks of a led dragon, whose speeds are those that its topic ``leader`` recorded.
 
-    Such a run ends where it was ended. Where a speed is missing nothing after it can be recomputed.
+    Such a run ends where it was ended; up to ``most`` of its last ticks may lack topics, which a recorder that was
+    killed had not got yet. Their messages only must not differ. Where a speed is missing nothing after it can be
+    recomputed.
     """
-    law = None
-    for k, (t_ns, recorded) in enumerate(instants):
+    law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
+    for k, (t_ns, recorded) in enumerate(left):
         speed_m_s = _walked_m_s(recorded.get('leader', []), t_ns)
         if t_ns != scene.run.time_ns(k) or speed_m_s is None:
-            result.note('leader', k, 'is not there once: what was walked from there on is unknown')
-            return
+            after = len(waiting) + sum(1 for _ in chain([t_ns], left))
+            if recorded.get('leader') or after > most:
+                result.note('leader', k, 'is not there once: what was walked from there on is unknown')
+                most = 0
+            break
         law = law_on(scene, law, t_ns, speed_m_s)
-        _compare_tick(result, scene, encode, k, led_tick(compile_scene(scene), law, k), recorded)
+        waiting.append((k, led_tick(compile_scene(scene), law, k), recorded))
+        if set(recorded) >= set(encode) or len(waiting) > most:
+            for one in waiting:
+                _compare_tick(result, scene, encode, *one)
+            waiting.clear()
         progress(k)
+    for number, frame, found in waiting:
+        trial = Comparison(result.other_version)
+        _compare_tick(trial, scene, {name: encode[name] for name in found}, number, frame, found)
+        for line in trial.faults:
+            result.fault(line, 1)
+
+
+def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str, each: set[str]) -> None:
+    """Account for the messages of the bag that are of no tick, or of one that could not be compared."""
+    for topic in bag.topics:
+        name = topic.name.removeprefix(f'{namespace}/')
+        left, row = topic.messages - result.seen[name], channels().get(name)
+        if name in each:
+            why = 'of last ticks that are not whole, as a recorder that was killed leaves them'
+        elif name == 'track' and result.other_version is not None:
+            why = 'drawn in another way by another version'
+        elif name in ('scene', 'track'):
+            _compare_once(result, bag, scene, topic.name, frame_id)
+            continue
+        elif row is not None and row.each_tick:
+            result.fault(f'{name}: {left} messages, which the scene does not declare', left)
+            continue
+        elif name == topic.name:
+            why = 'of no dragon, or of another one' if row is None else 'published by all nodes, at times of their own'
+        else:
+            why = 'unknown to this version' if row is None else f'published by {row.publisher}, at a pace of its own'
+        if left:
+            result.unchecked[name] = left, why
+
+
+def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topic: str, frame_id: str) -> None:
+    """Compare the messages of a topic that is published once a run. The scene may be known from nowhere else."""
+    name = topic.rpartition('/')[2]
+    text = bag.metadata(RECORD).get('scene')
+    wanted = track_marker(scene, frame_id) if name == 'track' else None if text is None else string_message(text)
+    for message in bag.messages([topic]):
+        if wanted is None or message.data == wanted or _nearly(scene, channels()[name].type, wanted, message.data):
+            result.once += 1
+        else:
+            result.fault(f'{name} at {message.t_ns} ns is not that of the scene', 1)
+
+
+def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
+    """Return whether two messages differ in numbers alone, by twice the promise of the tier at most."""
+    promise_m = compile_scene(scene).promise_m
+    try:
+        expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
+    except MessageError:
+        return False
+    return len(expected) == len(got) and all(
+        one == other or (isinstance(one, float) and isinstance(other, float)
+                         and abs(one - other) <= 2 * promise_m < inf)
+        for one, other in zip(expected, got, strict=True))
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
@@ -157,19 +248,6 @@ def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
     return speed_m_s if stamp_ns == t_ns else None
-
-
-def _whole(instants: Iterable[_Instant], bag: BagReader, namespace: str) -> Iterator[_Instant]:
-    """Yield instants without those at the end that lack a topic of the bag: a killed recorder had not got it yet."""
-    wanted = {topic.name for topic in bag.topics if topic.messages}
-    waiting = list[_Instant]()
-    for instant in instants:
-        waiting.append(instant)
-        names = {f'{namespace}/{name}' for name in instant[1]}
-        if names >= {name for name in wanted if (row := channel_of(name)) and row.each_tick
-                     and name == f'{namespace}/{row.name}'} or len(waiting) > _MOST_WAITING:
-            yield from waiting
-            waiting.clear()
 
 
 def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
@@ -222,6 +300,7 @@ def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int
 def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes, found: list[bytes],
              scene: Scene) -> None:
     """Compare one topic's messages of one tick and count the result."""
+    result.seen[name] += len(found)
     if found == [wanted]:
         result.equal += 1
     elif not found:

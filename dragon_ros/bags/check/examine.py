@@ -20,6 +20,7 @@ from dragon_ros.bags.read.mcap import (
     McapFile,
     StoredMessage,
     chunk_head,
+    is_indexed,
     scanned_index,
     summary_index,
 )
@@ -81,8 +82,11 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
 def _examine(contents: Contents, file: McapFile, progress: Callable[[int], object]) -> None:
     contents.size += file.size
     scanned = scanned_index(file)
-    if scanned.damage:
-        contents.problems.note(scanned.damage)
+    for fault in (*scanned.faults, *([scanned.damage] if scanned.damage else ())):
+        contents.problems.note(fault)
+    contents.problems.count += scanned.fault_count - len(scanned.faults)
+    for place in scanned.stray:
+        contents.problems.note(file.fault(place.offset, 'the data end there, and other records follow'))
     contents.writers.append(_writer(file))
     for batch in scanned.batches:
         _survey(contents, scanned, batch)
@@ -140,16 +144,19 @@ def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
     except BagError as error:
         contents.problems.note(error)
         return
-    if summary is None:
+    if summary is None or not is_indexed(scanned, summary):
         contents.notes.note(f'{file.path}: has no complete summary; readers have to scan the whole file')
+    if summary is None:
         return
     places = {batch.place for batch in scanned.batches}
     for batch in summary.batches:
         if batch.place not in places:
             contents.problems.note(file.fault(batch.place.offset, 'the index expects a chunk there, and there is none'))
-    if summary.counts != scanned.counts and not scanned.damage:
-        contents.problems.note(f'{file.path}: the summary counts {sum(summary.counts.values())} messages, the chunks '
-                               f'hold {sum(scanned.counts.values())}')
+    said, found = summary.statistics, +scanned.counts
+    if said is not None and not scanned.damage and (
+            said.message_count != found.total() or (summary.counts and +summary.counts != found)):
+        contents.problems.note(f'{file.path}: the summary counts {said.message_count} messages, the records are '
+                               f'{found.total()}')
 
 
 def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:

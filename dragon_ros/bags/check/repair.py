@@ -1,6 +1,6 @@
 """Rescue a complete bag from a truncated or damaged one."""
 from collections.abc import Callable, Iterator
-from contextlib import closing, contextmanager
+from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import IO
@@ -12,12 +12,15 @@ from mcap.writer import CompressionType, Writer
 from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
+    MAGIC,
+    MESSAGE_HEAD,
     BagError,
     Batch,
     Index,
     Location,
     McapFile,
     StoredMessage,
+    chunk_data,
     chunk_head,
     first_bytes,
     records_in,
@@ -26,14 +29,19 @@ from dragon_ros.bags.read.mcap import (
 )
 from dragon_ros.bags.write.whole_file import whole_or_none
 from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.limits import CHUNK_BYTES
 from dragon_ros.version import __version__
 
 
 @dataclass
 class Repaired:
-    """How many messages were rescued, and a line for each part that was not."""
+    """How many messages were rescued, and a line for each part that was not.
+
+    ``unsaved`` counts messages that parse and were not saved all the same.
+    """
 
     messages: int = 0
+    unsaved: int = 0
     lost: CappedLog = field(default_factory=CappedLog)
 
 
@@ -91,9 +99,10 @@ def _created(output: Path) -> Iterator[IO[bytes]]:
 
 
 def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int], object]) -> None:
-    scanned = scanned_index(file)
-    if scanned.damage:
-        done.lost.note(scanned.damage)
+    scanned, before = scanned_index(file), done.messages
+    for fault in (*scanned.faults, *([scanned.damage] if scanned.damage else ())):
+        done.lost.note(fault)
+    done.lost.count += scanned.fault_count - len(scanned.faults)
     for place in (*scanned.metadata, *scanned.attachments):
         _copy(done, sink, file, place)
     for batch in (*scanned.batches, *_beyond(file, scanned)):
@@ -105,6 +114,10 @@ def _save(done: Repaired, sink: _Sink, file: McapFile, progress: Callable[[int],
         progress(batch.place.end - batch.place.offset)
     for row, data in _first(scanned):
         _put(done, sink, scanned, row, data)
+    parsed, saved = messages_that_parse(file), done.messages - before
+    if parsed > saved:
+        done.unsaved += parsed - saved
+        done.lost.note(f'{file.path}: {parsed} messages parse, {saved} of them are saved')
 
 
 def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: bytes) -> None:
@@ -117,20 +130,50 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: by
     done.messages += 1
 
 
+def messages_that_parse(file: McapFile) -> int:
+    """Return how many messages a walk over all records finds, whatever stands between them, up to the first damage.
+
+    It shares nothing with the scan but the records: a repair is held to it.
+    """
+    found, offset = 0, len(MAGIC)
+    while offset < file.size:
+        if file.read(offset, min(len(MAGIC), file.size - offset)) == MAGIC:      # between two bags in one file
+            offset += len(MAGIC)
+            continue
+        try:
+            place = file.place(offset)
+        except BagError:
+            break
+        if place.opcode == Opcode.MESSAGE:
+            found += MESSAGE_HEAD <= place.length <= CHUNK_BYTES
+        elif place.opcode == Opcode.CHUNK:
+            found += _parsed_in(file, place)
+        offset = place.end
+    return found
+
+
+def _parsed_in(file: McapFile, place: Location) -> int:
+    """Return how many messages of a chunk parse, whatever its CRC says."""
+    found = 0
+    with suppress(BagError, ValueError):
+        for record in records_in(chunk_data(file, place, checked=False)):
+            found += isinstance(record, StoredMessage)
+    return found
+
+
 def _beyond(file: McapFile, scanned: Index) -> list[Batch]:
-    """Return chunks behind the damage, which the scan did not reach, from the summary."""
-    if not scanned.damage:
-        return []
+    """Return chunks that the scan did not reach, from the summary."""
     try:
         summary = summary_index(file)
     except BagError:
         return []
-    seen = {batch.place.offset for batch in scanned.batches}
-    for channel in summary.channels.values() if summary else ():
+    if summary is None:
+        return []
+    for channel in summary.channels.values():
         scanned.channels.setdefault(channel.id, channel)
-    for schema in summary.schemas.values() if summary else ():
+    for schema in summary.schemas.values():
         scanned.schemas.setdefault(schema.id, schema)
-    return [batch for batch in summary.batches if batch.place.offset not in seen] if summary else []
+    return [batch for batch in summary.batches if batch.place.offset > scanned.reach]
 
 
 def _first(index: Index) -> Iterator[tuple[StoredMessage, bytes]]:

@@ -11,7 +11,7 @@ import struct
 import zlib
 from collections import Counter
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from io import BytesIO
 from os import SEEK_END
 from pathlib import Path
@@ -32,7 +32,11 @@ FOOTER_BYTES = HEAD.size + 20
 T = TypeVar('T')
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
+_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # channel and bytes of what follows; time and offset
+MESSAGE_HEAD = _MESSAGE.size    # bytes of the content of a message before its data
 _LONGEST_NAME = 32              # of the name of a compression
+_MOST_FAULTS = 100      # that are kept
+_PACKED_MORE = 1 / 128          # by which a chunk of random bytes grows when it is compressed, at most
 _RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
 
 
@@ -40,7 +44,7 @@ class BagError(InputError):
     """The file is not a readable bag."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, order=True)
 class Location:
     """Where a record stands: opcode, offset of its first byte, and the length of its content."""
 
@@ -222,10 +226,10 @@ def chunk_head(file: McapFile, place: Location) -> ChunkHead:
     return ChunkHead(start_ns, end_ns, size, crc, text[:name].decode(errors='replace'), place.content + fixed, length)
 
 
-def chunk_data(file: McapFile, place: Location) -> bytes:
-    """Return a chunk's records, decompressed and checked against size and CRC. Raises BagError."""
+def chunk_data(file: McapFile, place: Location, checked: bool = True) -> bytes:
+    """Return a chunk's records, decompressed and checked against size and, if asked, CRC. Raises BagError."""
     head = chunk_head(file, place)
-    if max(head.size, head.length) > CHUNK_BYTES:
+    if head.size > CHUNK_BYTES or head.length > (1 + _PACKED_MORE) * CHUNK_BYTES:
         raise file.fault(place.offset, f'a chunk of {max(head.size, head.length)} bytes; the largest that is read has '
                          f'{CHUNK_BYTES}')
     unpack = _UNPACK.get(head.compression)
@@ -238,7 +242,7 @@ def chunk_data(file: McapFile, place: Location) -> bytes:
         raise file.fault(place.offset, f'a chunk does not decompress: {error}') from None
     if len(data) != head.size:
         raise file.fault(place.offset, f'a chunk claims {head.size} bytes and holds {len(data)}')
-    if head.crc and zlib.crc32(data) != head.crc:
+    if checked and head.crc and zlib.crc32(data) != head.crc:
         raise file.fault(place.offset, f'the CRC of a chunk is {zlib.crc32(data):08x}; it should be {head.crc:08x}')
     return data
 
@@ -332,12 +336,16 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 
 @dataclass(frozen=True)
 class Batch:
-    """A chunk, or consecutive messages outside chunks: where it is, and the times of its messages in ns."""
+    """A chunk, or consecutive messages outside chunks: where it is, and the times of its messages in ns.
+
+    ``messages`` is how many a chunk has by the indexes that follow it; None where nothing depends on them.
+    """
 
     file: McapFile
     place: Location
     start_ns: int
     end_ns: int
+    messages: int | None = None
 
     def records(self) -> bytes:
         """Return its records, decompressed and checked. Raises BagError."""
@@ -360,8 +368,10 @@ class Batch:
 class Index:
     """Contents of one file.
 
-    ``damage`` is where and why a scan ended early, ``cut`` the chunk in which it ended. ``data_end`` is the end of
-    the data section, None where it is unknown.
+    ``damage`` is where and why a scan ended early, ``cut`` the chunk in which it ended. ``faults`` are the first of
+    ``fault_count`` records that cannot be read, between others that can. ``data_end`` is the end of the data section,
+    None where it is unknown. ``stray`` are ends of data that records follow all the same. ``numbered`` counts messages
+    by channel as the indexes of the chunks do. ``reach`` is the offset up to which there are records.
     """
 
     file: McapFile
@@ -374,20 +384,36 @@ class Index:
     statistics: Statistics | None = None
     damage: BagError | None = None
     cut: Location | None = None
+    faults: list[BagError] = field(default_factory=list)
+    fault_count: int = 0
     data_end: Location | None = None
+    stray: list[Location] = field(default_factory=list)
+    numbered: Counter[int] = field(default_factory=Counter)
+    reach: int = 0
     _learned: int = 0
 
     def learn(self, opcode: int, content: bytes) -> None:
         """Register a schema or a channel. Raises ValueError where it is malformed, or where they exceed their limit."""
-        self._learned += len(content) if opcode in (Opcode.SCHEMA, Opcode.CHANNEL) else 0
-        if self._learned > SUMMARY_BYTES:
-            raise ValueError(f'its schemas and channels are more than {SUMMARY_BYTES} bytes')
         if opcode == Opcode.SCHEMA:
             schema = parse_fields(content, Schema.read)
-            self.schemas.setdefault(schema.id, schema)
+            self._count(content, schema, self.schemas.setdefault(schema.id, schema))
         elif opcode == Opcode.CHANNEL:
             channel = parse_fields(content, Channel.read)
-            self.channels.setdefault(channel.id, channel)
+            self._count(content, channel, self.channels.setdefault(channel.id, channel))
+
+    def _count(self, content: bytes, found: Schema | Channel, known: Schema | Channel) -> None:
+        if found is known:
+            self._learned += len(content)
+            if self._learned > SUMMARY_BYTES:
+                raise ValueError(f'its schemas and channels are more than {SUMMARY_BYTES} bytes')
+        elif found != known:
+            raise ValueError(f'it declares {type(found).__name__.lower()} {found.id} a second time, in another way')
+
+    def fault(self, error: BagError) -> None:
+        """Note a record that cannot be read."""
+        self.fault_count += 1
+        if len(self.faults) < _MOST_FAULTS:
+            self.faults.append(error)
 
     def survey(self, batch: Batch) -> Iterator[tuple[StoredMessage, bytes]]:
         """Yield (message, records) of a batch; count messages, register schemas and channels. Raises BagError."""
@@ -396,15 +422,19 @@ class Index:
             if isinstance(record, StoredMessage):
                 self.counts[record.channel] += 1
                 yield record, data
-                continue
-            try:
-                self.learn(record.opcode, data[record.start:record.end])
-            except ValueError as error:
-                raise batch.file.fault(batch.place.offset, f'a chunk: its record at {record.start}: {error}') from None
+            else:
+                self.learn_inside(batch, record, data)
+
+    def learn_inside(self, batch: Batch, record: OtherRecord, data: bytes) -> None:
+        """Register a schema or a channel in a chunk. Raises BagError."""
+        try:
+            self.learn(record.opcode, data[record.start:record.end])
+        except ValueError as error:
+            raise batch.file.fault(batch.place.offset, f'a chunk: its record at {record.start}: {error}') from None
 
 
 def summary_index(file: McapFile) -> Index | None:
-    """Return the index from the summary; None where there is no complete one. Raises BagError."""
+    """Return the index from the summary; None where there is none. Raises BagError."""
     at, footer = file.footer()
     if footer.summary_start == 0:
         return None
@@ -418,7 +448,7 @@ def summary_index(file: McapFile) -> Index | None:
     if footer.summary_crc and footer.summary_crc != crc:
         raise file.fault(footer.summary_start, f'the CRC of the summary is {crc:08x}; it should be '
                          f'{footer.summary_crc:08x}')
-    return _complete(_summary(file, footer.summary_start, data))
+    return _summary(file, footer.summary_start, data)
 
 
 def _summary(file: McapFile, start: int, data: bytes) -> Index:
@@ -458,77 +488,135 @@ def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
     return Location(opcode, offset, length - HEAD.size)
 
 
-def _complete(index: Index) -> Index | None:
-    """Return the index if it has all that a reader needs; writers may omit parts of a summary."""
-    said = index.statistics
-    places = {batch.place.offset for batch in index.batches}
-    if said is None or len(places) != len(index.batches):
-        return None
-    found = len(index.batches), len(index.channels), len(index.metadata), len(index.attachments)
-    wanted = said.chunk_count, said.channel_count, said.metadata_count, said.attachment_count
-    whole = found == wanted and (bool(said.chunk_count) or not said.message_count)
-    return index if whole and all(known(index, channel) for channel in index.channels.values()) else None
-
-
-def known(index: Index, channel: Channel) -> bool:
-    """Return whether the index has the schema of a channel."""
-    return channel.schema_id == 0 or channel.schema_id in index.schemas
-
-
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
-    """Return the index from a scan of all records, up to the first damage; chunks are not decompressed."""
-    index = Index(file)
-    run: list[tuple[Location, int]] = []
+    """Return the index from a scan of all records, up to the first damage; chunks are not decompressed.
+
+    It is what a bag contains, for every command. It has what a stream reader sees: messages inside of chunks and
+    outside of them, also behind a stray end of data. A summary, which repeats that, follows the last end of data.
+    """
+    scan = _Scan(Index(file))
     try:
         for place in file.places(len(MAGIC)):
             progress(place.end)
-            if place.opcode == Opcode.MESSAGE:
-                run = _grow(index, run, place)
-                continue
-            if place.opcode == Opcode.DATA_END:
-                index.data_end = place
+            if not scan.take(place):
                 break
-            _note(index, place)
     except BagError as error:
-        index.damage = error
-        index.cut = _cut(file, error.fields.get('offset'))
-    _end_run(index, run)
-    if index.data_end is None and index.damage is None:
-        index.damage = file.fault(file.size, 'the recording is truncated there')
-    return index
+        scan.end(error)
+    else:
+        scan.end(None)
+    return scan.index
 
 
-def _note(index: Index, place: Location) -> None:
-    """Add one record of the data section to the index."""
-    if place.opcode == Opcode.CHUNK:
-        head = chunk_head(index.file, place)
-        index.batches.append(Batch(index.file, place, head.start_ns, head.end_ns))
-    elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
-        index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length)))
-    elif place.opcode == Opcode.METADATA:
-        index.metadata.append(place)
-    elif place.opcode == Opcode.ATTACHMENT:
-        index.attachments.append(place)
+_DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
-def _grow(index: Index, run: list[tuple[Location, int]], place: Location) -> list[tuple[Location, int]]:
-    """Add a message to the batch before it, or end that batch and start another."""
-    if place.length > CHUNK_BYTES:
-        raise index.file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
-                               f'{CHUNK_BYTES}')
-    t_ns = message_time_ns(index.file, place)
-    if run and (run[-1][0].end != place.offset or place.end - run[0][0].offset > _RUN):
-        _end_run(index, run)
-        run = []
-    run.append((place, t_ns))
-    return run
+class _Scan:
+    """Takes one record after the other."""
+
+    def __init__(self, index: Index) -> None:
+        self.index = index
+        self._run: list[tuple[Location, int]] = []
+        self._numbered: int | None = None       # messages by the indexes of the last chunk
+        self._end: Location | None = None       # of the data, where nothing but a summary has followed so far
+
+    def take(self, place: Location) -> bool:
+        """Take a record; return whether others may follow."""
+        index = self.index
+        if place.opcode == Opcode.FOOTER:
+            if place.end + len(MAGIC) != index.file.size:
+                raise index.file.fault(place.offset, f'a footer, and {index.file.size - place.end} bytes follow')
+            return False
+        if place.opcode == Opcode.DATA_END:
+            self._end_stray()
+            self._end = index.data_end = place
+        elif place.opcode in _DATA:
+            self._end_stray()
+        try:
+            self._note(place)
+        except BagError as error:
+            index.fault(error)
+        return True
+
+    def end(self, error: BagError | None) -> None:
+        """Note where the records end; damage to a summary costs no message."""
+        self._end_batch()
+        index, file = self.index, self.index.file
+        index.reach = file.size if error is None else error.fields.get('offset', file.size)
+        index.damage = None if self._end else error or file.fault(file.size, 'the recording is truncated there')
+        index.cut = None if self._end or error is None else _cut(file, error.fields.get('offset'))
+
+    def _end_stray(self) -> None:
+        """Note that something follows the last end of data."""
+        if self._end:
+            self.index.stray.append(self._end)
+            self._end = None
+
+    def _note(self, place: Location) -> None:
+        """Add one record to the index."""
+        index = self.index
+        if place.opcode == Opcode.MESSAGE:
+            self._grow(place)
+        elif place.opcode == Opcode.CHUNK:
+            self._end_batch()
+            head = chunk_head(index.file, place)
+            index.batches.append(Batch(index.file, place, head.start_ns, head.end_ns))
+            self._numbered = 0
+        elif place.opcode == Opcode.MESSAGE_INDEX:
+            self._number(place)
+        elif place.opcode in (Opcode.SCHEMA, Opcode.CHANNEL):
+            index.file.fields(place, lambda fields: index.learn(place.opcode, fields.read(place.length)))
+        elif place.opcode == Opcode.METADATA:
+            index.metadata.append(place)
+        elif place.opcode == Opcode.ATTACHMENT:
+            index.attachments.append(place)
+
+    def _number(self, place: Location) -> None:
+        """Count the messages of a chunk by one of its indexes."""
+        if self._numbered is None or place.length < _INDEX_HEAD.size:
+            raise self.index.file.fault(place.offset, 'an index of messages that belongs to no chunk')
+        channel, size = _INDEX_HEAD.unpack(self.index.file.read(place.content, _INDEX_HEAD.size))
+        self._numbered += size // _INDEX_ENTRY
+        self.index.numbered[channel] += size // _INDEX_ENTRY
+
+    def _grow(self, place: Location) -> None:
+        """Add a message to the batch before it, or end that batch and start another."""
+        file, run = self.index.file, self._run
+        if place.length > CHUNK_BYTES:
+            raise file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
+                             f'{CHUNK_BYTES}')
+        t_ns = message_time_ns(file, place)
+        if not run or run[-1][0].end != place.offset or place.end - run[0][0].offset > _RUN:
+            self._end_batch()
+        self._run.append((place, t_ns))
+
+    def _end_batch(self) -> None:
+        """End the chunk or the run of messages before this record."""
+        batches = self.index.batches
+        if self._numbered is not None:
+            batches[-1] = replace(batches[-1], messages=self._numbered)
+            self._numbered = None
+        if self._run:
+            first, last, times = self._run[0][0], self._run[-1][0], [t_ns for _, t_ns in self._run]
+            whole = Location(Opcode.MESSAGE, first.offset, last.end - first.content)
+            batches.append(Batch(self.index.file, whole, min(times), max(times)))
+            self._run = []
 
 
-def _end_run(index: Index, run: list[tuple[Location, int]]) -> None:
-    if run:
-        first, last, times = run[0][0], run[-1][0], [t_ns for _, t_ns in run]
-        whole = Location(Opcode.MESSAGE, first.offset, last.end - first.content)
-        index.batches.append(Batch(index.file, whole, min(times), max(times)))
+def is_indexed(scanned: Index, summary: Index) -> bool:
+    """Return whether summary, indexes of chunks and records of a file agree, so that no chunk needs to be opened.
+
+    Then the counts of the summary are those of the file. Writers may omit parts of a summary.
+    """
+    said, counts, channels = summary.statistics, +summary.counts, scanned.channels
+    return (said is not None and not scanned.fault_count and _chunks(summary) == _chunks(scanned)
+            and (said.message_count, said.channel_count) == (counts.total(), len(channels))
+            and +scanned.numbered == counts and set(counts) <= set(channels) == set(summary.channels)
+            and all(channel.schema_id == 0 or channel.schema_id in scanned.schemas for channel in channels.values()))
+
+
+def _chunks(index: Index) -> list[tuple[Location, int, int]]:
+    """Return where the batches of a file are, and their times."""
+    return sorted((one.place, one.start_ns, one.end_ns) for one in index.batches)
 
 
 def _cut(file: McapFile, offset: int | None) -> Location | None:

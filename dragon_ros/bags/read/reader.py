@@ -4,7 +4,7 @@ from bisect import bisect_left
 from collections import OrderedDict, deque
 from collections.abc import Callable, Iterator, Sequence
 from contextlib import nullcontext, suppress
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from heapq import heappop, heappush
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -19,7 +19,9 @@ from dragon_ros.bags.read.mcap import (
     Batch,
     Index,
     McapFile,
+    OtherRecord,
     StoredMessage,
+    is_indexed,
     row_of,
     scanned_index,
     summary_index,
@@ -72,7 +74,7 @@ class BagReader:
 
     def _take(self) -> None:
         """Collect topics and times from the indexes."""
-        rows = {index.file: index for index in self._indexes}
+        self._by_file = rows = {index.file: index for index in self._indexes}
         self._names = {file: {number: channel.topic for number, channel in index.channels.items()}
                        for file, index in rows.items()}
         self.topics = _topics([(index, channel) for index in self._indexes for channel in index.channels.values()])
@@ -101,8 +103,12 @@ class BagReader:
             return wanted is None or self._name(batch, row) in wanted
         batches = [batch for index in self._indexes for batch in index.batches]
         last_ns = END_OF_TIME_NS if end_ns is None else end_ns
-        for batch, row, data in TimeOrder(batches, choose).between(start_ns or 0, last_ns):
+        for batch, row, data in TimeOrder(batches, choose, self._learn).between(start_ns or 0, last_ns):
             yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
+
+    def _learn(self, batch: Batch, record: OtherRecord, data: bytes) -> None:
+        """Hold the schemas and channels in a chunk to those of the index. Raises BagError."""
+        self._by_file[batch.file].learn_inside(batch, record, data)
 
     def _name(self, batch: Batch, row: StoredMessage) -> str:
         try:
@@ -155,26 +161,31 @@ def _opened(file: Path, bag: Path) -> McapFile:
 
 
 def _index_of(file: McapFile) -> Index:
-    """Return the index of a complete file; one without a complete summary is scanned."""
+    """Return the index of a complete file; what its summary leaves open is counted in its chunks."""
+    index = None
     try:
-        index = summary_index(file)
-        return _scanned(file) if index is None else index
+        summary, index = summary_index(file), scanned_index(file)
+        if index.damage or index.faults:
+            raise index.damage or index.faults[0]
+        if summary is not None and is_indexed(index, summary):
+            index.counts.update(summary.counts)
+        else:
+            _survey(index)
+        return index
     except BagError as error:
-        readable = scanned_index(file).batches
+        readable = (scanned_index(file) if index is None else index).batches
         reach = readable[-1].place.end if readable else 0
         file.close()
         raise BagError(f'{error}; {len(readable)} chunks, up to byte {reach}, can be read: `inspect BAG --repair OUT` '
                        'writes them to a complete bag', **error.fields) from None
 
 
-def _scanned(file: McapFile) -> Index:
-    index = scanned_index(file)
-    if index.damage:
-        raise index.damage
-    for batch in index.batches:
-        for _ in index.survey(batch):
-            pass
-    return index
+def _survey(index: Index) -> None:
+    """Count the messages of each batch by opening it, and leave out what has none. Raises BagError."""
+    batches, index.batches = index.batches, []
+    for batch in batches:
+        if sum(1 for _ in index.survey(batch)):
+            index.batches.append(replace(batch, messages=None))
 
 
 def _readable(file: McapFile) -> Index:
@@ -185,16 +196,13 @@ def _readable(file: McapFile) -> Index:
         with suppress(BagError):
             for _ in index.survey(batch):
                 pass
-            index.batches.append(batch)
+            index.batches.append(replace(batch, messages=None))
     return index
 
 
 def _spans(index: Index) -> list[tuple[int, int]]:
-    """Return the time ranges of a file's messages in ns, from its summary or from its batches."""
-    said = index.statistics
-    if said is None:
-        return [(batch.start_ns, batch.end_ns) for batch in index.batches]
-    return [(said.message_start_time, said.message_end_time)] if said.message_count else []
+    """Return the time ranges of a file's batches in ns."""
+    return [(batch.start_ns, batch.end_ns) for batch in index.batches if batch.messages != 0]
 
 
 def _topics(channels: list[tuple[Index, Channel]]) -> list[Topic]:
@@ -241,11 +249,15 @@ class _OpenBatch(NamedTuple):
 
 
 class TimeOrder:
-    """Yields the messages that ``choose`` accepts, by time and then in file order, however the batches overlap."""
+    """Yields the messages that ``choose`` accepts, by time and then in file order, however the batches overlap.
 
-    def __init__(self, batches: Sequence[Batch], choose: Callable[[Batch, StoredMessage], bool]) -> None:
+    ``learn`` is given all other records of the batches, to raise BagError where one contradicts the index.
+    """
+
+    def __init__(self, batches: Sequence[Batch], choose: Callable[[Batch, StoredMessage], bool],
+                 learn: Callable[[Batch, OtherRecord, bytes], None]) -> None:
         """``batches`` are in file order."""
-        self._pieces, self._choose = batches, choose
+        self._pieces, self._choose, self._learn = batches, choose, learn
         self._open: OrderedDict[int, _OpenBatch] = OrderedDict()
 
     def between(self, start_ns: int, end_ns: int) -> Iterator[ChosenMessage]:
@@ -281,11 +293,19 @@ class TimeOrder:
 
     def _read(self, batch: Batch) -> _OpenBatch:
         data, times, starts, ends = batch.records(), array('Q'), array('Q'), array('Q')
+        left = 0
         for row in batch.inside(data):
-            if isinstance(row, StoredMessage) and self._choose(batch, row):
+            if isinstance(row, OtherRecord):
+                self._learn(batch, row, data)
+            elif self._choose(batch, row):
                 times.append(row.t_ns)
                 starts.append(row.start)
                 ends.append(row.end)
+            else:
+                left += 1
+        if batch.messages not in (None, left + len(times)):
+            raise batch.file.fault(batch.place.offset, f'a chunk with {left + len(times)} messages, of which its '
+                                   f'indexes count {batch.messages}')
         if times and not batch.start_ns <= min(times) <= max(times) <= batch.end_ns:
             raise batch.file.fault(batch.place.offset, f'a chunk claims messages from {batch.start_ns} to '
                                    f'{batch.end_ns} ns and has some from {min(times)} to {max(times)} ns')

@@ -14,6 +14,7 @@ from dragon_ros.bags.record.interval_set import Interval, IntervalSet
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channel_of, live
 
+RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 _MOST_STEPS = 1000
 _MOST_EARLY = 100_000       # stamps that are kept until the scene is known
 

@@ -24,7 +24,9 @@ from mcap import records
 from mcap.data_stream import RecordBuilder
 from mcap.opcode import Opcode
 
+from dragon_ros.bags.write.empty_bag import holds_no_message
 from dragon_ros.bags.write.page_cache import PageCache
+from dragon_ros.core import limits
 from dragon_ros.core.errors import DiskError, MissingError
 from dragon_ros.version import __version__
 
@@ -34,6 +36,7 @@ _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (withou
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
+MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # of the data of a message: a larger chunk is never read
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | memoryview
 
@@ -291,8 +294,14 @@ class McapWriter:
         self.parts = Parts()        # the parts that have reached the file
         self._open, self._other = OpenChunk(), OpenChunk()
         self._thread = Worker('chunk') if threaded else NoWorker()
-        self._end = 0
-        self._append([MAGIC, record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))])
+        self._end, self._noticed = 0, False
+        try:
+            self._append([_HEADER])
+        except DiskError:
+            self._close()
+            with suppress(OSError):
+                path.unlink()
+            raise
 
     @property
     def size(self) -> int:
@@ -323,7 +332,9 @@ class McapWriter:
         return channel.id
 
     def add_message(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
-        """Put one message into the open chunk; a full chunk is written."""
+        """Put one message of at most MESSAGE_BYTES into the open chunk; a full chunk is written."""
+        if self._open.size + _MESSAGE.size + len(data) > limits.CHUNK_BYTES:
+            self._end_chunk()
         self._open.add(channel, data, t_ns, sequence, publish_ns)
         if self._open.size >= CHUNK_BYTES:
             self._end_chunk()
@@ -392,11 +403,16 @@ class McapWriter:
                 self._write_index()
             if self._fsync:
                 self._sync()
+            if not self._noticed:
+                self._check_there()
         finally:
-            self._thread.close()
-            self._cache.close()
-            with suppress(OSError):
-                self._file.close()
+            self._close()
+
+    def _close(self) -> None:
+        self._thread.close()
+        self._cache.close()
+        with suppress(OSError):
+            self._file.close()
 
     def _write_index(self) -> None:
         full: DiskError | None = None
@@ -416,6 +432,8 @@ class McapWriter:
 
     def _append(self, data: list[_Bytes]) -> int:
         """Append all or nothing; return the offset."""
+        if os.fstat(self._file.fileno()).st_size < self._end:
+            raise self._truncated()
         try:
             self._write(data)
         except OSError as error:
@@ -428,6 +446,20 @@ class McapWriter:
         self._end += sum(map(len, data))
         self._cache.grown(self._end)
         return start
+
+    def _truncated(self) -> DiskError:
+        """Forget the parts that another program's truncation removed, and what followed them; return the error."""
+        size = os.fstat(self._file.fileno()).st_size
+        while self.parts and self._end > size:
+            self._end = self.parts.pop()
+        if self._end > size:        # what comes before the parts was truncated, too
+            self._end = len(_HEADER)
+            self._file.seek(0)
+            self._write([_HEADER])
+        self._file.truncate(self._end)
+        self._file.seek(self._end)
+        return DiskError(f'{self.path}: was truncated to {size} bytes by another program during recording; what '
+                         'followed is lost')
 
     def _write(self, data: list[_Bytes]) -> None:
         """Write buffers at the current position; an almost full disk may take only part of them at first."""
@@ -448,7 +480,11 @@ class McapWriter:
         except OSError:
             same = False
         if not same:
+            self._noticed = True
             raise DiskError(f'{self.path}: no longer exists; it was moved or removed during recording')
+
+
+_HEADER = MAGIC + record_bytes(records.Header('ros2', f'dragon_ros {__version__}'))
 
 
 def compressor(name: str) -> Callable[[memoryview], _Bytes]:
@@ -471,7 +507,7 @@ def _create(path: Path, overwrite: bool) -> FileIO:
         if overwrite and path.exists() and not path.stat().st_mode & 0o222:
             raise MissingError(f'{path}: is read-only; give another --output')
         # An existing file is emptied only under a lock: no other process is writing it then.
-        file = FileIO(path, 'r+' if overwrite and path.exists() else 'x')
+        file = FileIO(path, 'r+' if path.exists() and (overwrite or holds_no_message(path)) else 'x')
         flock(file, LOCK_EX | LOCK_NB)
         file.truncate(0)
         return file

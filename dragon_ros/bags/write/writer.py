@@ -14,7 +14,8 @@ from typing import Any, NamedTuple
 import yaml
 
 from dragon_ros.bags.write import COMPRESSIONS
-from dragon_ros.bags.write.mcap import McapWriter, statistics
+from dragon_ros.bags.write.bag_folder import BagFolder
+from dragon_ros.bags.write.mcap import MESSAGE_BYTES, McapWriter, statistics
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
@@ -24,6 +25,7 @@ MB = 10**6
 _VERSION = 9            # of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
+_LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # of metadata.yaml: its topics; a part
 
 
 @dataclass(frozen=True)
@@ -90,8 +92,8 @@ class BagWriter:
         self._overwrite, self._single = overwrite, path.suffix == '.mcap'
         if self._single and self.options.splits:
             raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
-        if not self._single:
-            _make_folder(path, overwrite)
+        self._folder = None if self._single else BagFolder(path, overwrite)
+        self._broken: DiskError | None = None       # why no part follows the last one
         self._channels: dict[str, Channel] = {}
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -100,7 +102,13 @@ class BagWriter:
         self._start_ns: int | None = None
         self._limited = self.options.splits or self.options.max_size_mb is not None
         self.counts: dict[str, int] = {}
-        self._file = self._new_file()
+        self._closed = False
+        self.left_out: Counter[str] = Counter()     # messages that are too large for any reader, by topic
+        try:
+            self._file = self._new_file()
+        except BaseException:
+            self._leave_folder()
+            raise
 
     def add_channel(self, topic: str, channel: Channel) -> None:
         """Register a topic by its full name, with type and QoS of a channel; it is written with its first message."""
@@ -110,18 +118,22 @@ class BagWriter:
     def describe(self, name: str, values: dict[str, str]) -> None:
         """Write a metadata record to this file and those that follow."""
         self._extras.metadata.append((name, values))
-        self._file.add_metadata(name, values)
+        self._open_file().add_metadata(name, values)
 
     def attach(self, name: str, media_type: str, content: bytes) -> None:
         """Write an attachment to this file and those that follow."""
         self._extras.attachments.append((name, media_type, content))
-        self._file.add_attachment(name, media_type, content)
+        self._open_file().add_attachment(name, media_type, content)
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int | None = None) -> None:
         """Append one message with its simulation time and the time of its publication (None: ``t_ns``).
 
-        Raises DiskError where it cannot be written, or where the bag reaches its size limit.
+        One that is too large for any reader is left out, and counted. Raises DiskError where it cannot be written, or
+        where the bag reaches its size limit.
         """
+        if len(data) > MESSAGE_BYTES:
+            self.left_out[topic] += 1
+            return
         if self._limited:
             self._make_room(len(data), t_ns)
         if topic not in self._ids:
@@ -131,17 +143,21 @@ class BagWriter:
 
     def flush(self) -> None:
         """Flush to the file everything written so far: a killed process loses nothing of it."""
-        self._file.flush()
+        self._open_file().flush()
 
     def close(self) -> None:
         """Write the index and close the file; repeated calls are harmless. Raises DiskError where messages are lost."""
-        if self._file.closed:
+        if self._closed:
             return
+        self._closed = True
         try:
-            self._end_file()
+            if not self._file.closed:
+                self._end_file()
         finally:
-            if not self._single:
+            try:
                 self._write_metadata()
+            finally:
+                self._leave_folder()
 
     def __enter__(self) -> 'BagWriter':
         """Use it in a ``with`` block."""
@@ -151,10 +167,22 @@ class BagWriter:
         """Close at the end of the block."""
         self.close()
 
+    def _open_file(self) -> McapWriter:
+        """Return the file that is being written. Raises the DiskError after which there is none."""
+        if self._broken is not None:
+            raise self._broken
+        return self._file
+
+    def _leave_folder(self) -> None:
+        if self._folder is not None:
+            self._folder.close()
+
     def _new_file(self) -> McapWriter:
         path = self.path
-        if not self._single:
+        if self._folder is not None:
             path /= f'{self.path.resolve().name}_{len(self._files)}.mcap'
+            described = sum(len(value) for _, values in self._extras.metadata for value in values.values())
+            self._folder.reserve(_LISTED_BYTES + _LISTED_BYTES_A_PART * (len(self._files) + 1) + 2 * described)
         file = McapWriter(path, self._overwrite, self.options.compression, self.options.fsync, self._threaded)
         for name, values in self._extras.metadata:
             file.add_metadata(name, values)
@@ -173,16 +201,28 @@ class BagWriter:
     def _make_room(self, more: int, t_ns: int) -> None:
         """Start the next file where this one is full. Raises DiskError where the bag would exceed its limit."""
         limit, options = self.options.max_size_mb, self.options
-        size = self._file.size + more
+        size = self._open_file().size + more
         whole = size + sum(file.size for file in self._files) + self._index_bytes()
         if limit is not None and whole > limit * MB:
             raise DiskError(f'{self.path}: has reached its limit of {limit:g} MB (--max-size-mb); recording stops')
         self._start_ns = t_ns if self._start_ns is None else self._start_ns
         if self._file.parts and (size > (options.split_size_mb or float('inf')) * MB
                                  or t_ns - self._start_ns >= (options.split_duration_s or float('inf')) * 10**9):
+            self._next_file()
+            self._start_ns = t_ns
+
+    def _next_file(self) -> None:
+        """End this part and begin the next one. Raises DiskError, and then no part follows."""
+        try:
             self._end_file()
             self._write_metadata()
-            self._file, self._start_ns = self._new_file(), t_ns
+            self._file = self._new_file()
+        except DiskError as error:
+            self._broken = error
+            raise
+        except MissingError as error:
+            self._broken = DiskError(f'the next part cannot begin: {error}')
+            raise self._broken from None
 
     def _index_bytes(self) -> int:
         """Return a safe estimate of the size of the index."""
@@ -207,11 +247,13 @@ class BagWriter:
                             self._file.size)
 
     def _write_metadata(self) -> None:
-        """Write metadata.yaml, which rosbag2 requires beside the files."""
+        """Write metadata.yaml, which rosbag2 requires beside the files of a folder."""
+        if self._folder is None:
+            return
         profiles = {topic: (channel.type, qos_text(channel), type_hash(channel.type))
                     for topic, channel in self._channels.items()}
         custom = {key: value for _, values in self._extras.metadata for key, value in values.items()}
-        _write_metadata_file(self.path, _metadata_text(self._files, profiles, custom))
+        self._folder.write_metadata(_metadata_text(self._files, profiles, custom))
 
 
 @lru_cache
@@ -223,19 +265,6 @@ def qos_text(channel: Channel) -> str:
         'liveliness': 'automatic', 'liveliness_lease_duration': dict(_FOREVER),
         'avoid_ros_namespace_conventions': False}
     return yaml.safe_dump([row], sort_keys=False)
-
-
-def _make_folder(path: Path, replace: bool) -> None:
-    """Create the directory of a bag; replacing one removes only the files of a bag."""
-    try:
-        if replace and path.is_dir():
-            for old in (*path.glob(f'{path.resolve().name}_*.mcap'), path / 'metadata.yaml'):
-                old.unlink(missing_ok=True)
-        path.mkdir(exist_ok=replace)
-    except FileExistsError:
-        raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
-    except OSError as error:
-        raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
 
 
 def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
@@ -255,18 +284,6 @@ def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str
         'files': [{'path': file.name, **_times(file.start_ns, file.end_ns), 'message_count': file.messages}
                   for file in files],
         'custom_data': dict(custom) or None, 'ros_distro': os.environ.get('ROS_DISTRO', 'jazzy')}}, sort_keys=False)
-
-
-def _write_metadata_file(folder: Path, text: str) -> None:
-    """Replace metadata.yaml atomically. Raises DiskError."""
-    new = folder / 'metadata.yaml.new'
-    try:
-        new.write_text(text, encoding='utf-8')
-        new.replace(folder / 'metadata.yaml')
-    except OSError as error:
-        new.unlink(missing_ok=True)
-        raise DiskError(f'{folder / "metadata.yaml"}: cannot be written: {error.strerror}; the .mcap files beside it '
-                        'are complete') from None
 
 
 def _times(start_ns: int, end_ns: int) -> dict[str, Any]:

@@ -1,0 +1,70 @@
+"""The folder of a bag that is written: locked against other writers, with room kept for its metadata.yaml."""
+import os
+from contextlib import suppress
+from fcntl import LOCK_EX, LOCK_NB, flock
+from pathlib import Path
+
+from dragon_ros.bags.write.empty_bag import holds_no_message
+from dragon_ros.core.errors import DiskError, MissingError
+
+_METADATA = 'metadata.yaml'
+
+
+class BagFolder:
+    """A folder with the parts of one bag.
+
+    ``metadata.yaml.new`` is there while a part is written, as large as what is to be written into it: where the disk
+    is full, the parts are listed all the same.
+    """
+
+    def __init__(self, path: Path, replace: bool) -> None:
+        """Create and lock it; replacing one removes only the files of a bag. Raises MissingError."""
+        self.path, self._new = path, path / f'{_METADATA}.new'
+        parts = sorted(path.glob(f'{path.resolve().name}_*.mcap'))
+        replace = replace or (bool(parts) and all(map(holds_no_message, parts)))
+        try:
+            path.mkdir(exist_ok=replace)
+            self._lock = os.open(path, os.O_RDONLY | os.O_DIRECTORY)
+        except FileExistsError:
+            raise MissingError(f'{path}: exists already; give another --output, or --force to replace it') from None
+        except OSError as error:
+            raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
+        try:
+            flock(self._lock, LOCK_EX | LOCK_NB)
+            for old in (*parts, path / _METADATA):
+                old.unlink(missing_ok=True)
+        except BlockingIOError:
+            self.close()
+            raise MissingError(f'{path}: another recorder is writing it; give another --output') from None
+        except OSError as error:
+            self.close()
+            raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
+
+    def reserve(self, size: int) -> None:
+        """Keep room for metadata of ``size`` bytes before a part begins. Raises DiskError."""
+        try:
+            self._new.write_bytes(bytes(size))
+        except OSError as error:
+            raise self._fault(f'{self.path}: no further part can begin: {error.strerror}; what was written before is '
+                              'kept') from None
+
+    def write_metadata(self, text: str) -> None:
+        """Replace metadata.yaml atomically. Raises DiskError."""
+        try:
+            with self._new.open('r+b' if self._new.exists() else 'wb') as file:
+                file.write(text.encode())
+                file.truncate()
+            self._new.replace(self.path / _METADATA)
+        except OSError as error:
+            with suppress(OSError):
+                self._new.unlink(missing_ok=True)
+            raise self._fault(f'{self.path / _METADATA}: cannot be written: {error.strerror}; `inspect` reads the '
+                              '.mcap files beside it all the same') from None
+
+    def close(self) -> None:
+        """Unlock it."""
+        os.close(self._lock)
+
+    def _fault(self, what: str) -> DiskError:
+        gone = f'{self.path}: no longer exists; it was moved or removed during recording'
+        return DiskError(what if self.path.is_dir() else gone)

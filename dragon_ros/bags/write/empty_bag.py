@@ -1,0 +1,33 @@
+"""Files that a recorder left without any message: the next one may take their place."""
+from contextlib import closing
+from pathlib import Path
+
+from mcap.opcode import Opcode
+
+from dragon_ros.bags.read.mcap import Index, McapFile, scanned_index
+from dragon_ros.core.errors import InputError
+
+_HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
+_CUT_BYTES = 4096       # of a record that a kill cut short: more may be something else
+
+
+def holds_no_message(path: Path) -> bool:
+    """Return whether a file is an .mcap file, complete or cut short, without a message and without an attachment."""
+    try:
+        if not path.is_file():
+            return False
+        if path.stat().st_size == 0:
+            return path.suffix == '.mcap'
+        with closing(McapFile(path)) as file:
+            index = scanned_index(file)
+            return not (index.batches or index.attachments) and _ends_at_damage(index)
+    except (InputError, OSError):
+        return False
+
+
+def _ends_at_damage(index: Index) -> bool:
+    """Return whether nothing follows the damage of a file, if there is any, but the beginning of an empty record."""
+    if index.damage is None:
+        return True
+    file, at = index.file, index.damage.fields['offset']
+    return file.size - at < _CUT_BYTES and (at >= file.size or file.read(at, 1)[0] not in _HOLDING)
