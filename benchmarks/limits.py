@@ -20,13 +20,14 @@ from dragon_ros.bags.write.mcap import compressor
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import LINES
+from dragon_ros.core.batches import batches, velocity_of
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.chebyshev import columns_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map.blocks import TabulatedLinks
-from dragon_ros.core.step import batches, state, tick, velocity_of
+from dragon_ros.core.step import state, tick
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

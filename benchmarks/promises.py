@@ -16,6 +16,7 @@ from tqdm import tqdm
 
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import legend_below
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
@@ -24,7 +25,7 @@ from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state, states, tick, velocity_of
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m, speed_promise_m_s
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.cost.measure import circumstances

@@ -4,12 +4,13 @@ from functools import partial
 from itertools import cycle
 
 from benchmarks.solvers import CHAIN_SOLVERS
+from dragon_ros.core.batches import velocity_of
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import frame_of, state, velocity_of
+from dragon_ros.core.step import frame_of, state
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.messages.encode import encoders
 
@@ -24,7 +25,7 @@ def stages_of(scene: Scene, solver: str, t_s: float) -> dict[str, Callable[[], o
     chain = CHAIN_SOLVERS[solver](scene, head)
     near, looks = NearPairs(), ticks_from(scene, t_s)
     encode = list(encoders(scene).values())
-    frame = frame_of(scene, None, round(t_s * NS), chain)
+    frame = frame_of(compile_scene(scene), None, round(t_s * NS), chain)
     return {'head': partial(_head, scene, t_s), 'chain': partial(CHAIN_SOLVERS[solver], scene, head),
             'velocities': partial(velocity_of, scene, chain, t_s),
             'benches': lambda: benches_of(chain, scene.dragon, axes_of(chain)),

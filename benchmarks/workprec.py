@@ -11,12 +11,13 @@ from tqdm import tqdm
 from benchmarks.baselines import SOLVERS, euler_steps
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import legend_below
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.errors import FieldError, ModelEnd
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.step import state
 from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.cost.measure import TIMES, Timing, circumstances, timed, timed_in_turn

@@ -17,6 +17,7 @@ import numpy as np
 
 from dragon_ros.bags.read.frames import BagFrame, frames, namespace_of, scene_of_bag
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.batches import batches, states, velocity_of
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, Mixed
 from dragon_ros.core.checks import number, whole
 from dragon_ros.core.errors import DragonError, FieldError, InputError, MissingError, ModelEnd
@@ -26,7 +27,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.step import batches, state, states, tick, velocity_of
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.scenes.load import changed_scene, scene_values
 

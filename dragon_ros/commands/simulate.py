@@ -11,9 +11,10 @@ from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
+from dragon_ros.core.batches import ticks
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import tick, ticks
+from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders

@@ -13,13 +13,13 @@ from typing import TYPE_CHECKING, Any, Protocol
 import numpy as np
 
 from dragon_ros.cli import command_line
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.limits import PICTURE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import states, velocity_of
 
 if TYPE_CHECKING:       # a picture of a scene starts without bags, and one without contacts without their search
     from dragon_ros.bags.read.reader import BagReader

@@ -11,10 +11,10 @@ import numpy as np
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.ranges import handles_of, times_of
+from dragon_ros.core.batches import batches
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.step import batches
 
 if TYPE_CHECKING:       # a table of a scene starts without bags
     from dragon_ros.bags.read.frames import BagFrame

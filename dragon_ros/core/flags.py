@@ -2,6 +2,8 @@
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Flag, auto
+from functools import lru_cache
+from types import SimpleNamespace
 
 from dragon_ros.core.checks import number, settle, whole
 from dragon_ros.core.errors import FieldError, did_you_mean
@@ -76,6 +78,12 @@ def check_needs(effects: Effect) -> None:
 def known() -> dict[str, Effect]:
     """Return every effect by name (Python 3.10 iterates over the zero as well)."""
     return {str(effect.name).lower(): effect for effect in Effect if effect.value}
+
+
+@lru_cache(maxsize=256)
+def switches(effects: Effect) -> SimpleNamespace:
+    """Return whether each effect is on, by its name: a tick asks for them one by one, and a Flag takes its time."""
+    return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 
 @dataclass(frozen=True)

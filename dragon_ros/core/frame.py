@@ -8,7 +8,7 @@ from dragon_ros.core.numerics.types import Floats
 
 
 @dataclass(frozen=True)
-class Measured:
+class NoisyHandles:
     """Noisy handles (N+1, 2) in metres and noisy unit directions of the links (N, 2)."""
 
     p: Floats
@@ -32,7 +32,7 @@ class Health:
 
 
 @dataclass(frozen=True)
-class Leading:
+class LeaderMotion:
     """The leading handle: its place (2,) in metres, the unit direction (2,) of its way, and its speed along it.
 
     ``turn_rad_s`` is the rate at which its way turns, positive to the left.
@@ -58,10 +58,10 @@ class Frame:
     contacts: Contacts | None = None
     acceleration_m_s2: Floats | None = None
     tension_n_kg: Floats | None = None
-    measured: Measured | None = None
+    measured: NoisyHandles | None = None
     trail_m: Floats | None = None
     health: Health | None = None
-    leader: Leading | None = None
+    leader: LeaderMotion | None = None
 
     def __repr__(self) -> str:
         """Name the tick and the fields that are there; their arrays would fill screens."""

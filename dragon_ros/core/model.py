@@ -11,6 +11,7 @@ from functools import cached_property, partial
 from itertools import count
 from math import floor, inf, ulp
 from threading import Lock
+from types import SimpleNamespace
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import ChainLockError, FieldError, ModelEnd, TrackEndError
+from dragon_ros.core.flags import switches
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
@@ -204,6 +206,11 @@ class Simulation:
     model: Model
 
     @cached_property
+    def on(self) -> SimpleNamespace:
+        """Whether each effect is on, by its name."""
+        return switches(self.scene.effects)
+
+    @cached_property
     def size_m(self) -> float:
         """How far from the origin a handle can be in this run, in metres (a bound)."""
         return self.model.size_m(self.scene.head.extent_m(self.scene.run.stop_s or 0.0))
@@ -259,6 +266,12 @@ class Simulation:
                              f'{LATEST_S} s', 'say when to stop')
         run = self.scene.run
         return run.tick_at(max(run.start_ns, floor(self.end.t_s * NS)))
+
+    def time_ns(self, k: int) -> int:
+        """Return the time of tick k. Raises FieldError where the run has none of that number."""
+        if not 0 <= k <= self.last_tick:
+            raise FieldError('k', k, f'the run has the ticks 0 to {self.last_tick}', 'ask for one of these')
+        return self.scene.run.time_ns(k)
 
     def check_time(self, t_s: float) -> None:
         """Raise FieldError or ModelEnd where the model has no state at ``t_s``."""

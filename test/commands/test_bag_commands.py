@@ -15,9 +15,10 @@ from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.configuration import folder as configuration_folder
+from dragon_ros.core.batches import states
 from dragon_ros.core.flags import Effect, effects_of
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import states, tick
+from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import PoseArrayTemplate, string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array

@@ -14,13 +14,14 @@ from dragon_ros.commands.plot.command import options
 from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture
 from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
 from dragon_ros.commands.sources import SceneSource, clearances, decimals_of, dragon_in, moment, window
+from dragon_ros.core.batches import ticks
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.step import tick, ticks
+from dragon_ros.core.step import tick
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders

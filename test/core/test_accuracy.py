@@ -9,13 +9,14 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dragon_ros.core import paper
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import conditioning
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import SOLVERS, Run, Scene
-from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.step import state
 from dragon_ros.core.tiers import EXACT, TIERS, position_promise_m, speed_promise_m_s, tier_for
 from dragon_ros.core.tracks.chord import first_guess
 from dragon_ros.core.tracks.segments import Effort

@@ -10,13 +10,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect, Noise, Trails, effects_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import ACCURACIES, Run, Scene
-from dragon_ros.core.step import state, states, tick
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tiers import TIERS
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 

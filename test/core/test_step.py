@@ -2,13 +2,14 @@
 import numpy as np
 import pytest
 
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state, states, tick, velocity_of
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral
 
 

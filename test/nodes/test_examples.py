@@ -8,7 +8,8 @@ from pathlib import Path
 
 import pytest
 
-from dragon_ros.core.step import state, velocity_of
+from dragon_ros.core.batches import velocity_of
+from dragon_ros.core.step import state
 from dragon_ros.scenes.load import load_scene
 
 EXAMPLES = Path(__file__).parents[2] / 'docs' / 'examples'

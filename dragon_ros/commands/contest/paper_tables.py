@@ -11,9 +11,10 @@ import numpy as np
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.commands.workbook import xlsx_of
 from dragon_ros.configuration import folder as configuration_folder
+from dragon_ros.core.batches import velocity_of
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state, velocity_of
+from dragon_ros.core.step import state
 
 TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
           3: 'Table 3. Position (m) and speed (m/s) at the "moment of collision" (412.20 s, see the errata)'}

@@ -11,12 +11,12 @@ from zipfile import ZIP_DEFLATED, ZipFile
 
 import numpy as np
 
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.errors import InputError, MissingError
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.step import states, velocity_of
 from dragon_ros.core.tracks.spec import STurn
 
 POSITION, SPEED = '位置', '速度'

@@ -1,1 +1,16 @@
-"""What each effect computes for a frame; the modules of effects that are off stay unloaded."""
+"""The functions of the effects, each of what it needs by name; the modules of effects that are off stay unloaded."""
+from collections.abc import Callable
+from importlib import import_module
+from typing import Any
+
+_MODULES = {'closeness': 'proximity', 'contacts': 'proximity', 'accelerations': 'dynamics', 'tensions': 'dynamics',
+            'noisy_handles': 'noise', 'trail': 'trails', 'chain_health': 'health', 'leader_motion': 'leading'}
+
+
+def __getattr__(name: str) -> Callable[..., Any]:
+    """Import a function when it is first called for (PEP 562), and keep it."""
+    if name not in _MODULES:
+        raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
+    found: Callable[..., Any] = getattr(import_module(f'dragon_ros.core.effects.{_MODULES[name]}'), name)
+    globals()[name] = found
+    return found

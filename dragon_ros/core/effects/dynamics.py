@@ -1,28 +1,29 @@
 """Accelerations of the handles, and the tensions in the links that they say."""
 import numpy as np
 
+from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.kinematics import HEAD, RigidLinks, carried, entered_curvatures
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.numerics.vectors import dot
-from dragon_ros.core.scene import NS
 
 
-def accelerations(simulation: Simulation, frame: Frame) -> Floats:
+def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
     """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the leader's law.
 
     Where they jump, at a knot of the law and where a handle passes a joint of the track, they are those just after.
     """
-    law, links, t_s = simulation.scene.head, _links(frame), frame.t_ns / NS
+    law, links = simulation.scene.head, _links(chain)
     speeds = links.speeds(law.speed_at_m_s(t_s))
-    segment, u, _ = frame.chain.places
-    curvature = entered_curvatures(frame.chain.track, segment, u, speeds, simulation.promise_m)
+    segment, u, _ = chain.places
+    curvature = entered_curvatures(chain.track, segment, u, speeds, simulation.promise_m)
     return links.accelerations(speeds, curvature, law.acceleration_at_m_s2(t_s))
 
 
-def tensions(simulation: Simulation, frame: Frame) -> Floats:
+def tensions(chain: Chain, a: Floats) -> Floats:
     """Return the tensions (N,) of all links in newtons for each kilogram at a handle, positive where a link pulls.
+
+    ``a`` (N+1, 2) are the accelerations of the handles in m/s^2.
 
     The model: equal masses at the handles, massless links, a track without friction that pushes only across itself;
     the leader is moved from outside. Along the track a handle feels its own two links alone,
@@ -32,8 +33,7 @@ def tensions(simulation: Simulation, frame: Frame) -> Floats:
     which gives all tensions from the free end on, where there is no further link: from the tail on behind a head, from
     the head on behind a tail.
     """
-    links, a = _links(frame), frame.acceleration_m_s2
-    assert a is not None
+    links = _links(chain)
     front, rear = links.cosines
     along = dot(a, links.forward)
     none = np.zeros(())
@@ -44,6 +44,5 @@ def tensions(simulation: Simulation, frame: Frame) -> Floats:
     return read_only(carried(none, ratio, -along[:-1] / front)[1:].copy())
 
 
-def _links(frame: Frame) -> RigidLinks:
-    chain = frame.chain
+def _links(chain: Chain) -> RigidLinks:
     return RigidLinks(chain.p, chain.links_m, chain.headings, chain.leader)

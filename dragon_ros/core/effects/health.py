@@ -1,10 +1,9 @@
 """How well a tick was solved."""
-from dragon_ros.core.frame import Frame, Health
-from dragon_ros.core.model import Simulation
+from dragon_ros.core.chain.chain import Chain
+from dragon_ros.core.frame import Health
 
 
-def health(simulation: Simulation, frame: Frame) -> Health:
-    """Return how well the frame's chain keeps its links."""
-    chain = frame.chain
+def chain_health(chain: Chain, promise_m: float) -> Health:
+    """Return how well a chain keeps its links, whose handles may be off by ``promise_m`` each."""
     off_m, link = chain.worst
-    return Health(chain.solver, chain.evaluations, link, off_m, 2 * simulation.promise_m)
+    return Health(chain.solver, chain.evaluations, link, off_m, 2 * promise_m)

@@ -1,19 +1,19 @@
 """Handles as a noisy sensor would see them: a function of (seed, tick), computed in any order."""
 import numpy as np
 
-from dragon_ros.core.frame import Frame, Measured
-from dragon_ros.core.model import Simulation
+from dragon_ros.core.flags import Noise
+from dragon_ros.core.frame import NoisyHandles
 from dragon_ros.core.numerics.types import Floats, read_only
 
 
-def measured(simulation: Simulation, frame: Frame) -> Measured:
-    """Return the handles and directions of a frame with independent normal errors, as the scene's noise says."""
-    noise, handles = simulation.scene.noise, frame.chain.p.shape[0]
-    draw = normal(noise.seed, frame.k if frame.k is not None else frame.t_ns, frame.k is None, 3 * handles - 1)
-    p = frame.chain.p + noise.position_m * draw[:2 * handles].reshape(handles, 2)
+def noisy_handles(noise: Noise, k: int | None, t_ns: int, p: Floats, axis: Floats) -> NoisyHandles:
+    """Return handles (N+1, 2) and directions (N, 2) of tick k, or of a time off the ticks, with independent errors."""
+    handles = p.shape[0]
+    draw = normal(noise.seed, t_ns if k is None else k, k is None, 3 * handles - 1)
+    seen = p + noise.position_m * draw[:2 * handles].reshape(handles, 2)
     angle = noise.yaw_rad * draw[2 * handles:]
-    turn = (np.cos(angle) + 1j * np.sin(angle)) * (frame.axis[:, 0] + 1j * frame.axis[:, 1])
-    return Measured(read_only(p), read_only(np.stack((turn.real, turn.imag), axis=1)))
+    turn = (np.cos(angle) + 1j * np.sin(angle)) * (axis[:, 0] + 1j * axis[:, 1])
+    return NoisyHandles(read_only(seen), read_only(np.stack((turn.real, turn.imag), axis=1)))
 
 
 def normal(seed: int, number: int, off_tick: bool, count: int) -> Floats:

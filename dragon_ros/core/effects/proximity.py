@@ -3,10 +3,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.contacts import Closeness, Contacts
 from dragon_ros.core.geometry.near_pairs import NearPairs
-from dragon_ros.core.geometry.rectangles import benches_of
+from dragon_ros.core.geometry.rectangles import Benches, benches_of
 from dragon_ros.core.geometry.signed_distance import witnesses
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.numerics.types import Floats
@@ -15,25 +16,22 @@ from dragon_ros.core.numerics.types import Floats
 _NEAR: WeakKeyDictionary[Model, NearPairs] = WeakKeyDictionary()
 
 
-def closeness(simulation: Simulation, frame: Frame) -> Closeness:
+def closeness(model: Model, chain: Chain, benches: Benches) -> Closeness:
     """Return the closest two benches and all that touch, as the monitor sees them."""
-    benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
-    near = _NEAR.get(simulation.model)
+    near = _NEAR.get(model)
     if near is None:
-        near = _NEAR[simulation.model] = NearPairs()
-    return near.look(frame.chain.p, benches)
+        near = _NEAR[model] = NearPairs()
+    return near.look(chain.p, benches)
 
 
 def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
     """Return the pairs that touch, the deepest first, whatever effects are on."""
-    found = frame.closeness or closeness(simulation, frame)
+    benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
+    found = frame.closeness or closeness(simulation.model, frame.chain, benches)
     return list(zip(found.i.tolist(), found.j.tolist(), strict=True))
 
 
-def contacts(_: Simulation, frame: Frame) -> Contacts:
+def contacts(near: Closeness, benches: Benches) -> Contacts:
     """Return the pairs that touch."""
-    near, benches = frame.closeness, frame.benches
-    assert near is not None
-    assert benches is not None
     point: Floats = witnesses(benches, near.i, near.j).point_m if near.i.size else np.empty((0, 2))
     return Contacts(np.stack((near.i, near.j), axis=1), near.gap_m, point)

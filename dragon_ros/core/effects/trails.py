@@ -1,17 +1,15 @@
 """Where the head has been in the last seconds."""
 import numpy as np
 
-from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.types import Floats, read_only
-from dragon_ros.core.scene import NS
 from dragon_ros.core.tracks.segments import BEHIND
 
 
-def trail(simulation: Simulation, frame: Frame) -> Floats:
+def trail(simulation: Simulation, t_s: float) -> Floats:
     """Return where the head was in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in metres."""
-    now, trails = frame.t_ns / NS, simulation.scene.trails
-    times = np.linspace(max(0.0, now - trails.seconds), now, trails.points)
+    trails = simulation.scene.trails
+    times = np.linspace(max(0.0, t_s - trails.seconds), t_s, trails.points)
     return read_only(np.ascontiguousarray(_head_at(simulation, times)))
 
 

@@ -4,13 +4,14 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.forward import blocks_of, forward, forward_many, together
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state, states
+from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 from dragon_ros.core.tracks.spec import Spiral

@@ -8,6 +8,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks, entered_curvatures
@@ -15,7 +16,7 @@ from dragon_ros.core.errors import DragonError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
-from dragon_ros.core.step import frame_of, state, states
+from dragon_ros.core.step import frame_of, state
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
@@ -30,7 +31,7 @@ BENDY = Composite((Line(25.0), Arc(2.0, 170.0), Line(1.0), Arc(1.9, -100.0), Spi
 def accelerations(scene, t_s):
     """Return what the effect says."""
     scene = replace(scene, effects=Effect.ACCELERATIONS)
-    return frame_of(scene, None, round(t_s * NS), state(scene, t_s)).acceleration_m_s2
+    return frame_of(compile_scene(scene), None, round(t_s * NS), state(scene, t_s)).acceleration_m_s2
 
 
 def allowed(v, a, scene):

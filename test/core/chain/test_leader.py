@@ -5,12 +5,13 @@ from math import pi
 import numpy as np
 import pytest
 
+from dragon_ros.core.batches import velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state, tick, velocity_of
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc
 

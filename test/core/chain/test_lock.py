@@ -6,13 +6,14 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.chain.lock import follower, head_lock_angle, lock_angle, turning_places, turns
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.step import state, states
+from dragon_ros.core.step import state
 from dragon_ros.core.tracks.chord import chord_of, first_peak
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral

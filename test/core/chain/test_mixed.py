@@ -8,6 +8,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, goes_on_alike
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.lock import follower, head_lock_angle
@@ -16,7 +17,7 @@ from dragon_ros.core.flags import Effect
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state, states, tick
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.messages.encode import encoders
 

@@ -10,6 +10,7 @@ from itertools import combinations
 import numpy as np
 import pytest
 
+from dragon_ros.core.batches import ticks, velocity_of
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -23,7 +24,7 @@ from dragon_ros.core.geometry.tracker import ContactTracker
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.core.step import frame_of, state, tick, ticks, velocity_of
+from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
 ALL = ~Effect.NONE
@@ -159,12 +160,12 @@ def test_clearance_is_infinite_where_nothing_is_near():
     frame = tick(alone, 0)
     assert frame.closeness.clearance_m == np.inf
     assert frame.contacts.benches.shape == (0, 2)
-    assert closeness(compile_scene(alone), frame).i.size == 0
+    assert closeness(compile_scene(alone).model, frame.chain, frame.benches).i.size == 0
 
 
 def test_the_clearance_vanishes_in_the_frame_of_the_first_contact():
     found = first_contact(TOUCHING)
-    frame = frame_of(TOUCHING, None, round(found.t_s * 1e9), state(TOUCHING, found.t_s))
+    frame = frame_of(compile_scene(TOUCHING), None, round(found.t_s * 1e9), state(TOUCHING, found.t_s))
     assert frame.closeness.clearance_m == pytest.approx(0, abs=1e-11)
     assert gaps(frame.benches, np.array([0]), np.array([8]))[0] == frame.closeness.clearance_m
 
@@ -174,7 +175,7 @@ def test_accelerations_are_the_rate_of_the_velocities(speed):
     scene = Scene(head=Head(speed), run=Run(stop_s=150.0), effects=ALL)
     step, t_s = 1e-4, 100.0
     before, after = (velocity_of(scene, state(scene, t_s + k * step), t_s + k * step) for k in (-1, 1))
-    found = frame_of(scene, None, round(t_s * 1e9), state(scene, t_s)).acceleration_m_s2
+    found = frame_of(compile_scene(scene), None, round(t_s * 1e9), state(scene, t_s)).acceleration_m_s2
     assert found == pytest.approx((after - before) / (2 * step), abs=2e-8 * speed**2)
 
 
@@ -259,7 +260,7 @@ EVERYWHERE = [
 @pytest.mark.parametrize('t_s', [6.0, 23.0])
 def test_on_every_track_tensions_accelerate_all_handles_but_the_leader_and_its_link_does_their_work(scene, t_s):
     """One handle more than links feels the end that is free; the leader is moved from outside."""
-    frame = frame_of(scene, None, round(t_s * 1e9), state(scene, t_s))
+    frame = frame_of(compile_scene(scene), None, round(t_s * 1e9), state(scene, t_s))
     pull = frame.tension_n_kg[:, None] * frame.axis
     force = np.zeros_like(frame.acceleration_m_s2)
     force[1:] += pull

@@ -9,13 +9,13 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.step import states, velocity_of
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from hard_cases.truth import design_figures

@@ -4,6 +4,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError
@@ -12,7 +13,6 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.max_speed import max_speed
 from dragon_ros.core.search.min_pitch import min_pitch
-from dragon_ros.core.step import states
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.scenes.load import load_scene
 

@@ -4,6 +4,7 @@ from functools import lru_cache
 import numpy as np
 import pytest
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
@@ -13,7 +14,6 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search import near_misses as module
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.near_misses import near_misses
-from dragon_ros.core.step import states
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 IN_AND_OUT = Profile(((0.0, 1.0), (3.0, 1.0), (5.0, -1.0), (9.0, -1.0), (12.0, 1.0)))

@@ -11,11 +11,12 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import frame_of, state, states, tick
+from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.core.tiers import tier_for
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from hard_cases.dances import dances
@@ -39,7 +40,8 @@ def bits(frame):
 @pytest.mark.parametrize('k', [0, 40, 5000])
 def test_a_tick_of_turning_does_not_depend_on_when_its_run_stops(stop_s, k):
     other, t_ns = replace(TURNING, run=Run(0, stop_s)), TURNING.run.time_ns(k)
-    assert bits(frame_of(other, k, t_ns, fresh(other).chain(t_ns / 1e9))) == bits(tick(TURNING, k))
+    simulation = fresh(other)
+    assert bits(frame_of(simulation, k, t_ns, simulation.chain(t_ns / 1e9))) == bits(tick(TURNING, k))
 
 
 @pytest.mark.parametrize(('rate_hz', 'start_s'), [(100.0, 0.0), (25.0, 0.0), (12.5, 40.0), (200.0, 79.0)])

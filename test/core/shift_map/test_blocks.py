@@ -11,6 +11,7 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from properties import examples
 
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.forward import blocks_of, forward, next_places
@@ -23,7 +24,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build
 from dragon_ros.core.shift_map.table import ShiftMap
-from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.step import state
 from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort

@@ -9,6 +9,7 @@ import pytest
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
+from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.forward import Block, forward_many
 from dragon_ros.core.chain.head_law import Head
@@ -18,7 +19,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
-from dragon_ros.core.step import state, states, tick
+from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn

@@ -5,13 +5,14 @@ from math import pi
 import numpy as np
 import pytest
 
+from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.step import state, states, velocity_of
+from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
 from hard_cases.dances import dances

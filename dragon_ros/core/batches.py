@@ -1,0 +1,102 @@
+"""Many ticks and many instants at once, where numpy's calls would take longer than its numbers."""
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.chain.chain import Chain, stack
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.frame import Frame
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats, read_only
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import frame_of
+from dragon_ros.core.tiers import PAPER
+
+_BATCH_HANDLES = 2**18      # of a batch: with velocities 8 MB; where there are fewer, calls take longer than numbers
+_TICK_HANDLES = 2**12       # of ticks in a row, whose frames stay in the cache until they are taken
+
+
+def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
+    """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each as ``tick`` returns it, to the last bit.
+
+    Axes and rectangles are computed for some ticks at once.
+    """
+    simulation = compile_scene(scene)
+    if not 0 <= first <= stop <= simulation.last_tick + 1:
+        raise FieldError('ticks', f'{first} to {stop}', f'the run has the ticks 0 to {simulation.last_tick}',
+                         'ask for some of these')
+    size = max(1, _TICK_HANDLES // (scene.dragon.benches + 1)) if np.all(simulation.model.links_m) else 1
+    for begin in range(first, stop, size):
+        times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
+        chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
+        if size == 1:       # links of no length lie along the track, which each chain knows for itself
+            yield frame_of(simulation, begin, times_ns[0], chains[0])
+            continue
+        together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
+        axes = axes_of(together)
+        all_benches = benches_of(together, scene.dragon, axes) if simulation.on.benches else None
+        for n, (t_ns, chain) in enumerate(zip(times_ns, chains, strict=True)):
+            benches = replace(all_benches, centre=all_benches.centre[n], axis=axes[n]) if all_benches else None
+            yield frame_of(simulation, begin + n, t_ns, chain, axes[n], benches)
+
+
+def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
+    """Return the chains at many instants (S,) at once: the same model to the tier's metres, arrays with a leading axis.
+
+    ``out`` (S, N+1, 2) takes the handles, if it is given. Raises FieldError where it cannot.
+    """
+    simulation = compile_scene(scene)
+    if out is not None:
+        _check_room(out, (len(times_s), scene.dragon.benches + 1, 2))
+    if simulation.tier is PAPER:
+        chain = stack([simulation.chain(t_s) for t_s in times_s])
+        if out is None:
+            return chain
+        out[:] = chain.p
+        return replace(chain, p=read_only(out.view()))
+    times = np.asarray(times_s, dtype=np.float64)
+    simulation.check_times(times)
+    return simulation.model.place_many(scene.head.travelled_m(times), out)
+
+
+def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at ``t_s`` or of many at many.
+
+    ``out``, of the same shape, takes them, if it is given. Raises FieldError where it cannot.
+    """
+    if out is not None:
+        _check_room(out, chain.p.shape)
+    if isinstance(t_s, Sequence):
+        return chain.velocities(np.array([scene.head.speed_at_m_s(t) for t in t_s]), out)
+    return chain.velocities(scene.head.speed_at_m_s(t_s), out)
+
+
+class Batch(NamedTuple):
+    """Some of many instants: when (S,), all handles (S, N+1, 2) in m and velocities (S, N+1, 2) in m/s, read-only."""
+
+    t_s: Floats
+    handles_m: Floats
+    velocity_m_s: Floats
+
+
+def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> Iterator[Batch]:
+    """Yield many instants, ``size`` at a time, in memory that the next batch reuses: copy what you want to keep.
+
+    Fresh memory costs as much as what is computed into it; by itself a batch is about as large as a cache.
+    """
+    size = size or max(1, _BATCH_HANDLES // (scene.dragon.benches + 1))
+    room: Floats = np.empty((2, min(size, len(times_s)), scene.dragon.benches + 1, 2))
+    for first in range(0, len(times_s), size):
+        some = times_s[first:first + size]
+        handles, velocity = room[:, :len(some)]
+        chain = states(scene, some, handles)
+        yield Batch(np.array(some, dtype=np.float64), chain.p, velocity_of(scene, chain, some, velocity))
+
+
+def _check_room(out: Floats, shape: tuple[int, ...]) -> None:
+    if out.shape != shape or out.dtype != np.float64 or not (out.flags.c_contiguous and out.flags.writeable):
+        raise FieldError('out', f'{out.dtype} {out.shape}', f'{shape} are to be filled in',
+                         'give a writable array of that shape, float64 in C order')
