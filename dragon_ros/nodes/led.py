@@ -2,12 +2,12 @@
 import time
 from collections import Counter
 from collections.abc import Callable
-from math import isfinite
+from math import inf, isfinite
 from typing import Any
 
 from geometry_msgs.msg import Twist, TwistStamped
 
-from dragon_ros.core.chain.commanded import Commanded, Walked, next_speed_m_s, walked_from
+from dragon_ros.core.chain.commanded import Commanded, Walked, next_law, walked_from
 from dragon_ros.core.effects.proximity import touching
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
@@ -108,21 +108,18 @@ class LedFrames:
     def _next_law(self, t_s: float) -> Walked:
         """Return the law up to the next tick: as wanted, within the limits."""
         assert self._law
-        (before_s, speed), gone_m = self._law.knots[-1], float(self._law.reached_m[-1])
         back, onwards = self._simulation.model.limits
-        left_m = tuple(abs(limit.gone_m - gone_m) if limit else float('inf') for limit in (back, onwards))
-        wanted = self._wanted_m_s()
-        args = self._settings, speed, wanted, t_s - before_s
-        walked = next_speed_m_s(*args, (left_m[0], left_m[1]))
-        self._mind(onwards if wanted > 0 else back, walked != next_speed_m_s(*args, (float('inf'), float('inf'))))
-        return self._law.walked_on(t_s, walked, self._keep_s)
+        ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
+        law, end = next_law(self._law, t_s, self._wanted_m_s(), ends_m, self._keep_s)
+        self._mind((None, onwards, back)[end])
+        return law
 
-    def _mind(self, limit: Limit | None, brakes: bool) -> None:
+    def _mind(self, limit: Limit | None) -> None:
         """Say once that it brakes before an end."""
-        if brakes and limit and not self._brakes:
+        if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
             self._say(f'brakes: {what} when the leader has gone {limit.gone_m:.6f} m')
-        self._brakes = brakes
+        self._brakes = limit is not None
 
     def rewind(self) -> None:
         """Start again, at rest."""

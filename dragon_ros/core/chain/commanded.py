@@ -174,6 +174,19 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
     return sense * min(abs(out), max(0.0, most_on)) + 0.0
 
 
+def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
+             keep_s: float = 0.0) -> tuple[Walked, int]:
+    """Return the law up to the next tick, and the end of the way that it brakes before: -1 back, 1 on, 0 none.
+
+    ``ends_m`` are how far the leader can have gone back, and on; infinite where nothing ends it. Of the knots before
+    the next tick those of the last ``keep_s`` are kept.
+    """
+    (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
+    step = law.settings, speed, wanted_m_s, t_s - before_s
+    free, walked = next_speed_m_s(*step, (inf, inf)), next_speed_m_s(*step, (gone_m - ends_m[0], ends_m[1] - gone_m))
+    return law.walked_on(t_s, walked, keep_s), 0 if walked == free else 1 if free > 0 else -1
+
+
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
     """Return what was walked, as (t_s, speed_m_s) of the ticks, as a profile: the same distances to the last bit.
 

@@ -2,13 +2,22 @@
 import itertools
 from dataclasses import replace
 from fractions import Fraction
+from math import inf
 
 import numpy as np
 import pytest
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.chain.commanded import SHORT_M, Commanded, Walked, next_speed_m_s, profile_of, walked_from
+from dragon_ros.core.chain.commanded import (
+    SHORT_M,
+    Commanded,
+    Walked,
+    next_law,
+    next_speed_m_s,
+    profile_of,
+    walked_from,
+)
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
@@ -17,7 +26,7 @@ from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import led_tick, tick
 
-FREE = (float('inf'), float('inf'))
+FREE = (inf, inf)
 LED = Commanded(max_speed_m_s=1.5, max_acceleration_m_s2=2.0)
 SCENE = Scene(Dragon(benches=20), head=LED, run=Run(3, 100, 30), effects=Effect.VELOCITY | Effect.TRAILS)
 
@@ -26,14 +35,13 @@ def walk(scene, wanted, keep_s=10.0):
     """Return the ticks (t_s, speed) and the laws of a run that is led by these wishes."""
     law, rows, laws = None, [], []
     back, onwards = compile_scene(scene).model.limits
+    ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
     for k, wish in enumerate(wanted):
         t_s = scene.run.time_ns(k) / NS
         if law is None:
             law = walked_from(scene.head, t_s)
         else:
-            (before_s, speed), gone = law.knots[-1], float(law.reached_m[-1])
-            left = tuple(abs(end.gone_m - gone) if end else float('inf') for end in (back, onwards))
-            law = law.walked_on(t_s, next_speed_m_s(scene.head, speed, wish, t_s - before_s, left), keep_s)
+            law, _ = next_law(law, t_s, wish, ends_m, keep_s)
         rows.append(law.knots[-1])
         laws.append(law)
     return rows, laws
@@ -60,6 +68,33 @@ def test_whatever_is_commanded_the_leader_stops_short_of_both_ends(room_m, step_
         assert abs(then - speed) <= most * (1 + 1e-9) + 1e-12
         gone, speed = gone + 0.5 * (speed + then) * step_s, then
         assert abs(gone) <= max(room_m - SHORT_M, 0) + 1e-9
+
+
+@pytest.mark.parametrize(('wanted', 'end'), [(1.5, 1), (-1.5, -1)])
+def test_a_leader_says_which_end_it_brakes_before_while_it_does(wanted, end):
+    law, seen = walked_from(LED, 0.0), []
+    for k in range(1, 301):
+        law, braked = next_law(law, k / 50, wanted, (-2.0, 2.0))
+        seen.append(braked)
+    first = seen.index(end)
+    assert seen == [0] * first + [end] * (300 - first)
+    assert float(law.reached_m[-1]) == pytest.approx(end * 2.0, abs=2 * SHORT_M)
+    assert next_law(law, 301 / 50, -wanted, (-2.0, 2.0))[1] == 0        # back it may go
+
+
+def test_a_leader_that_is_called_back_brakes_before_the_end_that_it_still_moves_to():
+    law = Walked(LED, ((0.0, 1.5),))
+    assert next_law(law, 0.02, -0.1, (-inf, 0.3))[1] == 1
+    assert next_law(law, 0.02, -0.1, (-inf, 30.0))[1] == 0
+
+
+def test_a_law_without_ends_goes_as_it_is_wanted_and_keeps_the_last_seconds():
+    law = walked_from(LED, 0.0)
+    for k in range(1, 501):
+        law, braked = next_law(law, k / 50, 1.0, (-inf, inf), keep_s=1.0)
+        assert braked == 0
+    assert law.knots[-1] == (10.0, 1.0)
+    assert law.knots[0][0] <= 9.0 < law.knots[1][0]
 
 
 def test_it_comes_near_an_end_that_it_is_sent_to():
