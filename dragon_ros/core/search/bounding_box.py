@@ -39,14 +39,15 @@ from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.driver import divisible
+from dragon_ros.core.search.driver import Boxes, divisible, run
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
-_AT_ONCE = 128      # intervals
+_AT_ONCE = 512      # intervals
+_PARTS = 4          # into which an interval is cut
 _SAME = 1e-13       # of a distance along the track: nearer places are the same
 _MOST = 200_000     # benches that are placed
 _TOLERANCE = 1e-9   # of Newton's last step: its square is below what floats keep
@@ -102,7 +103,7 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
     ``progress(looks)`` is called with every number of benches just placed.
     """
     ranges = HandleRanges(scene)
-    search = _Search(progress, within_m)
+    search = _Reaching(progress, within_m)
     kinds = _alike(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
         search.run(_bench(ranges, int(benches[0])), _intervals(ranges, benches), kind)
@@ -151,44 +152,46 @@ def _turning_m(track: Track, link_m: float) -> list[float]:
     return [float(along_m) for along_m in track.distances(np.zeros(angles.size, dtype=np.int64), angles)]
 
 
-class _Search:
-    """The best value on each side so far, where it was met, and the largest bound of what was put aside."""
+class _Reaching:
+    """A search for what is farthest out on each side: the best so far, where it was met, and what was put aside."""
+
+    at_once = _AT_ONCE
 
     def __init__(self, progress: Callable[[int], object], within_m: float) -> None:
         self.looks, self._tell, self._within_m = 0, progress, within_m
         self.best: Floats = np.full(len(SIDES), -np.inf)
         self.high: Floats = np.full(len(SIDES), -np.inf)
         self.where = [(0, 0.0, 0)] * len(SIDES)
+        self._kind = 0
+        self._bench: SweptBench | None = None
 
     def run(self, bench: 'SweptBench', intervals: Floats, kind: int) -> None:
         """Search intervals (2, M) of the way of one kind of bench."""
-        tops: Floats = np.array([[bench.cap_m(*ends)] * len(SIDES) for ends in intervals.T.tolist()])
-        while tops.size and self.looks < _MOST:
-            order = np.argsort(-np.max(tops - self.best, axis=1), kind='stable')
-            now, later = order[:_AT_ONCE], order[_AT_ONCE:]
-            quarters, above = self._quarters(bench, intervals[:, now], kind)
-            intervals, tops = np.concatenate((intervals[:, later], quarters), 1), np.concatenate((tops[later], above))
-            intervals, tops = self._put_aside(intervals, tops, np.all(tops <= self.best + self._within_m, axis=1))
-        self._put_aside(intervals, tops, np.ones(len(tops), dtype=bool))
+        self._bench, self._kind = bench, kind
+        run(self, Boxes(*intervals[:, None]).cut(_PARTS))
 
-    def _put_aside(self, intervals: Floats, tops: Floats, done: Array) -> tuple[Floats, Floats]:
-        """Return the intervals that are not done, and their bounds."""
-        self.high = np.maximum(self.high, np.max(tops[done], axis=0, initial=-np.inf))
-        return intervals[:, ~done], tops[~done]
+    def ahead(self, boxes: Boxes) -> Array:
+        """Return all: their bounds are not known before they are judged."""
+        return np.ones(boxes.size, dtype=bool)
 
-    def _quarters(self, bench: 'SweptBench', intervals: Floats, kind: int) -> tuple[Floats, Floats]:
-        """Return the quarters of intervals, but for those too short to be cut again, and bounds (M, 4) on them."""
-        low, high = intervals
-        middle = 0.5 * (low + high)
-        ends: Floats = np.concatenate((low, 0.5 * (low + middle), middle, 0.5 * (middle + high), high))
-        quarters = np.stack((ends[:-low.size], ends[low.size:]))
-        places, index = np.unique(quarters, return_inverse=True)
-        states, at = bench.states(places), index.reshape(2, -1)
+    def order(self, boxes: Boxes) -> Floats:
+        """Return the order along the track."""
+        out: Floats = boxes.low[0]
+        return out
+
+    def judge(self, boxes: Boxes) -> Boxes:
+        """Bound intervals, put aside those that hold nothing more, and cut the others."""
+        assert self._bench
+        ends = np.stack((boxes.low[0], boxes.high[0]))
+        places, index = np.unique(ends, return_inverse=True)
+        states, (low, high) = self._bench.states(places), index.reshape(2, -1)
         self.looks += places.size
         self._tell(places.size)
-        self._note(states.value, places, kind)
-        tops: Floats = np.max(bench.bounds(states.rows(at[0]), states.rows(at[1])), axis=1)
-        return self._put_aside(quarters, tops, ~divisible(*quarters))
+        self._note(states.value, places, self._kind)
+        tops: Floats = np.max(self._bench.bounds(states.rows(low), states.rows(high)), axis=1)
+        more = np.any(tops > self.best + self._within_m, axis=1) & divisible(*ends) & (self.looks < _MOST)
+        self.high = np.maximum(self.high, np.max(tops[~more], axis=0, initial=-np.inf))
+        return boxes.some(more).cut(_PARTS)
 
     def _note(self, value: Floats, places: Floats, kind: int) -> None:
         for side, values in enumerate(np.moveaxis(value, -1, 0)):
@@ -198,7 +201,7 @@ class _Search:
                 self.where[side] = kind, float(places[place]), int(corner)
 
 
-def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Search, side: int) -> Reach:
+def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
     """Return what was found on a side, with a bench that is there, and when."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
@@ -252,11 +255,6 @@ class SweptBench:
             return np.ones(4, dtype=np.complex128), self._lever
         return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
 
-    @cached_property
-    def reach_m(self) -> float:
-        """How far from the front handle the farthest corner is."""
-        return float(np.max(np.abs(self._lever - 0.5 * self.link_m)))
-
     def states(self, along_m: Floats) -> BenchStates:
         """Return the bench with its front handle at distances along the track."""
         track, link = self.track, self.link_m
@@ -298,10 +296,6 @@ class SweptBench:
             goes = np.fmin(crude, slope.most * _each(front_m))
         out: Floats = 0.5 * (a.value + b.value + goes)
         return out
-
-    def cap_m(self, low_m: float, high_m: float) -> float:
-        """Return a bound on all coordinates while the front handle is between two distances along the track."""
-        return self.track.far_m(low_m, high_m) + self.reach_m
 
 
 def _complex(points: Floats) -> Array:

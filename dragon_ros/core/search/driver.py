@@ -1,13 +1,20 @@
-"""Clear intervals of a search domain of contact, with the bound that clears each: the driver of every bound.
+"""The one loop of every search: cells of a space are judged batch by batch, and cut until each is settled.
 
-A domain is sampled at places. Between two of them a bound (``on_spiral`` for a bench on a spiral segment,
-``conservative_advancement`` for the whole chain) says how near benches can come. An interval whose bound does not
-exceed what positions may err is cut into parts, at once into as many as the bound asks for, until each is cleared or is
-as short as is asked for. The parts of one interval are at most half as long as it is, so an interval of length L takes
-no more than log2(L / finest) rounds, and the whole search ends.
+``run`` takes what is searched as a parameter. A ``Search`` tells which cells may still matter, in which order they
+come, and judges them: what is settled it keeps, of the others it returns the parts. The loop has the rest: what waits,
+how many cells are judged together, and that of too many those that come first go first, with all their parts. Four
+searches stand on it. ``clear`` goes through places in order, up to the first that is not clear; ``min_pitch`` does so
+in the plane of radius and pitch; ``bounding_box`` and ``max_speed`` look for largest values. Every search ends, since a
+cell is cut into parts that are at most half as long until it is as short as is asked for, or as floats are.
+
+``clear`` clears intervals of a search domain of contact. A domain is sampled at places. Between two of them a bound
+(``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) says how near benches
+can come. An interval whose bound does not exceed what positions may err is cut into parts, at once into as many as the
+bound asks for, until each is cleared or is as short as is asked for. So an interval of length L takes no more than
+log2(L / finest) rounds. Its intervals carry the samples at their ends, which their parts share: a state is dear there.
 """
 from dataclasses import dataclass, replace
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import numpy as np
 from numpy.typing import NDArray
@@ -19,6 +26,84 @@ _MOST_PARTS = 3     # that an interval is cut into at once: shorter ones have mo
 _AT_ONCE = 4096     # intervals that are bounded together; later ones wait, so that a long search keeps to its memory
 _FINEST = 1e-14     # of a time or a distance: intervals this short are not cut
 Bools = NDArray[np.bool_]
+
+
+class Cells(Protocol):
+    """Cells of a space, as a search keeps them."""
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        ...
+
+    def some(self, which: Any) -> Any:
+        """Return some of them."""
+        ...
+
+
+C = TypeVar('C', bound=Cells)
+
+
+class Search(Protocol[C]):
+    """What is searched: ``at_once`` cells at most are judged together."""
+
+    @property
+    def at_once(self) -> int:
+        """How many cells are judged together."""
+        ...
+
+    def ahead(self, cells: C) -> Bools:
+        """Return which cells may still matter."""
+        ...
+
+    def order(self, cells: C) -> Floats:
+        """Return numbers by which cells come, the smallest first."""
+        ...
+
+    def judge(self, cells: C) -> C:
+        """Judge cells and keep what is settled; return the parts of the others."""
+        ...
+
+
+def run(search: Search[C], cells: C) -> None:
+    """Search cells until none waits."""
+    waiting = [cells]
+    while waiting:
+        cells = waiting.pop()
+        ahead = search.ahead(cells)
+        cells = cells if np.all(ahead) else cells.some(ahead)
+        if cells.size > search.at_once:
+            order = np.argsort(search.order(cells), kind='stable')
+            waiting.append(cells.some(np.sort(order[search.at_once:])))
+            cells = cells.some(np.sort(order[:search.at_once]))
+        if cells.size and (parts := search.judge(cells)).size:
+            waiting.append(parts)
+
+
+@dataclass(frozen=True)
+class Boxes:
+    """Boxes of a space of some dimensions, ``low`` to ``high`` (D, M): cells that carry no samples."""
+
+    low: Floats
+    high: Floats
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        return int(self.low.shape[1])
+
+    def some(self, which: Bools | Ints) -> 'Boxes':
+        """Return some of them."""
+        return Boxes(self.low[:, which], self.high[:, which])
+
+    def cut(self, parts: int, axis: Ints | int = 0) -> 'Boxes':
+        """Return equal parts of each along one axis, or along an axis of its own."""
+        axis, each = np.broadcast_to(axis, self.size), np.arange(self.size)
+        ends = np.linspace(self.low[axis, each], self.high[axis, each], parts + 1, axis=1)
+        low, high = (np.repeat(one, parts, axis=1) for one in (self.low, self.high))
+        axis, each = np.repeat(axis, parts), np.arange(parts * self.size)
+        low[axis, each], high[axis, each] = ends[:, :-1].ravel(), ends[:, 1:].ravel()
+        return Boxes(low, high)
 
 
 class Samples(Protocol):
@@ -123,9 +208,8 @@ def _after(window: Floats, hit: tuple[float, float, float] | None) -> Floats:
 
 
 def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[int, Cleared]:
-    search = _Search(space, windows)
-    while search.waiting:
-        search.judge(finest_m)
+    search = _Clearing(space, windows, finest_m)
+    run(search, search.roots)
     return {number: search.result(number) for number in windows}
 
 
@@ -138,17 +222,24 @@ class _Batch:
     window: Ints
     group: Ints
 
+    @property
+    def size(self) -> int:
+        """How many intervals."""
+        return int(self.window.size)
+
     def some(self, keep: Bools | Ints) -> '_Batch':
         """Return some intervals with the samples that they need."""
         used, rows = np.unique(self.pairs[:, keep], return_inverse=True)
         return _Batch(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.group[keep])
 
 
-class _Search:
-    """Intervals of windows that are still to be cleared, and what has been found of them."""
+class _Clearing:
+    """Windows that are cleared in the order of their places, and what has been found of them."""
 
-    def __init__(self, space: Space, windows: dict[int, Floats]) -> None:
-        self._space, size = space, 1 + max(windows)
+    at_once = _AT_ONCE
+
+    def __init__(self, space: Space, windows: dict[int, Floats], finest_m: float) -> None:
+        self._space, self._finest_m, size = space, finest_m, 1 + max(windows)
         of = np.repeat([*windows], [window.size for window in windows.values()])
         self._sign = np.ones(size)
         self._sign[[*windows]] = [1.0 if window[-1] >= window[0] else -1.0 for window in windows.values()]
@@ -159,13 +250,20 @@ class _Search:
         samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
         pairs = np.stack((first, first + 1))
         space.begin(samples, pairs, of[first])
-        self.waiting = [_Batch(samples, pairs, of[first], np.arange(first.size))] if first.size else []
+        self.roots = _Batch(samples, pairs, of[first], np.arange(first.size))
 
-    def judge(self, finest_m: float) -> None:
-        """Judge the intervals that are next, keep those that are clear, and cut the others."""
-        batch = self._next()
-        if not batch.window.size:
-            return
+    def ahead(self, batch: _Batch) -> Bools:
+        """Return which intervals begin before the first place that cannot be cleared."""
+        out: Bools = self.order(batch) < self._limit[batch.window]
+        return out
+
+    def order(self, batch: _Batch) -> Floats:
+        """Return the progress at which intervals begin."""
+        out: Floats = self._sign[batch.window] * batch.samples.places[batch.pairs[0]]
+        return out
+
+    def judge(self, batch: _Batch) -> _Batch:
+        """Judge intervals, keep those that are clear, and cut the others."""
         places = batch.samples.places[batch.pairs]
         space, progress = self._space, self._sign[batch.window] * places
         first, second = (batch.samples.rows(rows) for rows in batch.pairs)
@@ -174,28 +272,17 @@ class _Search:
             touching = judged.touching[end]
             np.minimum.at(self._touch, batch.window[touching], progress[end, touching])
         good = judged.bound_m > space.tolerance_m
-        short = (space.lengths_m(*places) <= finest_m) | ~_between(*places)
+        short = (space.lengths_m(*places) <= self._finest_m) | ~_between(*places)
         fine = ~good & short
         np.minimum.at(self._limit, batch.window[fine], progress[0, fine])
         np.minimum(self._limit, self._touch, out=self._limit)
         self._done.append((np.stack((*places[:, good], judged.bound_m[good]), axis=1), batch.window[good]))
         self._stuck.append((np.stack((*places[:, fine], judged.bound_m[fine]), axis=1), batch.window[fine]))
         rest = ~good & ~short & (progress[0] < self._limit[batch.window])
-        if np.any(rest):
-            self._cut(replace(batch, group=judged.group).some(rest), judged.parts[rest])
+        left = replace(batch, group=judged.group).some(rest)
+        return self._cut(left, judged.parts[rest]) if np.any(rest) else left
 
-    def _next(self) -> _Batch:
-        """Take the intervals that come first; too many for one time are taken in the order of progress."""
-        batch = self.waiting.pop()
-        ahead = self._sign[batch.window] * batch.samples.places[batch.pairs[0]] < self._limit[batch.window]
-        batch = batch if np.all(ahead) else batch.some(ahead)
-        if batch.window.size <= _AT_ONCE:
-            return batch
-        order = np.argsort(self._sign[batch.window] * batch.samples.places[batch.pairs[0]], kind='stable')
-        self.waiting.append(batch.some(np.sort(order[_AT_ONCE:])))
-        return batch.some(np.sort(order[:_AT_ONCE]))
-
-    def _cut(self, batch: _Batch, parts: Ints) -> None:
+    def _cut(self, batch: _Batch, parts: Ints) -> _Batch:
         """Cut intervals, each into so many equal parts."""
         count, (start, stop) = batch.window.size, batch.samples.places[batch.pairs]
         of, nth = np.repeat(np.arange(count), parts - 1), _counted(parts - 1) + 1
@@ -212,7 +299,7 @@ class _Search:
         backs = np.empty_like(fronts)
         backs[:-1], backs[-1] = fronts[1:], batch.pairs[1, -1]
         backs[np.cumsum(parts) - 1] = batch.pairs[1]
-        self.waiting.append(_Batch(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner]))
+        return _Batch(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner])
 
     def result(self, number: int) -> Cleared:
         """Return what of a window is cleared up to the first interval that is not."""

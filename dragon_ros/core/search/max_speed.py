@@ -35,7 +35,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.driver import divisible
+from dragon_ros.core.search.driver import Boxes, divisible, run
 from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -90,15 +90,17 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
     if end.reason == 'lock':
         raise FieldError('run.stop_s', scene.run.stop_s, f'the run reaches a lock at {end.t_s:.6f} s, and near the '
                          'lock speeds have no bound', 'stop earlier')
-    found = _Search(scene, progress).run()
+    found = _Speeding(scene, progress).run()
     if not isfinite(found.bound):
         raise FieldError('run.stop_s', scene.run.stop_s, 'the run comes so near to a lock that floats tell no bound of '
                          'the speeds', 'stop earlier')
     return found
 
 
-class _Search:
-    """Branch and bound over times. The best so far: log of the largest speed met, when, and of which handle."""
+class _Speeding:
+    """A search over times. The best so far: log of the largest speed met, when, and of which handle."""
+
+    at_once = _MOST     # all: a bound tells most where the best of all is known
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
@@ -110,17 +112,7 @@ class _Search:
 
     def run(self) -> MaxSpeed:
         """Return the fastest handle."""
-        intervals = self._first()
-        while intervals.size:
-            tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
-                intervals, ceil(intervals.shape[1] / _AT_ONCE), axis=1)], axis=1)
-            more = tops - self._best[0]
-            near = _SAME * max(1.0, (np.count_nonzero(more > _SAME) / _AT_ONCE)**2)
-            higher = (more > near) & divisible(*intervals) & divisible(*ways)
-            self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
-            starts, stops = intervals[:, higher]
-            cuts = np.linspace(starts, stops, _PARTS + 1, axis=1)
-            intervals = np.stack((cuts[:, :-1].ravel(), cuts[:, 1:].ravel()))
+        run(self, Boxes(*self._first()[:, None]))
         top, t_s, handle = self._best
         leader, gone = self._leader, self._scene.head.travelled_m(t_s)
         with np.errstate(over='ignore'):
@@ -128,6 +120,26 @@ class _Search:
         number = handle if leader.direction == BEHIND else leader.links_m.size - handle
         return MaxSpeed(ratio, number, float(gone[0]) + 0.0,
                         leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
+
+    def ahead(self, boxes: Boxes) -> Array:
+        """Return all: their bounds are not known before they are judged."""
+        return np.ones(boxes.size, dtype=bool)
+
+    def order(self, boxes: Boxes) -> Floats:
+        """Return the order of times."""
+        out: Floats = boxes.low[0]
+        return out
+
+    def judge(self, boxes: Boxes) -> Boxes:
+        """Bound intervals, keep the bounds of those that hold nothing faster, and cut the others."""
+        intervals = np.stack((boxes.low[0], boxes.high[0]))
+        tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
+            intervals, ceil(boxes.size / _AT_ONCE), axis=1)], axis=1)
+        more = tops - self._best[0]
+        near = _SAME * max(1.0, (np.count_nonzero(more > _SAME) / _AT_ONCE)**2)
+        higher = (more > near) & divisible(*intervals) & divisible(*ways)
+        self._bound = max(self._bound, float(np.max(sure[~higher], initial=-inf)))
+        return boxes.some(higher).cut(_PARTS)
 
     def _first(self) -> Floats:
         """Return the first intervals (2, M): cut at the law's breaks, where handles turn back, and finely enough."""

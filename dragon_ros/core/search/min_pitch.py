@@ -29,7 +29,8 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE, bend
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.geometry.narrow_phase import BenchSamples, line_distance, samples_of
 from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.search.driver import Boxes, run
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import BEHIND, Effort
@@ -101,7 +102,7 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     ChainLockError where a link is longer than the circle is wide.
     """
     task = _task(dragon or Dragon(), diameter_m, start_turns, largest_m, within_m)
-    head = _Search(task, 0, task.smallest_m, progress)
+    head = _Descending(task, 0, task.smallest_m, progress)
     low_m, high_m = head.run()
     if not head.touch:
         raise FieldError('start_turns', start_turns, f'no pitch from {low_m:.6g} m on, where the head starts on the '
@@ -110,7 +111,7 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     if isclose(pitch_m, largest_m, rel_tol=_SAME):
         raise FieldError('largest_m', largest_m, f'benches 0 and {bench} touch at it, with the head at radius '
                          f'{radius_m:.6g} m', 'give a larger one')
-    body = _Search(task, 1, high_m, progress)
+    body = _Descending(task, 1, high_m, progress)
     body.run()
     if body.touch:
         radius_m, pitch_m, bench = body.touch
@@ -140,36 +141,51 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
     return Task(dragon, radius_m, start_turns, largest_m, within_m)
 
 
-class _Search:
-    """Branch and bound of one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
+class _Descending:
+    """A search of one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
 
-    Cells are columns (4, n): radius in m from, to, scale from, to; a larger scale is a smaller pitch. ``touch`` is
-    (radius in m, pitch in m, bench) of the contact with the largest pitch that was met.
+    Boxes are of radius in m and of scale: a larger scale is a smaller pitch. ``touch`` is (radius in m, pitch in m,
+    bench) of the contact with the largest pitch that was met.
     """
+
+    at_once = _AT_ONCE
 
     def __init__(self, task: Task, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
         self.task, self.first, self.states, self._tell = task, first, 0, progress
         self.touch: tuple[float, float, int] | None = None
-        self._best = 2 * pi / floor_m
+        self._best = self._limit = 2 * pi / floor_m     # scales: of the contact, and up to which all is clear
+        self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
         self._effort = EXACT.effort(size_m, float(np.sum(task.dragon.link_lengths_m)))
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # both benches may be off
 
     def run(self) -> tuple[float, float]:
         """Return (pitch with a contact or the floor, pitch from which on all is clear)."""
-        cells, done = self._grid(), 0
-        while cells.shape[1]:
-            cells = cells[:, np.argsort(cells[2], kind='stable')]
-            if 2 * pi / cells[2, 0] - 2 * pi / self._best <= self.task.within_m:
-                break
-            if done > _MOST:
-                raise DragonError(f'min-pitch: nothing is proved below a pitch of {2 * pi / cells[2, 0]:.9g} m after '
-                                  f'{done} cells; there may be benches that always all but touch')
-            halves = self._halves(cells[:, :_AT_ONCE])
-            done += min(_AT_ONCE, cells.shape[1])
-            cells = np.concatenate((cells[:, _AT_ONCE:], halves), axis=1)
-            cells = cells[:, cells[2] < self._best]
-        return 2 * pi / self._best, _OUTWARDS * 2 * pi / (float(cells[2, 0]) if cells.shape[1] else self._best)
+        cells = self._grid()
+        run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
+        return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
+
+    def ahead(self, boxes: Boxes) -> Array:
+        """Return which boxes begin at a larger pitch than the first that is not clear."""
+        out: Array = boxes.low[1] < self._limit
+        return out
+
+    def order(self, boxes: Boxes) -> Floats:
+        """Return the order of falling pitches."""
+        out: Floats = boxes.low[1]
+        return out
+
+    def judge(self, boxes: Boxes) -> Boxes:
+        """Compute the corners of boxes; return the halves of those that are not clear and not near the contact."""
+        if self._done > _MOST:
+            raise DragonError(f'min-pitch: nothing is proved below a pitch of {2 * pi / np.min(boxes.low[1]):.9g} m '
+                              f'after {self._done} cells; there may be benches that always all but touch')
+        self._done += boxes.size
+        unclear, axis = self._unclear(np.stack((boxes.low[0], boxes.high[0], boxes.low[1], boxes.high[1])))
+        near = 2 * pi / boxes.low[1] - 2 * pi / self._best <= self.task.within_m
+        self._limit = min(self._limit, self._best, float(np.min(boxes.low[1, unclear & near], initial=np.inf)))
+        left = unclear & ~near
+        return boxes.some(left).cut(2, axis[left])
 
     def _grid(self) -> Floats:
         """Return the first cells: strips of pitch, each as long as the way at its larger pitch.
@@ -186,8 +202,11 @@ class _Search:
                                                                  for each in (small, large)))))
         return np.concatenate(strips, axis=1)
 
-    def _halves(self, cells: Floats) -> Floats:
-        """Compute the corners of cells; return the halves of those that are not clear."""
+    def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
+        """Compute the corners of cells (4, n): radius and scale, each from, to; return which are not clear.
+
+        With it comes the axis to cut each along, on which it differs more.
+        """
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
         placed = self._windings(places[0], places[1])
@@ -202,8 +221,10 @@ class _Search:
         pair = np.argmin(np.max(low, axis=-1), axis=1)
         each = np.arange(pair.size)
         edge = np.argmax(low[each, pair], axis=-1)
-        unclear = (low[each, pair, edge] <= self._tolerance_m * cells[3]) & (cells[2] < self._best)
-        return _halved(cells, apart[:, each, pair, edge], sag[each, pair, edge], unclear)
+        corner, bent = apart[:, each, pair, edge], sag[each, pair, edge]
+        place = 0.5 * np.abs(corner[2] + corner[3] - corner[0] - corner[1]) + bent[:, 0]
+        scale = 0.5 * np.abs(corner[1] + corner[3] - corner[0] - corner[2]) + bent[:, 1]
+        return low[each, pair, edge] <= self._tolerance_m * cells[3], (place < scale).astype(np.int64)
 
     def _windings(self, radius_m: Floats, scale: Floats) -> BenchSamples:
         """Return a little more than the turn of the chain behind each place."""
@@ -263,17 +284,6 @@ class _Search:
             if scale[n] < self._best or self.touch is None:
                 self._best = min(self._best, float(scale[n]))
                 self.touch = float(radius_m[n]), 2 * pi / float(scale[n]), int(np.argmin(gap[n])) + 2
-
-
-def _halved(cells: Floats, corner: Floats, sag: Floats, which: Floats) -> Floats:
-    """Return the halves of some cells, each cut where it differs more; ``corner`` (4, n) are separations there."""
-    place, scale = 0.5 * np.abs(corner[2] + corner[3] - corner[0] - corner[1]), 0.5 * np.abs(
-        corner[1] + corner[3] - corner[0] - corner[2])
-    cut = np.where(place + sag[:, 0] >= scale + sag[:, 1], 0, 2)[which]
-    lower, upper, each = cells[:, which], cells[:, which], np.arange(cut.size)
-    middle = 0.5 * (lower[cut, each] + lower[cut + 1, each])
-    lower[cut + 1, each] = upper[cut, each] = middle
-    return np.concatenate((lower, upper), axis=1)
 
 
 def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats,
