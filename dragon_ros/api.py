@@ -302,17 +302,19 @@ class Design:
     @staticmethod
     def min_pitch(dragon: Scene | Simulated | AnyDragon | None = None, *, diameter_m: float = 9.0,
                   start_turns: float = 16.0, largest_m: float = 1.0, within_m: float = 2e-11,
-                  progress: Progress = _quiet) -> 'MinPitch':
+                  smallest_m: float | None = None, progress: Progress = _quiet) -> 'MinPitch':
         """Return the smallest pitch from which on, up to ``largest_m``, the head reaches a circle without contact.
 
-        ``dragon`` is that of a scene, or a dragon; None for the classic one. Bounds are ``within_m`` apart. Raises
-        FieldError.
+        ``dragon`` is that of a scene, or a dragon; None for the classic one. Bounds are ``within_m`` apart. Mixed
+        benches need ``smallest_m``, a pitch at which benches touch, and the answer says that it is not ``proved`` that
+        pitches above the bracket have no contact. Raises FieldError.
         """
         from dragon_ros.core.search.min_pitch import min_pitch
         if not isinstance(dragon, (Dragon, Mixed, NoneType)):
             dragon = _scene('dragon', dragon).dragon
         return min_pitch(dragon, number('diameter_m', diameter_m), number('start_turns', start_turns),
-                         number('largest_m', largest_m), number('within_m', within_m, above=0.0), progress)
+                         number('largest_m', largest_m), number('within_m', within_m, above=0.0), progress,
+                         None if smallest_m is None else number('smallest_m', smallest_m))
 
     @staticmethod
     def fit(scene: Scene | Simulated, *, within_m: float = 1e-10, progress: Progress = _quiet) -> 'BoundingBox':

@@ -17,7 +17,7 @@ if TYPE_CHECKING:       # each question imports what it needs
 
 Values = dict[str, Any]
 _PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
-                  'start_turns': 'track.start_turns'}
+                  'smallest_m': '--smallest', 'start_turns': 'track.start_turns'}
 
 
 class Question(NamedTuple):
@@ -164,6 +164,8 @@ def _min_pitch_options(parser: ArgumentParser) -> None:
                         help='largest pitch considered (%(default)g)')
     parser.add_argument('--within', type=float, default=2e-11, metavar='METRES',
                         help='width of the bracket (%(default)g)')
+    parser.add_argument('--smallest', type=float, metavar='METRES',
+                        help='of mixed benches, a pitch at which benches touch')
 
 
 def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
@@ -175,7 +177,7 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
     with Progress('min-pitch', 'states') as bar:
         try:
             found = min_pitch(scene.dragon, arguments.diameter, scene.spiral.start_turns, arguments.largest,
-                              arguments.within, bar.update)
+                              arguments.within, bar.update, arguments.smallest)
         except FieldError as error:
             known = error.fields
             raise FieldError(_PITCH_OPTIONS.get(known['field'], known['field']), known['value'], known['limit'],
@@ -186,12 +188,13 @@ def _min_pitch_answer(arguments: Namespace) -> dict[str, Any]:
 def _min_pitch_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
     inner, outer = values['benches']
+    above = 'from there to' if values['proved'] else 'there and at'
     return '\n'.join([
-        f'the smallest pitch is {values["high_m"]:.12f} m: from there to {values["largest_m"]:g} m there is no '
-        'contact on the way in',
+        f'the smallest pitch is {values["high_m"]:.12f} m: {above} {values["largest_m"]:g} m there is no '
+        'contact on the way in' + ('' if values['proved'] else '; pitches in between are not examined'),
         f'at {values["low_m"]:.12f} m benches {inner} and {outer} touch, with the head at radius '
         f'{values["radius_m"]:.6f} m',
-        f'{values["states"]:,} windings were examined'])
+        f'{values["states"]:,} {"windings" if values["proved"] else "states"} were examined'])
 
 
 def _fit_options(parser: ArgumentParser) -> None:

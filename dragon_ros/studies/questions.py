@@ -7,27 +7,22 @@ of one dragon is searched once.
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property, lru_cache
-from math import hypot
 from typing import Any, ClassVar
 
-import numpy as np
-
-from dragon_ros.core.chain.dragon import AnyDragon, is_even
-from dragon_ros.core.chain.head_law import Head
+from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.near_pairs import closeness
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import bounding_box, fits
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.first_contact import first_contact, head_passes
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
+from dragon_ros.core.search.min_pitch import MinPitch as SmallestPitch
 from dragon_ros.core.search.min_pitch import min_pitch
 from dragon_ros.core.search.near_misses import near_misses
-from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.tracks.spiral import SpiralCurve
 
 Tell = Callable[[int], object]
 Values = dict[str, Any]
@@ -153,57 +148,15 @@ class MinPitch:
         """Answer; ``min_pitch_m`` is the upper end of the bracket, from which on a dragon is safe."""
         dragon = asked.scene.dragon
         start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
-        if not is_even(dragon.link_lengths_m):
-            return self._of_mixed(dragon, start_turns, asked.tell)
-        low_m, high_m, benches, radius_m = _pitch_of(_Key(self, dragon, start_turns, asked.tell))
-        return self._values(low_m, high_m, benches, radius_m, proved=True)
-
-    @staticmethod
-    def _values(low_m: float, high_m: float, benches: tuple[int, int], radius_m: float, proved: bool) -> Values:
-        return {'min_pitch_m': high_m, 'min_pitch_low_m': low_m, 'min_pitch_high_m': high_m,
-                'min_pitch_inner': benches[0], 'min_pitch_outer': benches[1], 'min_pitch_radius_m': radius_m,
-                'min_pitch_proved': proved}
-
-    def _of_mixed(self, dragon: AnyDragon, start_turns: float, tell: Tell) -> Values:
-        """Halve the bracket. Raises FieldError where its ends are not a contact and none."""
-        if self.smallest_m is None:
-            raise FieldError('ask.min_pitch.smallest_m', None, 'the pitch of mixed benches is halved between two '
-                             'bounds', 'give a pitch at which benches touch')
-        def scene(pitch_m: float) -> Scene:
-            return _coming_in(dragon, pitch_m, start_turns, self.diameter_m)
-
-        def whole(pitch_m: float) -> Contact | None:
-            found = first_contact(scene(pitch_m), tell)
-            return found if isinstance(found, Contact) else None
-
-        def head(pitch_m: float) -> bool:
-            return not head_passes(scene(pitch_m), tell)
-
-        smallest_m, largest_m = self.smallest_m, self.largest_m
-        if head(largest_m):
-            raise self._touches_at_largest()
-        if not head(smallest_m) and not whole(smallest_m):
-            raise FieldError('ask.min_pitch.smallest_m', smallest_m, 'no benches touch at it', 'give a smaller one')
-        # Halving looks at the head, which is the first to touch as a rule; the ends are those of all benches.
-        low_m, high_m = self._halved(head, smallest_m, largest_m)
-        if whole(high_m):
-            if whole(largest_m):
-                raise self._touches_at_largest()
-            low_m, high_m = self._halved(whole, high_m, largest_m)
-        touch = whole(low_m)
-        assert touch
-        radius_m = hypot(*compile_scene(scene(low_m)).chain(touch.t_s).p[0])
-        return self._values(low_m, high_m, touch.benches, radius_m, proved=False)
-
-    def _touches_at_largest(self) -> FieldError:
-        return FieldError('ask.min_pitch.largest_m', self.largest_m, 'benches touch at it', 'give a larger one')
-
-    def _halved(self, touching: Callable[[float], object], low_m: float, high_m: float) -> tuple[float, float]:
-        """Halve a bracket of pitches, with a contact at the lower end and none at the upper one."""
-        while high_m - low_m > self.within_m:
-            middle_m = 0.5 * (low_m + high_m)
-            low_m, high_m = (middle_m, high_m) if touching(middle_m) else (low_m, middle_m)
-        return low_m, high_m
+        try:
+            found = _pitch_of(_Key(self, dragon, start_turns, asked.tell))
+        except FieldError as error:
+            known = error.fields
+            name = f'ask.min_pitch.{known["field"]}' if hasattr(self, known['field']) else known['field']
+            raise FieldError(name, known['value'], known['limit'], known['cure']) from None
+        return {'min_pitch_m': found.high_m, 'min_pitch_low_m': found.low_m, 'min_pitch_high_m': found.high_m,
+                'min_pitch_inner': found.benches[0], 'min_pitch_outer': found.benches[1],
+                'min_pitch_radius_m': found.radius_m, 'min_pitch_proved': found.proved}
 
 
 class _Key:
@@ -220,22 +173,11 @@ class _Key:
 
 
 @lru_cache(maxsize=_SHARED)
-def _pitch_of(key: _Key) -> tuple[float, float, tuple[int, int], float]:
-    """Return bracket, benches and radius of the smallest pitch; rows that differ in other values share it."""
+def _pitch_of(key: _Key) -> SmallestPitch:
+    """Return the smallest pitch; rows that differ in other values share it."""
     question, dragon, start_turns = key.values
-    found = min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell)
-    return found.low_m, found.high_m, found.benches, found.radius_m
-
-
-def _coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m: float) -> Scene:
-    """Return the scene of a head that comes in from its start to a circle, a metre a second."""
-    track = Spiral(pitch_m, start_turns)
-    turns = 0.5 * diameter_m / pitch_m
-    if turns >= start_turns:
-        raise FieldError('track.start_turns', start_turns, f'at a pitch of {pitch_m:g} m the head starts inside the '
-                         'circle', 'start further out, or give a smaller circle')
-    curve = SpiralCurve.of(track)
-    return Scene(dragon, track, Head(), Run(0.0, curve.distance_to(2 * np.pi * turns)))
+    return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
+                     question.smallest_m)
 
 
 @dataclass(frozen=True)

@@ -7,7 +7,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import bounding_box
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.search.min_pitch import coming_in, min_pitch
 from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes.load import changed_scene, scene_of
@@ -127,8 +127,7 @@ def test_the_smallest_pitch_of_mixed_benches_is_a_bracket_that_is_not_proved_abo
     assert row['min_pitch_high_m'] - row['min_pitch_low_m'] <= 0.01
     dragon = scene_of(Document('row', scene_values_of(one, values_of(one, 0)))).dragon
     for pitch_m, touches in ((row['min_pitch_low_m'], True), (row['min_pitch_high_m'], False)):
-        coming_in = questions._coming_in(dragon, pitch_m, 5, 4)
-        assert hasattr(first_contact(coming_in), 'benches') is touches
+        assert hasattr(first_contact(coming_in(dragon, pitch_m, 5, 4)), 'benches') is touches
 
 
 @pytest.mark.parametrize(('options', 'why'), [

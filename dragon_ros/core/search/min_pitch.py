@@ -12,16 +12,20 @@ All is computed in units of b = pitch / 2 pi, where there is one spiral, r = the
 as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the leading
 handle; a *winding* is a little more than the turn of the chain behind it.
 
+All that takes benches that are equal behind the head. Of mixed benches a bracket of two given pitches is halved: that
+there is a contact at its lower end and none at its upper end is proved, that no larger pitch has one is not.
+
 Bounds are rounded outwards as those of the first contact are: balls by themselves, separations by what
 ``signed_distance.rounding_m`` says, polar angles by what positions may err.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import asin, ceil, isclose, log, pi, sqrt
+from math import asin, ceil, hypot, isclose, log, pi, sqrt
 
 import numpy as np
 
 from dragon_ros.core.chain.dragon import AnyDragon, Dragon, is_even
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
@@ -29,12 +33,17 @@ from dragon_ros.core.enclosures.on_spiral import ABOVE, bend
 from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.geometry.narrow_phase import BenchSamples, line_distance, samples_of
 from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.search.driver import Boxes, run
+from dragon_ros.core.search.first_contact import first_contact, head_passes
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve
 
 _WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's way about the centre, and part of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
@@ -49,7 +58,8 @@ class MinPitch:
     """Between ``low_m``, a pitch with a contact, and ``high_m``: from there on to ``largest_m`` none has one.
 
     At ``low_m`` ``benches`` touch with the head's front handle at ``radius_m``; ``states`` counts the windings that
-    were placed.
+    were placed, or the states. Of mixed benches it is not ``proved`` that none between ``high_m`` and ``largest_m`` has
+    one: only that these two have none.
     """
 
     low_m: float
@@ -58,6 +68,7 @@ class MinPitch:
     radius_m: float
     largest_m: float
     states: int
+    proved: bool = True
 
 
 @dataclass(frozen=True)
@@ -93,14 +104,18 @@ class Task:
 
 def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_turns: float = 16.0,
               largest_m: float = 1.0, within_m: float = 2e-11,
-              progress: Callable[[int], object] = lambda states: None) -> MinPitch:
+              progress: Callable[[int], object] = lambda states: None, smallest_m: float | None = None) -> MinPitch:
     """Return the smallest pitch from which on, up to ``largest_m``, the head reaches the circle without contact.
 
     The head starts at ``start_turns``; the circle of ``diameter_m`` is about the centre. ``low_m`` and ``high_m``
-    differ by at most ``within_m``. ``progress(states)`` is called with every number of states just computed. Raises
-    FieldError where there is no such pitch or benches touch at ``largest_m``, DragonError where none can be proved,
-    ChainLockError where a link is longer than the circle is wide.
+    differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; for others it is
+    not asked for. ``progress(states)`` is called with every number of states just computed. Raises FieldError where
+    there is no such pitch or benches touch at ``largest_m``, DragonError where none can be proved, ChainLockError where
+    a link is longer than the circle is wide.
     """
+    if dragon and not is_even(dragon.link_lengths_m):
+        runs = _Runs(dragon, diameter_m, start_turns, progress)
+        return _halved(runs, smallest_m, largest_m, number('within_m', within_m, low=2e-11, high=1.0))
     task = _task(dragon or Dragon(), diameter_m, start_turns, largest_m, within_m)
     head = _Descending(task, 0, task.smallest_m, progress)
     low_m, high_m = head.run()
@@ -125,9 +140,6 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
                          'give at least 3')
-    if not is_even(dragon.link_lengths_m):
-        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'the search takes benches that are equal '
-                         'behind the head', 'make them equal; `contact` takes a mixed dragon at one pitch')
     radius_m = 0.5 * number('diameter_m', diameter_m, above=0.0, high=1e6)
     number('start_turns', start_turns, above=0.0, high=1e4)
     number('largest_m', largest_m, above=radius_m / start_turns, high=1e6)
@@ -139,6 +151,79 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
     if _BENT * longest >= 2 * radius_m:
         raise FieldError('diameter_m', diameter_m, f'a link is {longest:.6g} m long', 'give a larger circle')
     return Task(dragon, radius_m, start_turns, largest_m, within_m)
+
+
+class _Runs:
+    """Runs of a dragon that comes in to a circle, one for each pitch that is asked."""
+
+    def __init__(self, dragon: AnyDragon, diameter_m: float, start_turns: float,
+                 progress: Callable[[int], object]) -> None:
+        number('diameter_m', diameter_m, above=0.0, high=1e6)
+        number('start_turns', start_turns, above=0.0, high=1e4)
+        self._given, self._tell, self.states = (dragon, diameter_m, start_turns), progress, 0
+
+    def _progress(self, states: int) -> None:
+        self.states += states
+        self._tell(states)
+
+    def _scene(self, pitch_m: float) -> Scene:
+        dragon, diameter_m, start_turns = self._given
+        return coming_in(dragon, pitch_m, start_turns, diameter_m)
+
+    def contact(self, pitch_m: float) -> Contact | None:
+        """Return the first contact on the way in."""
+        found = first_contact(self._scene(pitch_m), self._progress)
+        return found if isinstance(found, Contact) else None
+
+    def head_touches(self, pitch_m: float) -> bool:
+        """Return whether the head touches a bench on the way in, or may do so."""
+        return not head_passes(self._scene(pitch_m), self._progress)
+
+    def radius_m(self, pitch_m: float, t_s: float) -> float:
+        """Return how far from the centre the head's front handle is."""
+        return hypot(*compile_scene(self._scene(pitch_m)).chain(t_s).p[0])
+
+
+def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m: float) -> Scene:
+    """Return the scene of a head that comes in from its start to a circle, a metre a second."""
+    track, turns = Spiral(pitch_m, start_turns), 0.5 * diameter_m / pitch_m
+    if turns >= start_turns:
+        raise FieldError('start_turns', start_turns, f'at a pitch of {pitch_m:g} m the head starts inside the circle',
+                         'start further out, or give a smaller circle')
+    return Scene(dragon, track, Head(), Run(0.0, SpiralCurve.of(track).distance_to(2 * pi * turns)))
+
+
+def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
+    """Halve the bracket of mixed benches. Raises FieldError where its ends are not a contact and none.
+
+    Halving asks the head, which is the first to touch as a rule, and the ends ask all benches.
+    """
+    if smallest_m is None:
+        raise FieldError('smallest_m', None, 'the pitch of mixed benches is halved between two bounds',
+                         'give a pitch at which benches touch')
+    number('smallest_m', smallest_m, above=0.0)
+    number('largest_m', largest_m, above=smallest_m, high=1e6)
+    touches = FieldError('largest_m', largest_m, 'benches touch at it', 'give a larger one')
+    if runs.head_touches(largest_m):
+        raise touches
+    if not runs.head_touches(smallest_m) and not runs.contact(smallest_m):
+        raise FieldError('smallest_m', smallest_m, 'no benches touch at it', 'give a smaller one')
+    low_m, high_m = _bisected(runs.head_touches, smallest_m, largest_m, within_m)
+    if runs.contact(high_m):
+        if runs.contact(largest_m):
+            raise touches
+        low_m, high_m = _bisected(runs.contact, high_m, largest_m, within_m)
+    touch = runs.contact(low_m)
+    assert touch
+    return MinPitch(low_m, high_m, touch.benches, runs.radius_m(low_m, touch.t_s), largest_m, runs.states, False)
+
+
+def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, within_m: float) -> tuple[float, float]:
+    """Halve a bracket of pitches, with a contact at the lower end and none at the upper one."""
+    while high_m - low_m > within_m:
+        middle_m = 0.5 * (low_m + high_m)
+        low_m, high_m = (middle_m, high_m) if touching(middle_m) else (low_m, middle_m)
+    return low_m, high_m
 
 
 class _Descending:

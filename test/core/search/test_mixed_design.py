@@ -11,19 +11,38 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import bounding_box
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.search.min_pitch import coming_in, min_pitch
 from dragon_ros.core.tracks.spec import STurn
 from dragon_ros.scenes.load import load_scene
 
-MIDDLE = Mixed((Group(1.2, 6), Group(3.6), Group(1.2, 25)))
 
-
-def test_the_smallest_pitch_of_a_mixed_dragon_is_refused_and_of_an_even_list_found():
-    with pytest.raises(FieldError, match=r'dragon\.groups: .32 mixed benches. .* equal behind the head'):
-        min_pitch(MIDDLE)
+def test_the_smallest_pitch_of_an_even_list_is_that_of_equal_benches():
     even = min_pitch(Mixed((Group(3.41), Group(2.2, 39))), largest_m=0.5, within_m=1e-6)
     assert even == min_pitch(Dragon(40), largest_m=0.5, within_m=1e-6)
+
+
+def test_the_smallest_pitch_of_a_mixed_dragon_is_halved_between_a_contact_and_none():
+    dragon = Mixed((Group(3.41), Group(2.2, 28), Group(2.2001)))
+    seen = []
+    found = min_pitch(dragon, 4.0, 5.0, 0.9, 0.01, seen.append, 0.45)
+    assert not found.proved
+    assert found.states == sum(seen) > 0
+    assert 0 < found.high_m - found.low_m <= 0.01
+    touch = first_contact(coming_in(dragon, found.low_m, 5.0, 4.0))
+    assert touch.benches == found.benches
+    assert not hasattr(first_contact(coming_in(dragon, found.high_m, 5.0, 4.0)), 'benches')
+    equal = min_pitch(Dragon(30), 4.0, 5.0, 0.9, 1e-4)
+    assert found.low_m <= equal.high_m <= found.high_m + 1e-3
+
+
+@pytest.mark.parametrize(('smallest_m', 'says'), [
+    (None, r'smallest_m: None .* mixed benches is halved .* give a pitch at which benches touch'),
+    (0.89, r'smallest_m: 0.89 .* no benches touch'), (1.5, r'largest_m: 0.9 ')])
+def test_a_bracket_of_mixed_benches_that_holds_no_pitch_is_refused(smallest_m, says):
+    with pytest.raises(FieldError, match=says):
+        min_pitch(Mixed((Group(3.41), Group(2.2, 28), Group(2.2001))), 4.0, 5.0, 0.9, 0.01, smallest_m=smallest_m)
 
 
 def test_the_room_of_a_mixed_dragon_holds_every_corner_of_its_run():
