@@ -77,7 +77,7 @@ class _Proof:
         """Prove that none touch before a contact, and that those that are named do then."""
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
-        slack_m = Fraction(_GRAZING * self._unit if contact.grazing else self._slack_m(contact, gone))
+        slack_m = Fraction(_GRAZING * self._unit * self._coarse if contact.grazing else self._slack_m(contact, gone))
         ways = [way for way in approaches(self._scene.law, start_s, t_s) if way.was_beyond_m <= slack_m]
         if not ways:
             raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond where it is then')
@@ -139,7 +139,7 @@ class _Proof:
     def _check_grazing(self, contact: Contact, gone: arb) -> None:
         """Refuse a grazing of benches that are not near each other."""
         away = gap(*self._poses(contact, gone))
-        if not size(away) < _GRAZING * self._unit:
+        if not size(away) < _GRAZING * self._unit * self._coarse:
             raise Refused(f'contact: benches {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
     def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:

@@ -6,6 +6,7 @@ new place is further on or further back than all before.
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from itertools import pairwise
+from math import inf
 
 import numpy as np
 
@@ -44,6 +45,16 @@ class RangeOfTravel:
         """The senses in which the leader gets beyond where it starts; none where it rests."""
         here = self.gone_m(self.start_s)
         return [sense for sense in (1, -1) if sense * (self.gone_m(self.farthest_s(sense)) - here) > 0]
+
+    def onwards_m(self, t_s: float, sense: int) -> float:
+        """Return how far the leader goes on in a sense after a time before it turns or rests, whenever its run ends."""
+        here_m, most_m, last_s = self.gone_m(t_s), 0.0, t_s
+        for last_s in (break_s for break_s in self.law.breaks_s if break_s > t_s):
+            on_m = sense * (self.gone_m(last_s) - here_m)
+            if on_m <= most_m:
+                return most_m
+            most_m = on_m
+        return inf if sense * self.law.speed_at_m_s(last_s) > 0 else most_m
 
     @property
     def reversals(self) -> list[tuple[float, int]]:

@@ -32,7 +32,7 @@ class Certificate:
     """What proves that nothing touched: intervals that cover the run up to the contact, or up to its end.
 
     ``complete`` is False where they end short of the contact by more than a nanometre of the leader's way, and by more
-    than positions may err, because benches come together so slowly.
+    than positions may err, or where nobody can say that the benches overlap so far after it: they meet so slowly.
     """
 
     intervals: tuple[Interval, ...] = ()

@@ -5,8 +5,9 @@ cleared by ``leading_benches``, over the track once for all benches that are ali
 after state. Whatever cannot be cleared first is solved for the zero of the gap, and all is cleared up to there.
 """
 from collections.abc import Callable, Iterator
-from dataclasses import replace
-from math import floor, inf
+from dataclasses import dataclass, replace
+from functools import cached_property
+from math import floor, inf, ulp
 from typing import Protocol
 
 import numpy as np
@@ -15,6 +16,7 @@ from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.signed_distance import witness
 from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Certificate, Contact, Interval, NoContact, together
 from dragon_ros.core.search.conservative_advancement import WholeChain
@@ -27,11 +29,15 @@ from dragon_ros.core.search.leading_benches import (
 )
 from dragon_ros.core.search.search_domain import Bracket, SearchDomain
 
-_BEFORE_M = 1e-9        # of the leader's way, before a contact: so far the certificate goes
+_BEFORE_M = 1e-9        # of the leader's way, or of the longest bench if it is shorter: so far before a contact all is
+                        # cleared
 _TOLD_APART = 4         # times what a bound must exceed is what gaps are there at least
 _AHEAD_M = 1e-8         # and doubled: how far ahead of a place that cannot be cleared a contact is looked for
 _AHEAD = 24             # times, so up to 8 cm
 _STEADY = 4             # times as long as a gap takes to close at its last speed may it take
+_LAST_PLACES = 4        # of a contact's time, times the leader's speed: so far the place may be off
+_WIDEST_M = 1e-6        # of the leader's way, or of the longest bench if it is shorter: no slack is wider
+_GRAZING_M = 1e-7       # likewise: so near to each other benches come that graze
 _TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
@@ -111,7 +117,8 @@ class _Search:
     def bracket(self) -> Bracket | None:
         """Return the first bracket that is not clear: at the start, where benches touch there."""
         domain = self._domain
-        if np.min(domain.near(domain.start_m)[1], initial=inf) <= 0:
+        least = 0.0 if domain.start_m != domain.stop_m else self._error_m
+        if np.min(domain.near(domain.start_m)[1], initial=inf) <= least:
             return Bracket(domain.start_m, domain.start_m)
         return self._clear()
 
@@ -152,40 +159,46 @@ class _Search:
         domain = self._domain
         found, grazing_m = self._touching(bracket)
         (gone_m, pair), *later = found
-        slope = domain.slope(pair, gone_m)
-        earlier = self._prove(bracket.clear_m, gone_m, slope if grazing_m is None else 0.0)
+        claim = _Claim(domain, pair, gone_m)
+        cleared_m, earlier = self._prove(bracket.clear_m, claim)
         if earlier and domain.sense * earlier.clear_m < domain.sense * bracket.clear_m:
             return self._contact(earlier)       # the proof found one
-        self._complete = earlier is None
-        t_s = domain.time_s(gone_m)
-        speed = slope * domain.speed_m_s(t_s)
+        self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
+        speed = claim.slope * domain.speed_m_s(claim.t_s)
         unsure = domain.error_m / speed if speed > 0 else inf
         times = {place: domain.time_s(place) for place, _ in later}
-        others = tuple(other for place, other in later if times[place] - t_s <= unsure)
-        return Contact(t_s, pair, witness(domain.benches(gone_m), *pair), grazing_m, others, speed, unsure,
+        others = tuple(other for place, other in later if times[place] - claim.t_s <= unsure)
+        return Contact(claim.t_s, pair, witness(domain.benches(gone_m), *pair), grazing_m, others, speed, unsure,
                        domain.states, self.certificate())
 
     def _touching(self, bracket: Bracket) -> tuple[list[tuple[float, Pair]], tuple[float, float] | None]:
         """Return where pairs begin to touch in a bracket, in order, and None; or where one grazes, and its bounds.
 
         Where none touches at the bracket's other end, one may just ahead: if its gap closes from there without a
-        detour, about as fast as it does where it vanishes.
+        detour, about as fast as it does where it vanishes. A pair that touches where the leader turns back grazes.
         """
         domain = self._domain
-        roots = self._roots(bracket)
+        roots = self._roots(bracket) or self._ahead(bracket)
         if roots:
-            return roots, None
+            claim = _Claim(domain, roots[0][1], roots[0][0])
+            if claim.onwards_m >= claim.slack_m or claim.overlaps:
+                return roots, None
+        return self._grazing(bracket)
+
+    def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
+        """Return where pairs begin to touch just beyond a bracket, in order; none where it is far or another gap."""
+        domain = self._domain
         for power in range(_AHEAD):
             ahead = bracket.other_m + domain.sense * _AHEAD_M * 2**power
-            if domain.sense * ahead >= domain.sense * domain.stop_m:
-                break
-            roots = self._roots(Bracket(bracket.other_m, ahead))
+            ahead = domain.sense * min(domain.sense * ahead, domain.sense * domain.stop_m)
+            roots = self._roots(Bracket(bracket.other_m, ahead)) if ahead != bracket.other_m else []
             if roots:
                 (gone_m, pair), gap = roots[0], domain.gap(roots[0][1], bracket.other_m)
-                if domain.sense * (gone_m - bracket.other_m) * domain.slope(pair, gone_m) <= _STEADY * gap:
-                    return roots, None
+                near = domain.sense * (gone_m - bracket.other_m) * domain.slope(pair, gone_m) <= _STEADY * gap
+                return roots if near else []
+            if ahead == domain.stop_m:
                 break
-        return self._grazing(bracket)
+        return []
 
     def _roots(self, bracket: Bracket) -> list[tuple[float, Pair]]:
         """Return where the gaps of the pairs that touch at a bracket's other end vanish, in the leader's order.
@@ -200,22 +213,96 @@ class _Search:
         return sorted(found, key=lambda row: (self._domain.sense * row[0], row[1]))
 
     def _grazing(self, bracket: Bracket) -> tuple[list[tuple[float, Pair]], tuple[float, float]]:
-        """Return where the closest pair grazes, and bounds of its gap."""
-        error = max(part.tolerance_m for part in self._parts)
-        pairs, gap = self._domain.near(bracket.other_m)
+        """Return from where on nobody can say if the closest pair touches, and bounds of its gap."""
+        domain, error = self._domain, self._error_m
+        pairs, gap = domain.near(bracket.other_m)
         closest = int(np.argmin(gap))
         least, (i, j) = float(gap[closest]), pairs[closest].tolist()
+        at_clear, place = domain.gap((i, j), bracket.clear_m), bracket.other_m
+        if at_clear <= max(least, error):
+            place = bracket.clear_m
+        elif least <= error:
+            place = illinois(lambda gone_m: domain.gap((i, j), gone_m) - error, *bracket[:2], at_clear - error,
+                             least - error)
         low = bracket.bound_m if np.isfinite(bracket.bound_m) else least
-        return [(bracket.clear_m, (i, j))], (min(low, least) - error, least + error)
+        return [(place, (i, j))], (min(low, least) - error, least + error)
 
-    def _prove(self, clear_m: float, gone_m: float, slope: float) -> Bracket | None:
-        """Clear up to a nanometre before a contact, or as near as its gap can be told from zero, or to a grazing."""
-        sense = self._domain.sense
-        error = _TOLD_APART * max(part.tolerance_m for part in self._parts)
-        back = max(_BEFORE_M, error / slope if slope > 0 else inf)
-        stop_m = sense * max(sense * clear_m, min(sense * gone_m - back, sense * gone_m))
+    def _prove(self, clear_m: float, claim: '_Claim') -> tuple[float, Bracket | None]:
+        """Clear up to a nanometre before a contact, or as near as its gap can be told from zero, or to a grazing.
+
+        Return up to where all is clear, and the first bracket that is not.
+        """
+        sense, slope = self._domain.sense, claim.slope
+        back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * self._error_m / slope if slope > 0 else inf)
+        stop_m = sense * max(sense * clear_m, min(sense * claim.gone_m - back, sense * claim.gone_m))
         hits = [hit for part in self._parts if (hit := part.prove(stop_m))]
-        return min(hits, key=lambda hit: sense * hit.other_m, default=None)
+        cleared_m = sense * min((sense * hit.clear_m for hit in hits), default=sense * stop_m)
+        return cleared_m, min(hits, key=lambda hit: sense * hit.other_m, default=None)
+
+    @property
+    def _error_m(self) -> float:
+        """What bounds must exceed for the positions."""
+        return max(part.tolerance_m for part in self._parts)
+
+
+@dataclass(frozen=True)
+class _Claim:
+    """A pair of benches that is said to touch, or to graze, at a place of the leader; and whether that can be proved.
+
+    It is if no benches touch up to a slack before, and the pair overlaps a slack after or is near where it grazes
+    (docs/contact.md, what the checker proves).
+    """
+
+    domain: SearchDomain
+    pair: Pair
+    gone_m: float
+
+    @cached_property
+    def t_s(self) -> float:
+        """When the leader is there."""
+        return self.domain.time_s(self.gone_m)
+
+    @cached_property
+    def slope(self) -> float:
+        """How much the gap closes for each metre of the leader's way."""
+        return self.domain.slope(self.pair, self.gone_m)
+
+    @cached_property
+    def _told_m(self) -> float:
+        """How far the leader has gone at the contact's time, which rounds."""
+        return self.domain.gone_m(self.t_s)
+
+    @cached_property
+    def slack_m(self) -> float:
+        """How much of the leader's way positions and times may be off."""
+        domain = self.domain
+        step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
+        slack = max(step, 2 * domain.rounding_m / self.slope) if self.slope > 0 else step
+        return min(slack, _WIDEST_M * domain.unit * domain.coarse)
+
+    @cached_property
+    def onwards_m(self) -> float:
+        """How far the leader goes on from there."""
+        return self.domain.onwards_m(self.t_s)
+
+    @cached_property
+    def overlaps(self) -> bool:
+        """Whether the pair overlaps for certain a slack on, or where the leader turns back before."""
+        after_m = min(self.slack_m, self.onwards_m)
+        return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self.domain.rounding_m
+
+    def touches(self, cleared_m: float, as_asked: bool) -> bool:
+        """Return whether a contact is proved if all is clear up to a place, ``as_asked`` or not so far."""
+        return self.overlaps and (as_asked or self._within(cleared_m, self.slack_m))
+
+    def grazes(self, cleared_m: float) -> bool:
+        """Return whether a grazing is proved if all is clear up to a place."""
+        domain, near_m = self.domain, _GRAZING_M * self.domain.unit * self.domain.coarse
+        away_m = abs(domain.gap(self.pair, self._told_m)) + domain.rounding_m
+        return away_m < near_m and self._within(cleared_m, near_m)
+
+    def _within(self, cleared_m: float, slack_m: float) -> bool:
+        return self.domain.sense * (self._told_m - cleared_m) <= slack_m
 
 
 def parts_of(domain: SearchDomain) -> list[Part]:

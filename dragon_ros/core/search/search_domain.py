@@ -24,6 +24,7 @@ from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND, Effort
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
+_FLOATS = 1e-13         # of the largest coordinate: what the exact tier promises far out, and keeps near the centre too
 _SLOPE = 1e-6           # to either side, for a slope, of links of 1 m to 2 m: gaps err by 1e-11 m, a slope by 1e-5
 _KEPT = 6               # chains: ends of domains and phases are asked for again and again
 _FEW = 12               # chains that are placed sooner one by one than together
@@ -49,6 +50,8 @@ class SearchDomain:
         self._travel, self._tell = travel, progress
         self.effort = Effort()
         self.error_m = EXACT.promise_for_m(simulation.size_m)
+        self.rounding_m = _FLOATS * simulation.size_m
+        self.unit = min(1.0, float(np.max(self.dragon.bench_lengths_m)))
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
@@ -148,6 +151,11 @@ class SearchDomain:
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
+    @cached_property
+    def coarse(self) -> float:
+        """How many times as coarse as near the origin floats are where the head starts."""
+        return max(1.0, float(np.hypot(*self.chain(0.0).p[0])) * _FLOATS / EXACT.promise_m)
+
     def time_s(self, gone_m: float) -> float:
         """Return when the leader has first gone so far."""
         return self._travel.arrival_s(gone_m, self.sense)
@@ -155,6 +163,21 @@ class SearchDomain:
     def speed_m_s(self, t_s: float) -> float:
         """Return how fast the leader is."""
         return abs(self.scene.head.speed_at_m_s(t_s))
+
+    def gone_m(self, t_s: float) -> float:
+        """Return how far the leader has gone at a time."""
+        return self._travel.gone_m(t_s)
+
+    def onwards_m(self, t_s: float) -> float:
+        """Return how far the leader goes on after a time before it turns, rests or the model ends; 0 in an empty run.
+
+        That may be beyond where the run stops.
+        """
+        if self.start_m == self.stop_m:
+            return 0.0
+        limit, gone_m = self.simulation.model.limits[self.sense > 0], self.gone_m(t_s)
+        left_m = self.sense * (limit.gone_m - gone_m) if limit else inf
+        return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
 
     def place(self, along_m: float) -> Place:
         """Return the place so far along the track."""

@@ -1,0 +1,75 @@
+"""A result that says it is complete is proved, however near to its contact a run starts or stops."""
+from collections import Counter
+from dataclasses import replace
+from math import inf, nextafter
+
+import pytest
+from certificates import proved
+from hypothesis import settings
+from properties import USUAL
+from random_scenes import random_scene
+
+from dragon_ros.commands.certificate import as_values
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Contact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import scene_of
+from dragon_ros.scenes.yaml import Document
+
+SEEDS = 30 * settings().max_examples // USUAL      # ten times as many in the profile ``thorough``
+EFFORT = 5.0
+
+
+def contacts(seeds):
+    """Yield random scenes with a contact during their runs: spirals, joined tracks, mixed benches, leading tails."""
+    for seed in seeds:
+        try:
+            scene = scene_of(Document('scene', random_scene(seed)))
+            found = first_contact(scene)
+        except DragonError:
+            continue
+        if isinstance(found, Contact) and found.t_s > scene.run.start_s:
+            yield seed, scene, found.t_s
+
+
+def around(scene, t_s):
+    """Times at a contact, a float away, and a nanometre and a micrometre of the leader's way."""
+    unit = min(1.0, float(max(scene.dragon.bench_lengths_m))) / (abs(scene.head.speed_at_m_s(t_s)) or 1.0)
+    return [t_s, nextafter(t_s, inf), nextafter(t_s, -inf), *(t_s + way * unit for way in (1e-9, -1e-9, 1e-6, -1e-6))]
+
+
+def runs_around(scene, t_s):
+    """Yield runs that stop near a contact, that start near it, and that do both."""
+    start_s, stop_s = scene.run.start_s, scene.run.stop_s
+    for at_s in around(scene, t_s):
+        if at_s >= start_s:
+            yield Run(start_s, at_s)
+        if at_s >= 0 and (stop_s is None or at_s <= stop_s):
+            yield Run(at_s, stop_s)
+        if at_s >= 0:
+            yield Run(at_s, at_s)
+
+
+def test_results_of_runs_that_start_or_stop_at_their_contact_are_proved():
+    """At most one in a thousand says instead that it is not complete."""
+    seen = Counter()
+    for seed, scene, t_s in contacts(range(SEEDS)):
+        for run in (scene.run, *runs_around(scene, t_s)):
+            at = replace(scene, run=run)
+            found = first_contact(at)
+            seen[found.certificate.complete] += 1
+            if found.certificate.complete:
+                assert proved(as_values(at, found), EFFORT), (seed, run)
+    assert seen[True] > 2 * SEEDS
+    assert seen[False] <= 1e-3 * seen[True]
+
+
+@pytest.mark.parametrize('stop_s', [80.69131769180458, 80.69131769180461, 80.69131769180463])
+def test_a_run_that_stops_at_its_contact_says_when_it_was(stop_s):
+    found = first_contact(Scene(dragon=Dragon(60), track=Spiral(start_turns=8.0), run=Run(0.0, stop_s)))
+    assert found.benches == (0, 8)
+    assert found.t_s == pytest.approx(80.691317691805, abs=1e-9)
+    assert found.certificate.complete
