@@ -206,7 +206,8 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
     """Return what directions of links (N,) and of the track may err by, in rad, of positions that err by so much."""
     track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
-    return np.where(links_m > 0, 2 * error_m / links_m + _ROUNDED_RAD, track_error), track_error
+    some, rounded_rad = links_m > 0, 2 * error_m / np.where(links_m > 0, links_m, 1.0) + _ROUNDED_RAD
+    return np.where(some, rounded_rad, track_error), track_error
 
 
 def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
