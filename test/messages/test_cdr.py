@@ -26,6 +26,7 @@ def frame_and_bytes(benches=223, k=100):
     return frame, {name: encode(frame) for name, encode in encoders(scene).items()}
 
 
+@pytest.mark.snapshot
 def test_golden_hex_of_a_pose_array():
     places = np.array([[1.0, 2.0], [3.0, 4.0]])
     data = PoseArrayTemplate(2, 'dragon').encode(1_500_000_002, places, np.array([[1.0, 0.0]]))

@@ -1,0 +1,202 @@
+"""Every message of sim, decoded by two libraries that share no code with us, has the numbers of its frame."""
+from functools import lru_cache
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.markers import track_marker
+from dragon_ros.messages.schemas import schema_text
+
+pytest.importorskip('mcap_ros2')
+pytest.importorskip('rosbags')
+
+T_NS, FRAME_ID = 413_000_000_000, 'somewhere'
+SCENES = {style: Scene(dragon=Dragon(benches=24), effects=~Effect.NONE, markers=style)
+          for style in ('cubes', 'triangles')}
+
+
+@lru_cache
+def made(style):
+    """Return the frame of a scene with every effect, in which benches touch, and its messages."""
+    scene = SCENES[style]
+    frame = tick(scene, 413 * 50)
+    assert len(np.unique(frame.benches.yaw_rad)) == 24
+    return frame, {**{name: encode(frame) for name, encode in encoders(scene, FRAME_ID).items()},
+                   'track': track_marker(scene, FRAME_ID)}
+
+
+def by_mcap(kind, data):
+    from mcap.records import Schema
+    from mcap_ros2.decoder import DecoderFactory
+    schema = Schema(id=1, name=kind, encoding='ros2msg', data=schema_text(kind).encode())
+    return DecoderFactory().decoder_for('cdr', schema)(data)
+
+
+def by_rosbags(kind, data):
+    from rosbags.typesys import Stores, get_typestore
+    return get_typestore(Stores.ROS2_JAZZY).deserialize_cdr(data, kind)
+
+
+@pytest.fixture(params=[by_mcap, by_rosbags], ids=['mcap_ros2', 'rosbags'])
+def read(request):
+    """A function that decodes the message of a topic in a style of markers."""
+    return lambda topic, style='cubes': request.param(channels()[topic].type, made(style)[1][topic])
+
+
+def stamp_ns(header):
+    assert header.frame_id == FRAME_ID
+    return header.stamp.sec * 10**9 + getattr(header.stamp, 'nanosec', 0)
+
+
+def turned(orientation):
+    """Return the unit direction (2,) of the x axis of a pose that is turned about z alone."""
+    assert (orientation.x, orientation.y) == (0.0, 0.0)
+    angle = 2 * np.arctan2(orientation.z, orientation.w)
+    return np.array([np.cos(angle), np.sin(angle)])
+
+
+def placed(poses):
+    """Return the places (n, 2) and the directions (n, 2) of poses in the plane."""
+    assert all(one.position.z == 0.0 for one in poses)
+    return (np.array([(one.position.x, one.position.y) for one in poses]),
+            np.array([turned(one.orientation) for one in poses]))
+
+
+def values_of(message):
+    """Return the values (rows, columns) of a Float64MultiArray by its own layout, and the labels."""
+    layout = message.layout
+    rows, columns = (one.size for one in layout.dim)
+    assert [one.stride for one in layout.dim] == [rows * columns, columns]
+    assert layout.data_offset == 0
+    return [one.label for one in layout.dim], np.array(message.data).reshape(rows, columns)
+
+
+def near(found, true, atol=1e-14):
+    np.testing.assert_allclose(found, true, rtol=0, atol=atol)
+
+
+@pytest.mark.parametrize('topic', ['handles', 'measured'])
+def test_poses_have_the_place_and_the_direction_of_each_handle(read, topic):
+    frame, message = made('cubes')[0], read(topic)
+    p, axis = (frame.chain.p, frame.axis) if topic == 'handles' else (frame.measured.p, frame.measured.axis)
+    places, directions = placed(message.poses)
+    assert stamp_ns(message.header) == T_NS
+    np.testing.assert_array_equal(places, p)
+    near(directions, np.concatenate((axis, axis[-1:])))       # the last handle has the direction of the last bench
+
+
+def test_cubes_have_the_place_the_direction_and_the_size_of_each_bench(read):
+    frame, message = made('cubes')[0], read('benches')
+    places, directions = placed([one.pose for one in message.markers])
+    near(places, frame.benches.centre)
+    near(directions, frame.benches.axis)
+    sizes = np.array([(one.scale.x, one.scale.y) for one in message.markers])
+    near(sizes, np.stack((2 * frame.benches.half_length, 2 * frame.benches.half_width), axis=1))
+    assert [one.id for one in message.markers] == list(range(24))
+    assert {stamp_ns(one.header) for one in message.markers} == {T_NS}
+    assert {(one.type, one.action) for one in message.markers} == {(1, 0)}
+
+
+def test_triangles_have_the_corners_of_each_bench(read):
+    frame, message = made('triangles')[0], read('benches', 'triangles')
+    faces = next(one for one in message.markers if one.type == 11)
+    points = np.array([(one.x, one.y) for one in faces.points]).reshape(24, -1, 2)
+    if (faces.pose.position.x, faces.pose.position.y) != (0.0, 0.0):
+        points += (faces.pose.position.x, faces.pose.position.y)
+    for triangles, corners in zip(points, frame.benches.corners, strict=True):
+        distance = np.hypot(*(triangles[:, None] - corners[None]).transpose(2, 0, 1))
+        assert np.max(np.min(distance, axis=1)) < 1e-12         # each point is a corner, and
+        assert np.max(np.min(distance, axis=0)) < 1e-12         # each corner a point
+    (a, b), (c, d) = ((points[:, n::3] - points[:, ::3]).transpose(2, 0, 1) for n in (1, 2))
+    near(0.5 * np.abs(a * d - b * c).sum(axis=1), 4 * frame.benches.half_length * frame.benches.half_width, 1e-12)
+
+
+@pytest.mark.parametrize(('topic', 'field', 'labels'), [
+    ('velocities', 'velocity_m_s', ['handle', 'vx_vy_speed']),
+    ('accelerations', 'acceleration_m_s2', ['handle', 'ax_ay_size'])])
+def test_arrays_of_vectors_have_both_parts_and_the_size(read, topic, field, labels):
+    vectors = getattr(made('cubes')[0], field)
+    names, values = values_of(read(topic))
+    assert names == labels
+    np.testing.assert_array_equal(values[:, :2], vectors)
+    np.testing.assert_allclose(values[:, 2], np.hypot(*vectors.T), rtol=1e-15)
+
+
+def test_tables_have_the_numbers_of_the_frame(read):
+    frame = made('cubes')[0]
+    names, forces = values_of(read('forces'))
+    assert names == ['link', 'tension']
+    np.testing.assert_array_equal(forces[:, 0], frame.tension_n_kg)
+    names, contacts = values_of(read('model/contacts'))
+    assert names == ['pair', 'inner_outer_gap_x_y']
+    found = frame.contacts
+    np.testing.assert_array_equal(contacts, np.column_stack((found.benches, found.gap_m, found.point_m)))
+    assert read('model/clearance').data == frame.closeness.clearance_m
+
+
+def test_the_leader_has_its_place_direction_speed_and_rate_of_turn(read):
+    leader, message = made('cubes')[0].leader, read('leader')
+    pose, twist = message.pose.pose, message.twist.twist
+    assert (stamp_ns(message.header), message.child_frame_id) == (T_NS, f'{FRAME_ID}/leader')
+    assert (pose.position.x, pose.position.y) == tuple(leader.p)
+    near(turned(pose.orientation), leader.way)
+    assert (twist.linear.x, twist.linear.y, twist.angular.z) == (leader.speed_m_s, 0.0, leader.turn_rad_s)
+    assert not np.any(message.pose.covariance)
+    assert not np.any(message.twist.covariance)
+
+
+def test_the_cloud_has_places_and_velocities_by_its_own_fields(read):
+    frame, cloud = made('cubes')[0], read('cloud')
+    kinds = {7: 'f4', 8: 'f8', 6: 'u4'}
+    fields = {'names': [one.name for one in cloud.fields], 'formats': [kinds[one.datatype] for one in cloud.fields],
+              'offsets': [one.offset for one in cloud.fields], 'itemsize': cloud.point_step}
+    rows = np.frombuffer(bytes(cloud.data), fields)
+    assert stamp_ns(cloud.header) == T_NS
+    assert (cloud.height, cloud.width, cloud.row_step) == (1, 25, 25 * cloud.point_step)
+    np.testing.assert_array_equal(np.stack((rows['x'], rows['y']), 1), frame.chain.p.astype(np.float32))
+    np.testing.assert_array_equal(np.stack((rows['vx'], rows['vy']), 1), frame.velocity_m_s)
+    assert rows['handle'].tolist() == list(range(25))
+    assert not np.any(rows['z'])
+
+
+def test_the_trail_and_the_track_are_lines_through_their_points(read):
+    frame, trail, track = made('cubes')[0], read('trail'), read('track')
+    line = trail.markers[0] if hasattr(trail, 'markers') else trail
+    np.testing.assert_array_equal(np.array([(one.x, one.y) for one in line.points]), frame.trail_m)
+    line = track.markers[0] if hasattr(track, 'markers') else track
+    points = np.array([(one.x, one.y) for one in line.points])
+    radius, turns = np.hypot(*points.T), np.unwrap(np.arctan2(*points.T[::-1]))
+    near(np.diff(radius), 0.55 / (2 * np.pi) * np.abs(np.diff(turns)), 1e-9)      # r = b theta
+    assert {line.type for line in (line,)} == {4}
+
+
+def test_markers_of_contacts_stand_on_the_benches_that_touch(read):
+    frame, message = made('cubes')[0], read('model/markers')
+    which = np.unique(frame.contacts.benches)
+    cubes = [one for one in message.markers if one.type == 1 and one.action == 0]
+    spheres = [one for one in message.markers if one.type == 2 and one.action == 0]
+    places, directions = placed([one.pose for one in cubes])
+    near(places, frame.benches.centre[which])
+    near(directions, frame.benches.axis[which])
+    near(placed([one.pose for one in spheres])[0], frame.contacts.point_m)
+
+
+def test_diagnostics_say_which_link_is_the_worst(read):
+    health, message = made('cubes')[0].health, read('model/diagnostics')
+    (status,) = message.status
+    values = {one.key: one.value for one in status.values}
+    assert stamp_ns(message.header) == T_NS
+    level = status.level[0] if isinstance(status.level, bytes) else status.level
+    assert (level, int(values['worst_link']), float(values['off_m'])) == (0, health.link, health.off_m)
+
+
+def test_every_topic_of_sim_with_messages_of_its_own_is_read_here():
+    tested = {'handles', 'measured', 'benches', 'velocities', 'accelerations', 'forces', 'model/contacts',
+              'model/clearance', 'leader', 'cloud', 'trail', 'track', 'model/markers', 'model/diagnostics'}
+    assert set(made('cubes')[1]) == tested
