@@ -1,0 +1,85 @@
+"""Numbers with their first derivatives in balls, for all values that some variables can have in a box.
+
+A number is an array (n,) of balls, one for each box; its slopes (V, n) are the derivatives by the V variables. Where a
+function is smooth on a box it is nowhere less than its value in the middle minus the sum of half widths times the
+largest sizes of its slopes (the mean value theorem), which is exact to first order.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
+from dragon_ros.core.numerics.types import Floats
+
+
+@dataclass(frozen=True)
+class Graded:
+    """Numbers (n,) and their slopes (V, n) by the variables."""
+
+    value: Ball
+    slope: Ball
+
+    def __add__(self, other: 'Graded') -> 'Graded':
+        """Return the sum."""
+        return Graded(self.value + other.value, self.slope + other.slope)
+
+    def __sub__(self, other: 'Graded') -> 'Graded':
+        """Return the difference."""
+        return Graded(self.value - other.value, self.slope - other.slope)
+
+    def __neg__(self) -> 'Graded':
+        """Return the negative."""
+        return Graded(-self.value, -self.slope)
+
+    def __mul__(self, other: 'Graded') -> 'Graded':
+        """Return the product."""
+        return Graded(self.value * other.value, self.slope * other.value + other.slope * self.value)
+
+    def times(self, factor: float) -> 'Graded':
+        """Return the product with an exact number."""
+        return Graded(self.value * factor, self.slope * factor)
+
+    def inverse(self) -> 'Graded':
+        """Return the reciprocal; its radius is infinite where zero may be among the numbers."""
+        inverse = self.value.inverse()
+        return Graded(inverse, -(self.slope * inverse.squared()))
+
+
+@dataclass(frozen=True)
+class Vector:
+    """A vector in the plane, or a complex number x + i y."""
+
+    x: Graded
+    y: Graded
+
+    def __add__(self, other: 'Vector') -> 'Vector':
+        """Return the sum."""
+        return Vector(self.x + other.x, self.y + other.y)
+
+    def __sub__(self, other: 'Vector') -> 'Vector':
+        """Return the difference."""
+        return Vector(self.x - other.x, self.y - other.y)
+
+    def __mul__(self, factor: Graded) -> 'Vector':
+        """Return the multiple."""
+        return Vector(self.x * factor, self.y * factor)
+
+    def left(self) -> 'Vector':
+        """Return it turned by a quarter turn to the left."""
+        return Vector(-self.y, self.x)
+
+    def seen_along(self, axis: 'Vector') -> 'Vector':
+        """Return its components along a unit vector and to the left of it."""
+        return Vector(axis.x * self.x + axis.y * self.y, axis.x * self.y - axis.y * self.x)
+
+
+def variables(low: Floats, high: Floats) -> list[Graded]:
+    """Return the V variables of boxes between ``low`` and ``high`` (V, n)."""
+    unit = np.eye(low.shape[0])[:, :, None] * np.ones(low.shape[1])
+    return [Graded(between(one, other), between(each, each)) for one, other, each in zip(low, high, unit, strict=True)]
+
+
+def polar(radius: Graded, angle: Graded) -> Vector:
+    """Return the point at a radius and an angle."""
+    sin, cos = angle.value.sin_cos()
+    return Vector(radius * Graded(cos, -(angle.slope * sin)), radius * Graded(sin, angle.slope * cos))

@@ -1,0 +1,130 @@
+"""The gap of two benches on a spiral, each wherever it may be: bounds over boxes of all that decides about it.
+
+In units of b = pitch / 2 pi there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times as large. The gap of
+two benches depends on five variables, the rows of a box:
+
+    THETA   polar angle of the front handle of the bench that is further in
+    AHEAD   polar angle from there to the front handle of the other bench
+    SCALE   1 / b
+    LINK    distance in metres between the handles of the bench further in
+    OTHER   the same of the other one
+
+How many benches lie between the two, and how long they are, only decides which angles AHEAD occur. A bench reaches
+``overhang`` metres beyond its handles and half its width to either side.
+
+A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). Up to delta = pi
+F_delta > 0, so there is one root, it falls as theta grows (lemma 1), grows with c, and has the derivatives
+-F_theta / F_delta and c / F_delta. A span lies between two floats at which F is proved to be too small and too large.
+"""
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
+from dragon_ros.core.enclosures.gradients import Graded, Vector, polar, variables
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.tracks.chord import TIGHT, first_guesses, steps
+
+THETA, AHEAD, SCALE, LINK, OTHER = range(5)
+_WIDER = 2.0**-30       # of a span: Newton in floats is nearer, and balls (2^-36) can tell
+_ABOVE = 1 + 2.0**-40   # of a sum of positive numbers: more than its roundings take away
+
+
+class Separations(NamedTuple):
+    """Of boxes: a lower bound ``low`` of the gap (n,), in units of b; positive where the benches are apart.
+
+    In the middle of a box the edge from which they are furthest apart is ``middle`` (n,) away from the corner that is
+    nearest to it; ``slope`` (5, n) are the derivatives of this distance there, and ``spread`` (5, n) bounds of how much
+    it changes from the middle of a box to its ends, by each variable.
+    """
+
+    low: Floats
+    middle: Floats
+    slope: Floats
+    spread: Floats
+
+
+def least_span(theta: Floats, chord: Floats) -> Floats:
+    """Return angles that are no larger than what chords (in units of b) from polar angles span."""
+    return _proved_span(theta, chord, 1 - _WIDER, -1)
+
+
+def largest_span(theta: Floats, chord: Floats) -> Floats:
+    """Return angles that are no smaller than what chords (in units of b) from polar angles span."""
+    return _proved_span(theta, chord, 1 + _WIDER, 1)
+
+
+def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> Separations:
+    """Return what keeps two benches apart in boxes between ``low`` and ``high`` (5, n).
+
+    On a box one edge has to keep all corners of the other bench away: then the benches are apart.
+    """
+    middle = 0.5 * (low + high)
+    reach = _ABOVE * np.maximum(high - middle, middle - low)
+    with np.errstate(all='ignore'):
+        there = [[corner.value for corner in edge] for edge in _edges(middle, middle, half_width_m, overhang_m)]
+        slopes = [[corner.slope for corner in edge] for edge in _edges(low, high, half_width_m, overhang_m)]
+        value = np.array([[corner.mid for corner in edge] for edge in there])
+        spread = np.array([[corner.most * reach for corner in edge] for edge in slopes])
+        least = value - np.array([[corner.rad for corner in edge] for edge in there]) - _ABOVE * np.sum(spread, axis=2)
+    least = np.where(np.isnan(least), -np.inf, least)
+    each = np.arange(value.shape[-1])
+    edge = np.argmax(np.min(value, axis=1), axis=0)
+    corner = np.argmin(value[edge, :, each], axis=1)
+    steep = np.array([[one.mid for one in row] for row in slopes])
+    return Separations(np.max(np.min(least, axis=1), axis=0), value[edge, corner, each],
+                       steep[edge, corner, :, each].T, np.nan_to_num(spread[edge, corner, :, each].T, nan=np.inf))
+
+
+def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Floats:
+    span: Floats = factor * steps(theta, chord, first_guesses(theta, chord), TIGHT)[0]
+    place, delta = between(theta, theta), between(span, span)
+    excess = delta.squared() * 0.5 + place * (place + delta) * delta.versine() - between(chord, chord).squared() * 0.5
+    if not np.all(sense * excess.mid >= excess.rad) or np.any(span > np.pi):
+        raise DragonError('a link is too long for the place on the spiral where its span is bounded')
+    return span
+
+
+def _edges(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> list[list[Graded]]:
+    """Return how far the four corners of either bench are beyond each of four edges of the other, in units of b.
+
+    Seen from the centre of the spiral, the front handle further in is at the angle 0.
+    """
+    theta, ahead, scale, link, other = variables(low, high)
+    chord, far_chord, far = scale * link, scale * other, theta + ahead
+    span = _span(theta, chord, low[THETA], high[THETA], low[SCALE] * low[LINK], high[SCALE] * high[LINK])
+    far_span = _span(far, far_chord, low[THETA] + low[AHEAD], high[THETA] + high[AHEAD], low[SCALE] * low[OTHER],
+                     high[SCALE] * high[OTHER])
+    front, rear = Vector(theta, _nothing(theta)), polar(theta + span, span)
+    far_front, far_rear = polar(far, ahead), polar(far + far_span, ahead + far_span)
+    sizes = scale.times(overhang_m), scale.times(half_width_m)
+    return [*_beyond(front, rear, chord, far_front, far_rear, far_chord, *sizes),
+            *_beyond(far_front, far_rear, far_chord, front, rear, chord, *sizes)]
+
+
+def _nothing(like: Graded) -> Graded:
+    return Graded(*(Ball(np.zeros_like(ball.mid), np.zeros_like(ball.mid)) for ball in (like.value, like.slope)))
+
+
+def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, chord_low: Floats,
+          chord_high: Floats) -> Graded:
+    """Return what links span that start between two polar angles and have lengths between two."""
+    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # for the sums and products of floats that came in
+    delta = between(least_span(theta_high + off, chord_low / out), largest_span(theta_low - off, chord_high * out))
+    sin, less = delta.sin_cos()[0], delta.versine()
+    by_theta = (2 * theta.value + delta) * less
+    by_delta = (delta + theta.value * less + theta.value * (theta.value + delta) * sin).inverse()
+    return Graded(delta, chord.slope * (chord.value * by_delta) - theta.slope * (by_theta * by_delta))
+
+
+def _beyond(front: Vector, rear: Vector, chord: Graded, other_front: Vector, other_rear: Vector, other_chord: Graded,
+            overhang: Graded, half_width: Graded) -> list[list[Graded]]:
+    """Return how far the corners of the other bench are beyond the left, right, front and rear edge of one."""
+    axis = (front - rear) * chord.inverse()
+    ahead, behind = ((handle - front).seen_along(axis) for handle in (other_front, other_rear))
+    along = (ahead - behind) * other_chord.inverse()
+    longer, side = along * overhang, along.left() * half_width
+    corners = [ahead + longer + side, ahead + longer - side, behind - longer + side, behind - longer - side]
+    return [[corner.y - half_width for corner in corners], [-corner.y - half_width for corner in corners],
+            [corner.x - overhang for corner in corners], [-corner.x - chord - overhang for corner in corners]]
