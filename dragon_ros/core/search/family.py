@@ -1,0 +1,405 @@
+"""Up to when no dragon of a whole family touches itself: benches that each differ within tolerances, on one spiral.
+
+Every bench of a dragon may have its own width, length and hole inset within the tolerances of the scene's; the pitch is
+one for the track. Rectangles nest, so width and overhang count at their largest; a link may be anything between its
+shortest and its longest. What follows a bench depends on its own place alone, so the search goes through the places of
+the inner bench of a pair, of the other one, of the two links, and through the pitches (``enclosures.sliding_pair``).
+Between the two benches lie links that are each between two lengths: so the other bench's place lies in one strip for
+each number of benches in between, and whatever is outside of all strips is left out. There are two searches in one: the
+head with all benches behind it, and any other bench with all behind it (docs/contact.md).
+
+Boxes are cleared, left out or halved, always those first that the leader could reach first. So what it needs to get to
+the first box that is left is proved to be clear.
+"""
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from math import nextafter, pi, sqrt
+
+import numpy as np
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.checks import number
+from dragon_ros.core.enclosures.sliding_pair import (
+    AHEAD,
+    LINK,
+    OTHER,
+    SCALE,
+    THETA,
+    Separations,
+    largest_span,
+    least_span,
+    separations,
+)
+from dragon_ros.core.errors import DragonError, FieldError, InputError, did_you_mean
+from dragon_ros.core.numerics.double_double import from_turns
+from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
+
+TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
+_WITHIN_M = 0.01        # of the leader's way: so far short of a touching dragon is near enough, and is left to spare
+_AT_ONCE, _MOST = 1000, 200_000     # boxes
+_FIRST_RAD = 2.0        # the way of the inner bench about the centre in a first box
+_OUT = 1 + 2.0**-40     # more than the roundings of a dozen sums and products of positive numbers
+_BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (``min_pitch``)
+_INNER_STEPS = 6        # in which the place of the head is bounded from that of the next bench
+_HEAD, _BODY = 0, 1     # the inner bench of a pair
+
+
+@dataclass(frozen=True)
+class FamilyProof:
+    """No dragon of the family touches itself from the start of the run to ``proved_s``.
+
+    ``why`` says what ends the proof: 'contact' (from ``limit_s`` on some may touch, such as ``benches``), 'run' (the
+    run of the nominal dragon ends there), 'bend' (closer to the centre nothing is known of the handles' order) or
+    'effort'. ``nominal`` is the first contact of the scene itself, ``states`` counts boxes.
+    """
+
+    within: tuple[tuple[str, float], ...]
+    proved_s: float
+    limit_s: float | None
+    benches: tuple[int, int] | None
+    why: str
+    nominal: Contact | NoContact
+    states: int
+
+
+@dataclass(frozen=True)
+class Family:
+    """What the dragons of a family have in common: from least to largest, in metres; ``scale`` is 1 / b in 1/m."""
+
+    benches: int
+    turns: float
+    pitch_m: tuple[float, float]
+    head_link_m: tuple[float, float]
+    body_link_m: tuple[float, float]
+    half_width_m: float
+    overhang_m: float
+
+    @cached_property
+    def scale(self) -> tuple[float, float]:
+        """Least and largest 1 / b in 1/m."""
+        least_m, most_m = self.pitch_m
+        return 2 * pi / most_m / _OUT, 2 * pi / least_m * _OUT
+
+    @property
+    def start_rad(self) -> float:
+        """Polar angle at which the head starts at 0 s, rounded up."""
+        return from_turns(self.turns).hi * _OUT
+
+    @property
+    def innermost_rad(self) -> float:
+        """Further out the curvature times each link is below 2."""
+        return 0.5 * _BENT * self.scale[1] * max(self.head_link_m[1], self.body_link_m[1]) * _OUT
+
+    def gone_m(self, theta: Floats | float, scale: Floats | float) -> Floats:
+        """Return what the head has at least gone to get to polar angles, at scales up to these."""
+        start = self.start_rad
+        out: Floats = np.maximum(arc_between(start, np.maximum(start - np.asarray(theta), 0.0)) / scale / _OUT - (
+            (_OUT - 1) * start**2 / self.scale[0]), 0.0)
+        return out
+
+    def inward_rad(self, gone_m: float) -> float:
+        """Return a polar angle that no head has passed when it has gone so far."""
+        low_m = self.pitch_m[0]
+        return SpiralCurve(low_m, from_turns(self.turns)).inward(gone_m * _OUT).hi / _OUT
+
+    def outward_rad(self, gone_m: float) -> float:
+        """Return a polar angle at which or further in every head is when it has gone so far."""
+        return min(self.start_rad, SpiralCurve(self.pitch_m[1], from_turns(self.turns)).inward(gone_m / _OUT).hi * _OUT)
+
+
+def first_contact_within(scene: Scene, within: Mapping[str, float],
+                         progress: Callable[[int], object] = lambda states: None) -> FamilyProof:
+    """Return up to when no dragon touches itself whose benches, and whose track's pitch, are within tolerances.
+
+    ``within`` has a tolerance in metres, to either side, for some of ``TOLERANCES``. ``progress(boxes)`` is called with
+    every number of boxes just examined. Raises FieldError for what has no tolerance and for scenes that are not
+    covered, and DragonError, naming the tolerance to blame, where nothing can be proved.
+    """
+    family = family_of(scene, within)
+    nominal = first_contact(scene)
+    search, why = _search(scene, family, nominal, progress)
+    proved_m = search.frontier_m - (_WITHIN_M if search.limit_m < np.inf or search.gave_up else 0.0)
+    if proved_m <= search.begin_m:
+        raise DragonError(f'--within: nothing can be proved of this family{_blame(scene, within, nominal)}')
+    if search.limit_m < np.inf:
+        why = 'contact'
+    elif search.gave_up:
+        why = 'effort'
+    travel = _travel(scene, nominal)
+    limit_s = travel.arrival_s(search.limit_m, 1) if why == 'contact' else None
+    proved_s = min(_time_to(travel, proved_m), travel.end_s)
+    return FamilyProof(tuple(sorted(within.items())), proved_s, limit_s, search.benches, why, nominal, search.states)
+
+
+def family_of(scene: Scene, within: Mapping[str, float]) -> Family:
+    """Return the family of a scene. Raises FieldError for unknown tolerances and for scenes that are not covered."""
+    for key, tolerance in within.items():
+        if key not in TOLERANCES:
+            raise FieldError(f'--within {key}', tolerance, f'tolerances are for {", ".join(TOLERANCES)}',
+                             did_you_mean(key, TOLERANCES, 'give one of these'))
+        number(f'--within {key}', tolerance, low=0.0)
+    dragon, track = _covered(scene)
+    pitch = _around('track.pitch_m', track.pitch_m, within)
+    width = _around('dragon.width_m', dragon.width_m, within)
+    inset = _around('dragon.hole_inset_m', dragon.hole_inset_m, within, zero=True)
+    head, body = (_link(key, length, within, inset) for key, length in (
+        ('dragon.head_length_m', dragon.head_length_m), ('dragon.body_length_m', dragon.body_length_m)))
+    return Family(dragon.benches, track.start_turns, pitch, head, body, 0.5 * width[1] * _OUT, inset[1])
+
+
+def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
+    """Return dragon and track of a scene. Raises FieldError where families are not covered."""
+    dragon, track, law = scene.dragon, scene.track, scene.head
+    if not isinstance(dragon, Dragon):
+        raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families are of benches that are equal '
+                         'behind the head', 'make them equal, and give a tolerance for what differs')
+    if dragon.benches < 3:
+        raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
+                         'give at least 3')
+    if not isinstance(track, Spiral):
+        raise FieldError('track.kind', type(track).__name__.lower(), 'families are covered on a single spiral',
+                         'use track.kind: spiral')
+    speeds = [law.speed_m_s] if isinstance(law, Head) else [v for _, v in law.knots] if isinstance(law, Profile) else []
+    if not speeds or min(speeds) < 0 or law.lead != 'head':
+        raise FieldError('head', type(law).__name__.lower(), 'families are covered where the head leads by a speed law '
+                         'and does not go back', 'let it lead with speeds of at least 0')
+    return dragon, track
+
+
+def _around(key: str, value: float, within: Mapping[str, float], zero: bool = False) -> tuple[float, float]:
+    """Return the interval of a value. Raises FieldError where it reaches to 0 (``zero``: below it)."""
+    tolerance = within.get(key, 0.0)
+    if tolerance and (tolerance > value if zero else tolerance >= value):
+        raise FieldError(f'--within {key}', tolerance, f'the value itself is {value:g} m', 'give a smaller tolerance')
+    return (value - tolerance) / _OUT, (value + tolerance) * _OUT
+
+
+def _link(key: str, length_m: float, within: Mapping[str, float], inset: tuple[float, float]) -> tuple[float, float]:
+    """Return the interval of a link."""
+    low, high = _around(key, length_m, within)
+    link = (low - 2 * inset[1]) / _OUT, (high - 2 * inset[0]) * _OUT
+    if link[0] <= 0:
+        raise FieldError(key, length_m, 'within its tolerance, and that of the inset, a link may have no length',
+                         'give smaller tolerances')
+    return link
+
+
+def _travel(scene: Scene, nominal: Contact | NoContact) -> RangeOfTravel:
+    """Return what the leader goes through up to the nominal contact, or to the end of the run."""
+    end_s = nominal.t_s if isinstance(nominal, Contact) else nominal.end.t_s
+    return RangeOfTravel(scene.head, scene.run.start_s, end_s)
+
+
+def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
+    """Return a time by which the leader has not gone further."""
+    t_s = travel.arrival_s(gone_m, 1)
+    while travel.gone_m(t_s) > gone_m:
+        t_s = nextafter(t_s, -np.inf)
+    return t_s
+
+
+def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
+            progress: Callable[[int], object]) -> tuple['_Search', str]:
+    """Return the finished search, and why it did not have to go further."""
+    travel = _travel(scene, nominal)
+    begin_m, end_m, why = travel.gone_m(travel.start_s), travel.gone_m(travel.end_s), 'run'
+    bend_m = float(family.gone_m(family.innermost_rad, family.scale[1]))
+    if bend_m < end_m:
+        end_m, why = bend_m, 'bend'
+    if begin_m >= end_m:
+        raise InputError('--within: the run starts where links may lock or benches touch; start earlier or further out')
+    search = _Search(family, begin_m, end_m, progress)
+    search.run()
+    return search, why
+
+
+def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoContact) -> str:
+    """Return what would be proved without one of the tolerances: the one whose absence helps most."""
+    best: tuple[float, str] | None = None
+    for key in within:
+        search = _search(scene, family_of(scene, {**within, key: 0.0}), nominal, lambda states: None)[0]
+        proved_m = search.frontier_m - _WITHIN_M
+        if proved_m > search.begin_m and (best is None or proved_m > best[0]):
+            best = proved_m, key
+    if best is None:
+        return '; each of the tolerances alone is too wide or there are benches that always touch: give smaller ones'
+    until_s = _time_to(_travel(scene, nominal), best[0])
+    return (f'; the tolerance of {best[1]}, {within[best[1]]:g} m, is too wide: without it, it would be proved up to '
+            f'{until_s:.6g} s')
+
+
+@dataclass(frozen=True)
+class _Boxes:
+    """Boxes (5, n) of variables of ``sliding_pair``, which bench is the inner one (n,), and when they count.
+
+    ``gone_m`` is what the leader has gone at least where a pair of the box occurs.
+    """
+
+    low: Floats
+    high: Floats
+    inner: Ints
+    gone_m: Floats
+
+    def some(self, which: Array | slice) -> '_Boxes':
+        """Return some of them."""
+        return _Boxes(self.low[:, which], self.high[:, which], self.inner[which], self.gone_m[which])
+
+    def __add__(self, other: '_Boxes') -> '_Boxes':
+        """Return these and others."""
+        return _Boxes(np.concatenate((self.low, other.low), axis=1), np.concatenate((self.high, other.high), axis=1),
+                      np.concatenate((self.inner, other.inner)), np.concatenate((self.gone_m, other.gone_m)))
+
+
+class _Search:
+    """Branch and bound over boxes, those first that the leader can reach first.
+
+    ``frontier_m`` is how far it can go without getting to a box that is not clear; at ``limit_m`` it gets to a pair of
+    ``benches`` that overlap.
+    """
+
+    def __init__(self, family: Family, begin_m: float, end_m: float, progress: Callable[[int], object]) -> None:
+        self.family, self.begin_m, self._end_m, self._tell = family, begin_m, end_m, progress
+        self.limit_m, self.frontier_m, self.states, self.gave_up = np.inf, end_m, 0, False
+        self.benches: tuple[int, int] | None = None
+
+    def run(self) -> None:
+        """Clear boxes until the first that is left is near a pair that overlaps."""
+        boxes = self._first()
+        while boxes.gone_m.size:
+            boxes = boxes.some(np.argsort(boxes.gone_m, kind='stable'))
+            self.frontier_m = float(boxes.gone_m[0])
+            if self.limit_m - self.frontier_m <= _WITHIN_M:
+                return
+            if self.states >= _MOST:
+                self.gave_up = True
+                return
+            halves = self._halves(boxes.some(slice(_AT_ONCE)))
+            boxes = boxes.some(slice(_AT_ONCE, None)) + halves
+            boxes = boxes.some(boxes.gone_m < min(self.limit_m, self._end_m))
+        self.frontier_m = min(self.limit_m, self._end_m)
+
+    def _first(self) -> _Boxes:
+        """Return boxes that hold all pairs up to the end, in steps of the inner bench's place."""
+        family, scale = self.family, self.family.scale
+        inner = max(family.inward_rad(self._end_m), family.innermost_rad)
+        outer = family.outward_rad(self.begin_m)
+        rear = inner + float(least_span(np.array([inner]), np.array([scale[0] * family.head_link_m[0]]))[0])
+        tail = sqrt(outer**2 + pi * scale[1] * (family.head_link_m[1] + family.benches * family.body_link_m[1])) * _OUT
+        parts = [self._row(_HEAD, inner, outer, family.head_link_m), self._row(_BODY, rear, tail, family.body_link_m)]
+        return parts[0] + parts[1]
+
+    def _row(self, inner: int, first: float, last: float, link_m: tuple[float, float]) -> _Boxes:
+        ends = np.linspace(first, last, 2 + int((last - first) / _FIRST_RAD))
+        scale, other_m, same = self.family.scale, self.family.body_link_m, np.ones(ends.size - 1)
+        low = np.array([ends[:-1], 0 * same, scale[0] * same, link_m[0] * same, other_m[0] * same])
+        high = np.array([ends[1:], np.inf * same, scale[1] * same, link_m[1] * same, other_m[1] * same])
+        return self._reached(low, high, np.full(same.size, inner))
+
+    def _reached(self, low: Floats, high: Floats, inner: Ints) -> _Boxes:
+        """Return boxes with how far the leader has at least gone when the inner bench is there.
+
+        For a body bench that is when bench 1 is. The head is the shortest link further in, which spans least where it
+        is furthest out: each pass puts it further in.
+        """
+        body = inner == _BODY
+        rear, chord = high[THETA, body], low[SCALE, body] * self.family.head_link_m[0] / _OUT
+        head = rear
+        for _ in range(_INNER_STEPS if rear.size else 0):
+            head = (rear - least_span(head, chord)) * _OUT
+        theta = high[THETA].copy()
+        theta[body] = head
+        return _Boxes(low, high, inner, self.family.gone_m(theta, high[SCALE]))
+
+    def _halves(self, boxes: _Boxes) -> _Boxes:
+        """Return the halves of those boxes that are not clear."""
+        self.states += boxes.gone_m.size
+        self._tell(boxes.gone_m.size)
+        near = self._near(boxes)
+        if not near.gone_m.size:
+            return near
+        found = separations(near.low, near.high, self.family.half_width_m, self.family.overhang_m)
+        unclear = ~(found.low > 0)
+        near = near.some(unclear)
+        if not near.gone_m.size:
+            return near
+        kept = Separations(found.low[unclear], found.middle[unclear], found.slope[:, unclear], found.spread[:, unclear])
+        self._note(near, kept)
+        return self._cut(near, np.argmax(kept.spread, axis=0))
+
+    def _cut(self, boxes: _Boxes, rows: Ints) -> _Boxes:
+        each = np.arange(rows.size)
+        low, high = boxes.low.copy(), boxes.high.copy()
+        low[rows, each] = high[rows, each] = 0.5 * (boxes.low[rows, each] + boxes.high[rows, each])
+        lower = self._reached(boxes.low, high, boxes.inner)
+        return lower + self._reached(low, boxes.high, boxes.inner)
+
+    def _near(self, boxes: _Boxes) -> _Boxes:
+        """Return what is left of boxes without places that the other bench cannot have, or has too far out to touch.
+
+        Its link is nowhere nearer to the centre than sqrt(theta^2 - c^2 / 4) if its front handle is at theta
+        (docs/contact.md); all of the inner bench is within the radius of its rear handle, and both overhang.
+        """
+        family, low, high = self.family, boxes.low, boxes.high
+        most = high[SCALE] * _OUT
+        rear = high[THETA] + largest_span(low[THETA], most * high[LINK])
+        over = most * np.hypot(family.overhang_m, family.half_width_m)
+        far = np.sqrt((rear + 2 * over) ** 2 + (0.5 * most * high[OTHER]) ** 2) * _OUT - low[THETA]
+        first, last, _ = self._strips(low, np.vstack((high[:1], np.minimum(high[AHEAD], far)[None], high[2:])),
+                                      boxes.inner)
+        which = first <= last
+        low, high = low.copy(), high.copy()
+        low[AHEAD], high[AHEAD] = first, last
+        return _Boxes(low, high, boxes.inner, boxes.gone_m).some(which)
+
+    def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
+        """Return from where to where the other bench may be ahead, within a box, and the nearest bench that may.
+
+        The angle from a handle to the one so many links behind falls as theta grows and grows with each link, as every
+        span does (lemma 1). Where it may not be anywhere, the first of the two is the larger.
+        """
+        family, out = self.family, _OUT
+        last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
+        near, far = high[THETA], low[THETA]
+        near = near + least_span(near, low[SCALE] * low[LINK] / out)
+        far = far + largest_span(far, high[SCALE] * high[LINK] * out)
+        shortest, longest = low[SCALE] * family.body_link_m[0] / out, high[SCALE] * family.body_link_m[1] * out
+        first, last = np.full(inner.shape, np.inf), np.full(inner.shape, -np.inf)
+        nearest = np.zeros(inner.shape, dtype=np.int64)
+        for bench in range(2, int(np.max(last_bench)) + 1):
+            near, far = near + least_span(near, shortest), far + largest_span(far, longest)
+            least, most = (near - high[THETA]) / out, (far - low[THETA]) * out
+            if np.all(least > high[AHEAD]):
+                break
+            met = (least <= high[AHEAD]) & (most >= low[AHEAD]) & (bench <= last_bench)
+            first = np.where(met, np.minimum(first, np.maximum(least, low[AHEAD])), first)
+            last = np.where(met, np.maximum(last, np.minimum(most, high[AHEAD])), last)
+            nearest = np.where(met & (nearest == 0), bench, nearest)
+        return first, last, nearest
+
+    def _note(self, boxes: _Boxes, found: Separations) -> None:
+        """Keep the first place of the leader at which a pair overlaps: in the corner of a box that looks worst.
+
+        Only a lower end for what can be proved, which nothing is concluded from; so plain floats will do.
+        """
+        worst = np.where(found.slope > 0, boxes.low, boxes.high)
+        places = 0.5 * (boxes.low + boxes.high)
+        places[SCALE:] = worst[SCALE:]
+        first, last, nearest = self._strips(places, places, boxes.inner)
+        here = (first <= last) & (self.family.gone_m(places[THETA], places[SCALE]) < self.limit_m)
+        if not np.any(here):
+            return
+        some = places[:, here]
+        overlap = separations(some, some, self.family.half_width_m, self.family.overhang_m).middle < 0
+        met = self._reached(some[:, overlap], some[:, overlap], boxes.inner[here][overlap])
+        if met.gone_m.size and (gone_m := float(np.min(met.gone_m))) < self.limit_m:
+            n = int(np.argmin(met.gone_m))
+            self.limit_m, one = gone_m, int(met.inner[n])
+            self.benches = one, one + int(nearest[here][overlap][n])

@@ -1,0 +1,125 @@
+"""What is proved of a family holds for its dragons, is nearly all that can be proved, and says what it is not for."""
+from dataclasses import replace
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
+from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.errors import DragonError, FieldError, InputError
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.family import first_contact_within
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.tracks.spec import Spiral, STurn
+
+SMALL = Scene(dragon=Dragon(40), track=Spiral(0.55, 7.0))
+BOX = {'dragon.width_m': 0.002, 'dragon.body_length_m': 0.002, 'dragon.head_length_m': 0.003,
+       'dragon.hole_inset_m': 0.0005, 'track.pitch_m': 0.001}
+
+
+def contact_s(scene):
+    found = first_contact(scene)
+    return found.t_s if isinstance(found, Contact) else found.end.t_s
+
+
+def drawn(scene, within, draw, corner):
+    """A dragon of a family, with one width and inset for all benches: anywhere in the box, or in a corner of it."""
+    def off(key, count=1):
+        share = draw.uniform(-1, 1, count)
+        return within.get(key, 0.0) * (np.sign(share) if corner else share)
+
+    dragon = scene.dragon
+    lengths = [dragon.head_length_m + off('dragon.head_length_m')[0],
+               *(dragon.body_length_m + off('dragon.body_length_m', dragon.benches - 1))]
+    mixed = Mixed(tuple(Group(float(one)) for one in lengths), dragon.width_m + abs(off('dragon.width_m')[0]),
+                  dragon.hole_inset_m + off('dragon.hole_inset_m')[0])
+    return replace(scene, dragon=mixed, track=replace(scene.track, pitch_m=scene.track.pitch_m
+                                                      - abs(off('track.pitch_m')[0])))
+
+
+def test_without_tolerances_the_proof_ends_centimetres_before_the_contact():
+    proof = first_contact_within(SMALL, {})
+    assert proof.nominal.t_s - 0.03 < proof.proved_s < proof.nominal.t_s
+    assert proof.proved_s < proof.limit_s <= proof.nominal.t_s + 1e-6
+    assert (proof.why, proof.benches) == ('contact', proof.nominal.benches)
+
+
+def test_no_dragon_of_a_family_touches_before_the_time_that_is_proved():
+    proof, draw = first_contact_within(SMALL, BOX), np.random.default_rng(1)
+    assert proof.proved_s < proof.nominal.t_s
+    for n in range(8):
+        assert contact_s(drawn(SMALL, BOX, draw, n % 2)) > proof.proved_s
+
+
+@pytest.mark.parametrize(('key', 'change'), [
+    ('dragon.width_m', {'dragon': replace(SMALL.dragon, width_m=0.305)}),
+    ('track.pitch_m', {'track': replace(SMALL.track, pitch_m=0.545)}),
+])
+def test_the_worst_dragon_of_a_family_touches_within_centimetres_of_what_is_proved(key, change):
+    proof = first_contact_within(SMALL, {key: 0.005})
+    worst_s = contact_s(replace(SMALL, **change))
+    assert worst_s - 0.03 < proof.proved_s < worst_s
+    assert proof.limit_s == pytest.approx(worst_s, abs=0.02)
+
+
+def test_a_wider_family_is_proved_no_further():
+    times = [first_contact_within(SMALL, {'dragon.width_m': width, 'dragon.body_length_m': 0.002}).proved_s
+             for width in (0.0, 0.004, 0.02)]
+    assert times == sorted(times, reverse=True)
+    assert times[-1] < times[0] - 1
+
+
+def test_a_run_that_stops_before_any_dragon_touches_is_proved_to_its_end():
+    scene = replace(SMALL, run=Run(stop_s=20.0))
+    proof = first_contact_within(scene, BOX)
+    assert (proof.proved_s, proof.why, proof.limit_s, proof.benches) == (20.0, 'run', None, None)
+    assert isinstance(proof.nominal, NoContact)
+
+
+def test_where_links_might_lock_the_proof_ends_and_says_so():
+    thin = replace(SMALL, dragon=Dragon(12, width_m=0.01, hole_inset_m=0.01), track=Spiral(2.0, 2.0))
+    proof = first_contact_within(thin, {'track.pitch_m': 0.001})
+    assert proof.why == 'bend'
+    assert proof.proved_s < contact_s(thin)
+
+
+def test_a_profile_of_speeds_is_proved_at_its_own_times():
+    steady = first_contact_within(SMALL, {'dragon.width_m': 0.002})
+    slow = first_contact_within(replace(SMALL, head=Profile(((0.0, 0.0), (4.0, 0.5)))), {'dragon.width_m': 0.002})
+    assert slow.proved_s == pytest.approx(2 + 2 * steady.proved_s, abs=1e-6)
+
+
+def test_a_run_that_starts_late_is_proved_from_there():
+    whole, late = (first_contact_within(replace(SMALL, run=Run(start_s)), BOX) for start_s in (0.0, 40.0))
+    assert late.proved_s == pytest.approx(whole.proved_s, abs=0.03)
+    assert late.states < whole.states
+
+
+def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
+    with pytest.raises(DragonError, match=r'tolerance of dragon.width_m, 0.28 m, is too wide: .* up to \d'):
+        first_contact_within(SMALL, {'dragon.width_m': 0.28, 'dragon.body_length_m': 0.001})
+
+
+@pytest.mark.parametrize(('scene', 'within', 'said'), [
+    (SMALL, {'dragon.widht_m': 0.01}, 'did you mean dragon.width_m'),
+    (SMALL, {'dragon.benches': 1.0}, 'tolerances are for'),
+    (SMALL, {'dragon.width_m': -0.01}, 'the smallest is 0'),
+    (SMALL, {'dragon.width_m': float('nan')}, 'finite'),
+    (SMALL, {'track.pitch_m': 0.55}, 'smaller tolerance'),
+    (SMALL, {'dragon.hole_inset_m': 0.3}, 'smaller tolerance'),
+    (SMALL, {'dragon.body_length_m': 1.7}, 'may have no length'),
+    (replace(SMALL, track=STurn()), {}, 'single spiral'),
+    (replace(SMALL, dragon=Mixed((Group(3.0), Group(2.0, 5)))), {}, 'equal behind the head'),
+    (replace(SMALL, dragon=Dragon(2)), {}, 'at least 3'),
+    (replace(SMALL, head=Head(lead='tail')), {}, 'head leads'),
+    (replace(SMALL, head=Profile(((0.0, 1.0), (3.0, -1.0)))), {}, 'does not go back'),
+])
+def test_what_is_not_covered_is_refused_with_its_reason(scene, within, said):
+    with pytest.raises(FieldError, match=said):
+        first_contact_within(scene, within)
+
+
+def test_a_run_that_starts_where_links_might_lock_is_refused():
+    with pytest.raises(InputError, match='starts where links may lock'):
+        first_contact_within(replace(SMALL, track=Spiral(0.55, 2.6), run=Run(stop_s=0.1)), {})
