@@ -4,7 +4,7 @@ Lengths are in metres, angles in radians, times in seconds, and arrays are numpy
 Every error that dragon_ros raises on purpose is a DragonError; InputError, below it, says what was asked wrongly.
 """
 import sys
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from os import PathLike, fspath
@@ -26,6 +26,7 @@ from dragon_ros.core.model import Simulation, compile_scene
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.family import FamilyProof, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.spec import STurn
@@ -192,6 +193,15 @@ class Simulated:
         cannot be searched to its end, naming the time to stop at.
         """
         return first_contact(self.scene, progress)
+
+    def contact_within(self, tolerances: Mapping[str, float], *, progress: Progress = _quiet) -> FamilyProof:
+        """Return until when no dragon touches itself whose benches and pitch are within tolerances of the scene's.
+
+        ``tolerances`` are in metres, such as ``{'dragon.width_m': 0.005}``; each bench has its own values, the pitch
+        is one for the track. Raises FieldError for an unknown key and a scene that is not covered (one spiral, led by
+        the head), DragonError where nothing can be proved, naming the tolerance to blame.
+        """
+        return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:
         """Return points (P, 2) along the track where handles are in the run, ``sag_m`` off at most."""

@@ -6,6 +6,7 @@ from typing import Any
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
+from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
 _MOST = 20_000      # rows of a certificate: hints where to cut
@@ -22,6 +23,11 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
     return {'scene': scene_values(scene), 'contact': _contact(found), 'intervals': _rows(proof.intervals)}
+
+
+def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:
+    """Return a certificate of a family as plain values: what is claimed, which the checker proves anew."""
+    return {'family': 1, 'scene': scene_values(scene), 'within': dict(proof.within), 'proved_s': proof.proved_s}
 
 
 def _contact(found: Contact | NoContact) -> dict[str, Any]:

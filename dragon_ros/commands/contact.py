@@ -30,6 +30,10 @@ def main(argv: list[str]) -> int:
                          '(budgets: docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
                          help='also report near misses, the smallest gaps of two benches below this')
+    options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
+                         help='prove until when no dragon touches itself whose KEY is within METRES of the scene: '
+                         'dragon.width_m, head_length_m, body_length_m and hole_inset_m of each bench by itself, and '
+                         'track.pitch_m; on one spiral, led by the head; repeatable')
     options.add_argument('--certificate', type=Path, metavar='FILE',
                          help='write the intervals that prove that nothing touched earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
@@ -43,9 +47,12 @@ def _check(arguments: Namespace) -> None:
     if arguments.verify is not None:
         given = {f'--{name}': getattr(arguments, name.replace('-', '_')) is not None
                  for name in ('accuracy', 'namespace', 'near-misses', 'certificate')}
+        given['--within'] = bool(arguments.within)
         given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
+    if arguments.within and arguments.near_misses is not None:
+        raise InputError('--near-misses: a family has none of its own; leave out --within or --near-misses')
     if arguments.near_misses is not None and arguments.format == 'csv':
         raise InputError('--near-misses: --format csv is one row, of the contact; take text or json')
 
@@ -54,8 +61,11 @@ def _run(arguments: Namespace) -> int:
     _check(arguments)
     if arguments.verify is not None:
         return _verify(arguments.verify, arguments.output)
-    from dragon_ros.core.search.first_contact import first_contact
     scene = _scene_of(arguments)
+    if arguments.within:
+        from dragon_ros.commands import contact_within
+        return contact_within.run(scene, arguments)
+    from dragon_ros.core.search.first_contact import first_contact
     start = time.perf_counter()
     with Progress('contact', 'states') as bar:
         found = first_contact(scene, bar.update)

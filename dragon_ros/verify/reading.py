@@ -136,7 +136,16 @@ class Claims:
     rows: tuple[Row, ...]
 
 
-def read(path: Path) -> Claims:
+@dataclass(frozen=True)
+class FamilyClaims:
+    """What a certificate of a family says: benches and pitch are within tolerances, and none touches until then."""
+
+    scene: Scene
+    within: dict[str, float]
+    proved_s: float
+
+
+def read(path: Path) -> Claims | FamilyClaims:
     """Return what a certificate file says. Raises Refused."""
     try:
         with path.open('rb') as file:
@@ -148,13 +157,13 @@ def read(path: Path) -> Claims:
     return claims_of(data)
 
 
-def claims_of(data: bytes) -> Claims:
+def claims_of(data: bytes) -> Claims | FamilyClaims:
     """Return what a certificate says, in UTF-8. Raises Refused."""
     try:
         values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:
         raise Refused(f'it is no certificate: {str(error)[:160]}') from None
-    return _claims(values)
+    return _family(values) if isinstance(values, dict) and 'family' in values else _claims(values)
 
 
 def _no_number(text: str) -> Any:
@@ -182,6 +191,19 @@ def _claims(values: Any) -> Claims:
     benches = len(scene.lengths_m)
     return Claims(scene, _contact(top['contact'], scene),
                   tuple(_row(f'intervals[{n}]', row, benches) for n, row in enumerate(rows)))
+
+
+FAMILY_VERSION = 1
+_TOLERANCES = {'dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m'}
+
+
+def _family(values: dict[str, Any]) -> FamilyClaims:
+    top = _keys('', values, {'family', 'scene', 'within', 'proved_s'})
+    _number('family', top['family'], FAMILY_VERSION, FAMILY_VERSION, whole=True)
+    scene, within = _scene(top['scene']), _keys('within', top['within'], set(), _TOLERANCES)
+    latest_s = _LATEST_S if scene.stop_s is None else scene.stop_s
+    return FamilyClaims(scene, {key: _number(f'within.{key}', value, 0, 1e12) for key, value in within.items()},
+                        _number('proved_s', top['proved_s'], scene.start_s, latest_s))
 
 
 _ROW = {'lead', 'start_m', 'stop_m', 'behind'}
