@@ -5,11 +5,12 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from tqdm import tqdm
 
-from benchmarks.prices import ALONE, Price, Whole, price, wholes
+from benchmarks.wholes import Whole, wholes
 from dragon_ros.cli.command_line import csv_of
 from dragon_ros.cli.figures import legend_below
 from dragon_ros.configuration import scene_names
 from dragon_ros.core.flags import known
+from dragon_ros.cost.effects import ALONE, Price, price
 from dragon_ros.cost.measure import TIMES, circumstances
 from dragon_ros.scenes.load import load_scene
 

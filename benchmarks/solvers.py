@@ -6,13 +6,13 @@ from typing import Any
 
 import numpy as np
 
-from benchmarks.baselines import by_newton
 from dragon_ros.core.chain.chain import Chain, marched
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.cost.baselines import by_newton
 
 ChainSolver = Callable[[Scene, Place], Chain]
 _TOLERANCE_RAD = 1e-9       # of plain Newton

@@ -28,6 +28,6 @@ EXECUTABLES = {
     'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),
     'design': Executable('dragon_ros.commands.design', 'answer a question about what to build'),
     'study': Executable('dragon_ros.commands.study', 'vary a scene a thousand times or a million, and ask each'),
-    'cost': Executable('dragon_ros.cost.command', 'measure what accuracy and effects cost'),
+    'cost': Executable('dragon_ros.cost.command', 'measure what accuracy, effects, contact and bags cost here'),
     'demo': Executable(_COMMANDS, 'run everything once: sim, monitor, bag, replay, picture', 'demo'),
 }

@@ -46,6 +46,8 @@ SUBSTITUTES = {
                                           'smaller ones'),
     './dragon study tolerances': ('study --help', 'it takes hours; test/studies runs smaller ones'),
     'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py has both'),
+    './dragon cost --scene': ('cost --scene turning --set dragon.benches=12 --set run.stop_s=2 --budget 0.01 --output '
+                              'costs.png', 'the same in small'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/benchmarks measures each page in small'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),

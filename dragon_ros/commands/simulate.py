@@ -2,12 +2,10 @@
 import sys
 import time
 from argparse import Namespace
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 from threading import Event
 
-from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.bags.write.writer import BagOptions, BagWriter, prompt_switches
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
@@ -23,7 +21,6 @@ from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
 _SHOW = 100                 # ticks between two updates of the progress bar
-_SWITCH_S = 2e-5            # shorter than the time between two calls by which numpy releases the interpreter lock
 
 
 def run(arguments: Namespace) -> int:
@@ -34,7 +31,7 @@ def run(arguments: Namespace) -> int:
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
     tick(scene, 0)      # what cannot be simulated is refused before another bag is replaced
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
-    with _prompt_switches(), stopped_by_signals() as stop, writer as bag:
+    with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
         done = simulate(scene, bag, arguments.namespace, stop)
     simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
@@ -42,20 +39,6 @@ def run(arguments: Namespace) -> int:
     print(f'{arguments.output}: {done} of {count} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
           f'({simulated_s / elapsed_s:.0f} times real time)', file=sys.stderr)
     return command_line.OK if done == count else command_line.FAILED
-
-
-@contextmanager
-def _prompt_switches() -> Iterator[None]:
-    """Let the thread that compresses have the interpreter lock soon: waiting for it, it is idle.
-
-    Each release of the lock starts the wait of 5 ms anew after which a thread may demand it.
-    """
-    before = sys.getswitchinterval()
-    sys.setswitchinterval(_SWITCH_S)
-    try:
-        yield
-    finally:
-        sys.setswitchinterval(before)
 
 
 def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:

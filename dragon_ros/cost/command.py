@@ -1,20 +1,76 @@
-"""``cost``: where the pages of ``docs/cost`` are made."""
+"""``cost``: what accuracy, effects, a contact and bags cost for a scene on this machine."""
+import json
+from argparse import ArgumentParser, Namespace
 from functools import partial
+from pathlib import Path
 
-from dragon_ros.cli import command_line
-from dragon_ros.core.errors import InputError
+from dragon_ros.cli import command_line, figures
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import InputError, MissingError
 
+# The pages of docs/cost, which `benchmarks` makes in a checkout.
 PAGES = ('limits', 'accuracy', 'promises', 'contact', 'effects', 'tick', 'first', 'scale', 'bag', 'memory', 'startup',
          'study', 'all')
+_BUDGET_S = 6.0
+_ABOUT = """Measure what accuracy, effects, a contact and bags cost for a scene on this machine.
+
+  cost --scene NAME     measures a scene: tables, JSON, a picture; less than a minute
+  ./dragon cost PAGE    measures a page of docs/cost; that takes a checkout, since only it has the benchmarks
+                        (more: ./dragon cost PAGE --help). The pages are:
+                        {pages}"""
 
 
 def main(argv: list[str]) -> int:
-    """Say where a page is made; return the exit code."""
-    options = command_line.parser('cost', 'Measure a page of docs/cost; that takes a checkout: ./dragon cost PAGE.',
-                                  'cost accuracy')
-    options.add_argument('page', choices=PAGES, metavar='PAGE', help=', '.join(PAGES))
-    return command_line.guarded('cost', partial(_refuse, options.parse_args(argv).page))
+    """Measure a scene; return the exit code. Without arguments, explain both uses."""
+    options = _options()
+    arguments = options.parse_args(argv)        # first, since it answers a shell that asks for completions
+    if not argv:
+        options.print_help()
+        return command_line.BAD_INPUT
+    return command_line.guarded('cost', partial(_run, arguments))
 
 
-def _refuse(page: str) -> int:
-    raise InputError(f'PAGE {page}: is made from a checkout: ./dragon cost {page}')
+def _options() -> ArgumentParser:
+    options = command_line.parser('cost', _ABOUT.format(pages=', '.join(PAGES)),
+                                  'cost --scene winding --output cost.png')
+    options.add_argument('page', nargs='?', choices=PAGES, metavar='PAGE', help='a page: ./dragon cost PAGE, from a '
+                         'checkout')
+    command_line.add_scene_options(options)
+    options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S', help='about so many seconds for each '
+                         'of the four parts (%(default)g)')
+    command_line.add_format_option(options, ('text', 'json'))
+    options.add_argument('--output', type=Path, metavar='FILE', help=f'{", ".join(figures.FORMATS)}: a picture beside '
+                         'the tables; else a file instead of standard output')
+    return options
+
+
+def _check_folder(output: Path | None) -> None:
+    """Refuse a file that could not be written, before anything is measured."""
+    if output is not None and not output.parent.is_dir():
+        raise MissingError(f'--output {output}: cannot be written: there is no folder {output.parent}')
+
+
+def _run(arguments: Namespace) -> int:
+    if arguments.page is not None:
+        raise InputError(f'PAGE {arguments.page}: is made from a checkout: ./dragon cost {arguments.page}; '
+                         'for a scene: cost --scene NAME')
+    _check_folder(arguments.output)
+    budget_s = number('--budget', arguments.budget, low=0.01, high=1e5)
+    from dragon_ros.cli.progress import Progress
+    from dragon_ros.cost.costs import measure, text_of, values_of
+    scene = command_line.scene_from(arguments)
+    with Progress('cost', 'steps') as bar:
+        def done(what: str) -> None:
+            bar.update()
+            bar.note(what)
+        costs = measure(scene, str(arguments.scene), budget_s, done)
+    text = json.dumps(values_of(costs)) if arguments.format == 'json' else text_of(costs)
+    output: Path | None = arguments.output
+    if output is None or output.suffix.lower() not in figures.FORMATS:
+        command_line.write_output(output, text)
+        return command_line.OK
+    command_line.write_output(None, text)
+    from dragon_ros.cost.picture import picture
+    with figures.style():
+        figures.write(picture(costs), output)
+    return command_line.OK

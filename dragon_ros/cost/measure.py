@@ -41,7 +41,7 @@ def timed(call: Callable[[], object], budget_s: float = 0.3, least: int = 5, mos
         start = time.perf_counter()
         call()
         spent.append(time.perf_counter() - start)
-    return _timing(spent)
+    return timing_of(spent)
 
 
 def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, least: int = 5, most: int = 200
@@ -59,10 +59,11 @@ def timed_in_turn(calls: Sequence[Callable[[], object]], budget_s: float = 0.3, 
             start = time.perf_counter()
             call()
             mine.append(time.perf_counter() - start)
-    return [_timing(mine) for mine in spent]
+    return [timing_of(mine) for mine in spent]
 
 
-def _timing(spent: Sequence[float]) -> Timing:
+def timing_of(spent: Sequence[float]) -> Timing:
+    """Return the median and the quartiles of seconds."""
     low, _, high = quantiles(spent, n=4)
     return Timing(median(spent), low, high, len(spent))
 
@@ -70,7 +71,7 @@ def _timing(spent: Sequence[float]) -> Timing:
 def circumstances() -> str:
     """Return processor, versions and date in one line."""
     return (f'{_processor()}, {platform.system()}, Python {platform.python_version()}, '
-            + ', '.join(f'{name} {_version(name)}' for name in ('numpy', 'scipy'))
+            + ', '.join(f'{name} {found}' for name in ('numpy', 'scipy') if (found := _version(name)))
             + f', dragon_ros {__version__}, {datetime.now().astimezone():%Y-%m-%d}')
 
 
@@ -78,7 +79,7 @@ def _version(name: str) -> str:
     try:
         return version(name)
     except PackageNotFoundError:
-        return 'none'
+        return ''
 
 
 def _processor() -> str:

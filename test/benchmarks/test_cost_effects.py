@@ -1,10 +1,11 @@
 """The page ``cost effects``: its prices, its whole ticks and its files."""
 import numpy as np
 
-from benchmarks import command, effects, prices
+from benchmarks import command, effects, wholes
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import tick
+from dragon_ros.cost import effects as prices
 from dragon_ros.cost.measure import Timing
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
@@ -33,7 +34,7 @@ def test_what_sim_does_not_compute_has_no_price_and_every_scene_has_acceleration
 
 def test_a_build_without_effects_makes_the_same_bytes_as_a_scene_with_none():
     scene = load_scene('minimal', ['dragon.benches=9'])
-    with_effects, without = prices.worker(scene), prices.bare(scene)
+    with_effects, without = wholes.worker(scene), wholes.bare(scene)
     assert [with_effects() for _ in range(3)] == [without() for _ in range(3)]
 
 
@@ -41,7 +42,7 @@ def test_the_page_is_written_as_table_csv_and_pictures(tmp_path):
     rows = effects.Measured(
         [prices.Price('benches', scene, 100, TIMING) for scene in (prices.ALONE, 'first_contact')]
         + [prices.Price('clock', scene, 0, None) for scene in (prices.ALONE, 'first_contact')],
-        [prices.Whole('minimal', TIMING, 0.2, 'everything on')])
+        [wholes.Whole('minimal', TIMING, 0.2, 'everything on')])
     with np.errstate(all='warn'):
         paths = command.write('effects', rows, tmp_path)
     assert [path.name for path in paths] == ['effects.md', 'effects.csv', 'effects.png', 'effects.svg']

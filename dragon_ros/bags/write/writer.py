@@ -4,8 +4,10 @@ A path that ends in .mcap is one file; any other is a rosbag2 directory with ``m
 files.
 """
 import os
+import sys
 from collections import Counter
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import dataclass, field, fields
 from functools import lru_cache
 from pathlib import Path
@@ -22,6 +24,7 @@ from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
+_SWITCH_S = 2e-5        # shorter than the time between two calls by which numpy releases the interpreter lock
 _VERSION = 9            # of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
@@ -294,3 +297,17 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
     return {'topic_metadata': {
         'name': name, 'type': kind, 'serialization_format': 'cdr', 'offered_qos_profiles': yaml.safe_load(qos),
         'type_description_hash': type_hash}, 'message_count': count}
+
+
+@contextmanager
+def prompt_switches() -> Iterator[None]:
+    """Let the thread that compresses have the interpreter lock soon: waiting for it, it is idle.
+
+    Each release of the lock starts the wait of 5 ms anew after which a thread may demand it.
+    """
+    before = sys.getswitchinterval()
+    sys.setswitchinterval(_SWITCH_S)
+    try:
+        yield
+    finally:
+        sys.setswitchinterval(before)

@@ -1,0 +1,79 @@
+"""Whole ticks of the classic dragon side by side."""
+import time
+from dataclasses import dataclass, replace
+from itertools import cycle
+
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.geometry.rectangles import axes_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import state, tick
+from dragon_ros.cost.effects import LEAST, MOST, Call, followed
+from dragon_ros.cost.measure import Timing, timing_of
+from dragon_ros.messages.cdr import PoseArrayTemplate
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
+
+ALL = ~Effect.NONE
+
+
+@dataclass(frozen=True)
+class Whole:
+    """A whole tick of the classic scene, computed and encoded, and its time over that of another, both in turns."""
+
+    name: str
+    timing: Timing
+    ratio: float
+    over: str
+
+
+def wholes(budget_s: float) -> list[Whole]:
+    """Return whole ticks: all effects, the defaults, none, and a program without effects."""
+    scene = load_scene('minimal')
+    everything, defaults = (replace(scene, effects=effects) for effects in (ALL, Scene().effects))
+    rows = [('everything on', worker(everything), 'minimal', worker(scene)),
+            ('winding', worker(defaults), 'minimal', worker(scene)),
+            ('minimal', worker(scene), 'winding with everything on', worker(everything)),
+            ('minimal', worker(scene), 'a build without effects', bare(scene))]
+    out = []
+    for what, call, over, other in rows:
+        first, second = paired(other, call, budget_s)
+        out.append(Whole(what, second, second.median_s / first.median_s, over))
+    return out
+
+
+def worker(scene: Scene) -> Call:
+    """Return a call that computes and encodes one tick of a scene, the next each time."""
+    encode, numbers = encoders(scene), cycle(followed(compile_scene(scene).last_tick))
+
+    def work() -> object:
+        frame = tick(scene, next(numbers))
+        return [one(frame) for one in encode.values()]
+    return work
+
+
+def bare(scene: Scene) -> Call:
+    """Return a call that does the same for handles alone, written as if effects did not exist."""
+    template = PoseArrayTemplate(scene.dragon.benches + 1, 'dragon')
+    numbers = cycle(followed(compile_scene(scene).last_tick))
+
+    def work() -> object:
+        t_ns = scene.run.time_ns(next(numbers))
+        chain = state(scene, t_ns / NS)
+        return [template.encode(t_ns, chain.p, axes_of(chain))]
+    return work
+
+
+def paired(first: Call, second: Call, budget_s: float) -> tuple[Timing, Timing]:
+    """Time two calls in turns."""
+    first(), second()
+    spent: list[tuple[float, float]] = []
+    while len(spent) < LEAST or (sum(map(sum, spent)) < budget_s and len(spent) < MOST):
+        spent.append((_time(first), _time(second)))
+    return timing_of([one for one, _ in spent]), timing_of([other for _, other in spent])
+
+
+def _time(call: Call) -> float:
+    start = time.perf_counter()
+    call()
+    return time.perf_counter() - start

@@ -1,0 +1,184 @@
+"""What accuracy costs for a scene: the error and the time of the paper's recipe, simple solvers and every tier."""
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from math import nan
+
+import numpy as np
+
+from dragon_ros.core.batches import velocity_of
+from dragon_ros.core.chain.chain import conditioning
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tiers import PAPER, TIERS, position_promise_m
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.cost.baselines import SIMPLE
+from dragon_ros.cost.measure import Timing, timed_in_turn
+from dragon_ros.cost.reference import Reference, reference
+
+_PLACES = (1.0, 0.0, 0.5, 0.25, 0.75)       # parts of the run, in the order in which a reference is computed
+_STEP_S = 0.01                              # of the paper's recipe, which knows no times between
+_MOST_HANDLES = 20_001                      # of the reference, from the head on
+MARCHED = ', marched'
+
+
+@dataclass(frozen=True)
+class Solver:
+    """A way to place all handles: its largest error at the instants, its promise there, and its time a tick.
+
+    ``error_m`` is nan without a reference; a solver that does not apply has a note and no timing.
+    """
+
+    name: str
+    error_m: float
+    speed_error_m_s: float
+    promise_m: float | None
+    positions: Timing | None
+    with_velocities: Timing | None
+    note: str = ''
+
+
+@dataclass(frozen=True)
+class Accuracy:
+    """All solvers, and the instants in s and the handles at which their errors are the largest."""
+
+    times_s: tuple[float, ...]
+    handles: int
+    solvers: tuple[Solver, ...]
+
+
+@dataclass(frozen=True)
+class _Way:
+    """A solver with its errors, and what is to be timed: positions at every instant, and with velocities."""
+
+    row: Solver
+    calls: tuple[Callable[[], None], ...] = ()
+
+    def timed(self, spent: Iterator[Timing], count: int) -> Solver:
+        """Return the solver with the times of its calls, each of so many instants."""
+        positions, both = [*(next(spent).shared_by(count) for _ in self.calls), None, None][:2]
+        return replace(self.row, positions=positions, with_velocities=both)
+
+
+def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> Accuracy:
+    """Measure a scene for about so many seconds; ``done(what)`` is called before each part."""
+    done('reference')
+    known = _references(scene, 0.3 * budget_s)
+    ways = list(_ways(scene, known, done))
+    calls = [call for way in ways for call in way.calls]
+    done('time of ticks')
+    spent = iter(timed_in_turn(calls, 0.5 * budget_s / max(1, len(calls)), 3))
+    rows = [way.timed(spent, len(known)) for way in ways]
+    handles = min((len(one.high) for one in known.values() if one), default=0)
+    return Accuracy(tuple(sorted(known)), handles, tuple(rows))
+
+
+def _references(scene: Scene, budget_s: float) -> dict[float, Reference | None]:
+    """Return references at instants along the run, as many as fit the budget, at least one.
+
+    None where it would take minutes: of very long dragons behind their tail, all links are solved before the first.
+    """
+    times, began = _instants(scene), time.perf_counter()
+    out: dict[float, Reference | None] = {}
+    for t_s in times:
+        if scene.head.lead == 'tail' and scene.dragon.benches >= _MOST_HANDLES:
+            return dict.fromkeys(times)
+        out[t_s] = reference(scene, t_s, _MOST_HANDLES)
+        if time.perf_counter() - began > budget_s:
+            break
+    return out
+
+
+def _instants(scene: Scene) -> list[float]:
+    """Return instants along the run, at steps of the paper where they are in it."""
+    simulation = compile_scene(scene)
+    start_s, stop_s = (scene.run.time_ns(k) / NS for k in (0, simulation.last_tick))
+    times = [start_s + part * (stop_s - start_s) for part in _PLACES]
+    whole = [int(t_s / _STEP_S + 1e-9) / (1 / _STEP_S) for t_s in times]
+    return list(dict.fromkeys(at if start_s <= at <= t_s else t_s for at, t_s in zip(whole, times, strict=True)))
+
+
+def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[str], object]) -> Iterator[_Way]:
+    """Yield the paper's recipe, the simple solvers and the tiers, each with its errors."""
+    for name in TIERS:
+        done(name)
+        yield from _of_tier(scene, name, known)
+        if name == PAPER.name:
+            for simple in SIMPLE:
+                done(simple)
+                yield _simple(scene, simple, known)
+
+
+def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_Way]:
+    """Yield a tier as it is served; and by forward placement alone, if that is not how."""
+    solvers = {}
+    for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
+        name = tier + MARCHED * (solver == 'march')
+        try:
+            one = replace(scene, accuracy=tier, solver=solver)
+            way, served = _tier(one, name, known)
+        except DragonError as error:
+            if solver == 'table':
+                yield _absent(name, str(error.fields.get('limit', error)))
+            continue
+        solvers[solver] = served
+        if solver == 'table' or served != solvers.get('table'):
+            yield way
+
+
+def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_Way, str]:
+    """Return a tier by one solver, and what served it."""
+    simulation = compile_scene(scene)
+    error_m = error_m_s = 0.0
+    worst = 1.0
+    for t_s, true in known.items():
+        chain = state(scene, t_s)
+        velocity = velocity_of(scene, chain, t_s)
+        error_m = max(error_m, true.error_m(chain.p)) if true else nan
+        error_m_s = max(error_m_s, true.speed_error_m_s(velocity)) if true else nan
+        worst = max(worst, conditioning(chain)) if simulation.tier is not PAPER else worst
+    promise = None if simulation.tier is PAPER else position_promise_m(simulation.tier, simulation.size_m, worst)
+    row = Solver(name, error_m, error_m_s, promise, None, None, f'by {chain.solver}')
+    times_s = tuple(known)
+    return _Way(row, (partial(_place, scene, times_s, False), partial(_place, scene, times_s, True))), chain.solver
+
+
+def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
+    """Place all handles at every instant."""
+    for t_s in times_s:
+        chain = state(scene, t_s)
+        if velocities:
+            velocity_of(scene, chain, t_s)
+
+
+def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _Way:
+    """Return a simple solver, which knows one spiral that the head leads along."""
+    if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
+        return _absent(name, 'it is for one spiral, led by the head')
+    solve, error_m = SIMPLE[name], 0.0
+    try:
+        with np.errstate(all='ignore'):
+            for t_s, true in known.items():
+                error_m = max(error_m, true.error_m(_finite(solve(scene, t_s)))) if true else nan
+    except ArithmeticError:
+        return _absent(name, 'it finds no place for a link')
+    return _Way(Solver(name, error_m, nan, None, None, None), (partial(_solve_all, name, scene, tuple(known)),))
+
+
+def _finite(handles_m: Floats) -> Floats:
+    if not np.all(np.isfinite(handles_m)):
+        raise ArithmeticError
+    return handles_m
+
+
+def _solve_all(name: str, scene: Scene, times_s: Sequence[float]) -> None:
+    for t_s in times_s:
+        SIMPLE[name](scene, t_s)
+
+
+def _absent(name: str, why: str) -> _Way:
+    return _Way(Solver(name, nan, nan, None, None, None, why))

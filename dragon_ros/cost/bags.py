@@ -1,0 +1,71 @@
+"""What bags cost for a scene: the rate at which ticks are computed and written, and their size, by compression."""
+import tempfile
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from dragon_ros.bags.write import COMPRESSIONS
+from dragon_ros.bags.write.writer import BagOptions, BagWriter, prompt_switches
+from dragon_ros.core.batches import ticks
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.messages.channels import channels, live
+from dragon_ros.messages.encode import encoders
+
+_LEAST_TICKS = 2
+
+
+@dataclass(frozen=True)
+class Bag:
+    """A bag of the first ticks of the run: how many, their time, and their bytes as messages and as a file."""
+
+    compression: str
+    ticks: int
+    elapsed_s: float
+    message_bytes: int
+    file_bytes: int
+
+    @property
+    def ticks_per_s(self) -> float:
+        """Ticks computed, encoded and written per second."""
+        return self.ticks / self.elapsed_s
+
+    @property
+    def bytes_per_tick(self) -> float:
+        """Bytes of the file per tick."""
+        return self.file_bytes / self.ticks
+
+    @property
+    def share(self) -> float:
+        """Size of the file as a share of its messages."""
+        return self.file_bytes / self.message_bytes
+
+
+def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tuple[Bag, ...]:
+    """Write bags for about so many seconds in all, as ``simulate`` does; they are removed."""
+    share_s = budget_s / len(COMPRESSIONS)
+    out = []
+    with tempfile.TemporaryDirectory(prefix='dragon_ros-') as folder, prompt_switches():
+        for compression in COMPRESSIONS:
+            done(f'bag, {compression}')
+            out.append(_written(scene, compression, Path(folder) / f'{compression}.mcap', share_s))
+    return tuple(out)
+
+
+def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> Bag:
+    """Write the first ticks of the run to a bag, as many as fit the budget."""
+    topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
+    next(ticks(scene, 0, 1))        # tables and templates are made once a run
+    began = time.perf_counter()
+    with BagWriter(path, options=BagOptions(compression)) as bag:
+        for row in live(scene.effects):
+            bag.add_channel(row.name, channels()[row.name])
+        for k, frame in enumerate(ticks(scene, 0, count), 1):
+            for name, encode in topics:
+                data = encode(frame)
+                size += len(data)
+                bag.write(name, data, frame.t_ns, k)
+            if k >= _LEAST_TICKS and time.perf_counter() - began > budget_s:
+                break
+    return Bag(compression, k, time.perf_counter() - began, size, path.stat().st_size)

@@ -1,0 +1,57 @@
+"""Simple solvers: public recipes for a chain on one spiral, as they are usually written."""
+from collections.abc import Callable
+from functools import partial
+from math import cos, inf, pi, sin, sqrt
+
+import numpy as np
+
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.spiral import points
+
+Solver = Callable[[Scene, float], Floats]
+
+
+def chain_by(next_angle: Callable[[float, float], float], scene: Scene, t_s: float) -> Floats:
+    """Return handles (N+1, 2) by a recipe for the next angle from (theta, chord in units of b)."""
+    b = scene.spiral.b_m
+    theta = [compile_scene(scene).model.leader.place(scene.head.travelled_m(t_s)).u.hi]
+    for link in scene.dragon.link_lengths_m.tolist():
+        theta.append(float(next_angle(theta[-1], link / b)))
+    angle = np.array(theta)
+    return points(b, angle, np.zeros_like(angle))
+
+
+def cosine_rule(theta: float, outer: float, chord: float) -> float:
+    """Return r1^2 + r2^2 - 2 r1 r2 cos(delta) - l^2 in units of b^2, as the paper and most public code have it."""
+    return theta * theta + outer * outer - 2 * theta * outer * cos(outer - theta) - chord * chord
+
+
+def by_newton(tolerance: float, theta: float, chord: float) -> float:
+    """Return the next angle by plain Newton on the cosine rule, stopped at a step of ``tolerance`` rad."""
+    outer = theta + chord / sqrt(1 + theta * theta)
+    for _ in range(100):
+        slope = 2 * outer - 2 * theta * cos(outer - theta) + 2 * theta * outer * sin(outer - theta)
+        change = cosine_rule(theta, outer, chord) / slope
+        outer -= change
+        if abs(change) < tolerance:
+            return outer
+    return inf
+
+
+def by_bisection(tolerance: float, theta: float, chord: float) -> float:
+    """Return the next angle by bisection within half a turn, stopped at ``tolerance`` rad."""
+    low, high = theta, theta + pi
+    while high - low > tolerance:
+        middle = 0.5 * (low + high)
+        low, high = (middle, high) if cosine_rule(theta, middle, chord) < 0 else (low, middle)
+    return 0.5 * (low + high)
+
+
+SIMPLE: dict[str, Solver] = {
+    'bisection 1e-6 rad': partial(chain_by, partial(by_bisection, 1e-6)),
+    'plain Newton 1e-3 rad': partial(chain_by, partial(by_newton, 1e-3)),
+    'plain Newton 1e-4 rad': partial(chain_by, partial(by_newton, 1e-4)),
+    'plain Newton 1e-6 rad': partial(chain_by, partial(by_newton, 1e-6)),
+}

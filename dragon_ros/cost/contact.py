@@ -1,0 +1,53 @@
+"""What a contact costs for a scene: the search for the first one with its proof, and how it ends."""
+import time
+from dataclasses import dataclass
+
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
+
+_ENDS = {'stop': 'the run stops', 'lock': 'the chain locks', 'track': 'the track ends'}
+
+
+@dataclass(frozen=True)
+class Search:
+    """One search: its time and states, whether it came to its end, and what it found."""
+
+    elapsed_s: float
+    states: int
+    complete: bool
+    found: str
+
+
+class _OutOfTimeError(Exception):
+    """The search takes longer than its budget."""
+
+
+def measure(scene: Scene, budget_s: float) -> Search:
+    """Search for the first contact, for about so many seconds at most."""
+    began, states = time.perf_counter(), 0
+
+    def count(more: int) -> None:
+        nonlocal states
+        states += more
+        if time.perf_counter() - began > budget_s:
+            raise _OutOfTimeError
+    complete = True
+    try:
+        found = first_contact(scene, count)
+        states, said = found.states, _said(found)
+        if not found.certificate.complete:
+            said += ', without a certificate'
+    except _OutOfTimeError:
+        complete, said = False, f'cut off after {budget_s:g} s, nothing found; --budget gives it longer'
+    except DragonError as error:
+        complete, said = False, str(error)
+    return Search(time.perf_counter() - began, states, complete, said)
+
+
+def _said(found: Contact | NoContact) -> str:
+    if isinstance(found, Contact):
+        inner, outer = found.benches
+        return f'contact at {found.t_s:.12g} s, benches {inner} and {outer}'
+    return f'no contact; {_ENDS[found.end.reason]} at {found.end.t_s:.9f} s'

@@ -1,0 +1,121 @@
+"""The costs of a scene as a picture: error against time, effects, bags, and what the whole run takes."""
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dragon_ros.cli.figures import LINES, QUIET, short
+from dragon_ros.core.tiers import TIERS
+from dragon_ros.cost.accuracy import MARCHED
+from dragon_ros.cost.costs import Costs
+
+if TYPE_CHECKING:
+    from matplotlib.figure import Figure
+
+_SMALLEST_M = 1e-18         # an error of nothing is drawn there
+_IN_SCENE, _OTHER = LINES[0], '#BBBBBB'
+
+
+def picture(costs: Costs) -> 'Figure':
+    """Return four panels."""
+    from matplotlib.figure import Figure
+    figure = Figure(figsize=(13, 9))
+    (errors, effects), (whole, bags) = figure.subplots(2, 2)
+    _errors(errors, costs)
+    _effects(effects, costs)
+    _whole(whole, costs)
+    _bags(bags, costs)
+    figure.suptitle(f'{short(costs.scene)}: {costs.benches:,} benches, {costs.ticks:,} ticks')
+    figure.supxlabel(costs.machine, fontsize=7, color=QUIET)
+    return figure
+
+
+def _errors(axes: Any, costs: Costs) -> None:
+    """Draw the work-precision diagram: tiers, tiers by forward placement, and others."""
+    styles = {'tiers': ('o', LINES[0]), 'tiers, marched': ('s', LINES[5]), 'others': ('^', LINES[1])}
+    drawn = [row for row in costs.accuracy.solvers if row.positions and np.isfinite(row.error_m)]
+    for kind, (marker, colour) in styles.items():
+        mine = [row for row in drawn if _kind(row.name) == kind]
+        if mine:
+            axes.loglog([row.positions.median_s * 1e6 for row in mine if row.positions],
+                        [max(row.error_m, _SMALLEST_M) for row in mine], marker, color=colour, label=kind,
+                        linestyle='none')
+    for place, names in _labels(costs).items():
+        together = len(names) > 1       # below, where it reaches no other point
+        text = f'{names[0]} to {names[-1]}' if names == list(TIERS)[1:] else ', '.join(names)
+        axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points', fontsize=8,
+                      ha='center' if together else 'left')
+    axes.margins(x=0.3, y=0.12)
+    axes.set(xlabel='time a tick (µs): positions of all handles', ylabel='largest error (m)',
+             title='What accuracy costs')
+    if drawn:
+        axes.legend()
+
+
+def _kind(name: str) -> str:
+    if name.removesuffix(MARCHED) not in TIERS or name == 'paper':
+        return 'others'
+    return 'tiers, marched' if name.endswith(MARCHED) else 'tiers'
+
+
+def _labels(costs: Costs) -> dict[tuple[float, float], list[str]]:
+    """Return the names at each point; those that lie at one place are listed together."""
+    out: dict[tuple[float, float], list[str]] = {}
+    for row in costs.accuracy.solvers:
+        if not row.positions or not np.isfinite(row.error_m):
+            continue
+        x, y, name = row.positions.median_s * 1e6, max(row.error_m, _SMALLEST_M), row.name
+        near = next((at for at in out if abs(np.log10(at[0] / x)) < 0.15 and abs(np.log10(at[1] / y)) < 0.6), (x, y))
+        out.setdefault(near, []).append(name.removesuffix(MARCHED))
+    return {place: list(dict.fromkeys(names)) for place, names in out.items()}
+
+
+def _effects(axes: Any, costs: Costs) -> None:
+    rows = [row for row in costs.prices if row.timing]
+    for n, row in enumerate(rows):
+        assert row.timing
+        us, on = row.timing.median_s * 1e6, row.effect in costs.effects
+        axes.barh(n, us, 0.7, color=_IN_SCENE if on else _OTHER)
+        axes.annotate(f'{us:,.3g} µs, {row.size:,} bytes', (us, n), xytext=(4, 0), textcoords='offset points',
+                      va='center', fontsize=8)
+    axes.set_yticks(range(len(rows)), [row.effect for row in rows])
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis='y')
+    axes.set(xlabel='added to a tick, computed and encoded (µs)',
+             title='What each effect adds (in colour: the effects of the scene)')
+    axes.set_xlim(0, 1.45 * axes.get_xlim()[1])
+
+
+def _whole(axes: Any, costs: Costs) -> None:
+    """Draw what the whole run takes, by what is asked of it."""
+    served = next((row for row in costs.accuracy.solvers if row.name == 'exact' and row.with_velocities), None)
+    bars = {}
+    if served and served.positions and served.with_velocities:
+        bars['positions, exact'] = served.positions.median_s * costs.ticks
+        bars['and velocities'] = served.with_velocities.median_s * costs.ticks
+    for row in costs.bags:
+        bars[f'as a bag, {row.compression.replace("none", "not compressed")}'] = costs.ticks / row.ticks_per_s
+    name = 'first contact, proved' if costs.contact.complete else 'first contact, cut off'
+    bars[name] = costs.contact.elapsed_s
+    for n, (label, seconds) in enumerate(bars.items()):
+        axes.barh(n, seconds, 0.7, color=LINES[2] if label.startswith('first') else LINES[0])
+        axes.annotate(f'{seconds:,.3g} s', (seconds, n), xytext=(4, 0), textcoords='offset points', va='center',
+                      fontsize=8)
+    axes.set_yticks(range(len(bars)), list(bars))
+    axes.invert_yaxis()
+    axes.grid(visible=False, axis='y')
+    axes.set_xscale('log')
+    low, high = min(bars.values()), max(bars.values())
+    axes.set_xlim(0.3 * low, 8 * high)
+    axes.set(xlabel='time (s)', title=f'What the whole run takes ({costs.stop_s - costs.start_s:g} s of it)')
+
+
+def _bags(axes: Any, costs: Costs) -> None:
+    for n, row in enumerate(costs.bags):
+        size_kb = row.bytes_per_tick / 1000
+        axes.bar(n, size_kb, 0.6, color=LINES[4])
+        axes.annotate(f'{size_kb:,.3g} kB\n{row.ticks_per_s:,.0f} ticks/s', (n, size_kb), xytext=(0, 3),
+                      textcoords='offset points', ha='center', fontsize=8)
+    axes.set_xticks(range(len(costs.bags)), [row.compression for row in costs.bags])
+    axes.grid(visible=False, axis='x')
+    axes.set(ylabel='size (kB a tick)', title='What a bag takes')
+    axes.set_ylim(0, 1.2 * max(row.bytes_per_tick for row in costs.bags) / 1000)
