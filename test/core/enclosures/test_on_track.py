@@ -1,0 +1,79 @@
+"""What is enclosed between two states of a chain holds of every motion in between, on any track, led by either end."""
+import numpy as np
+import pytest
+
+from dragon_ros.core.chain.chain import marched_many
+from dragon_ros.core.chain.leader import Leader
+from dragon_ros.core.chain.lock import head_lock_angle
+from dragon_ros.core.enclosures.on_track import enclosed, kinematics, link_states
+from dragon_ros.core.geometry.rectangles import axes_of
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.core.tracks.spiral import SpiralCurve
+
+LINKS = np.array([2.86, *(1.65,) * 8, 0.0, *(0.7,) * 6])
+BENDY = track_of(Composite((Line(40.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=40.0))
+WOUND = track_of(Composite((Line(30.0), SpiralArc(1.2, 3.5, 2.0, 'left'), Line(30.0)), start_m=30.0))
+TRACKS = {'turn': (track_of(STurn()), -3.0, BEHIND), 'turn back': (track_of(STurn()), 40.0, AHEAD),
+          'bendy': (BENDY, 40.0, BEHIND), 'bendy back': (BENDY, 90.0, AHEAD), 'spiral arc': (WOUND, 30.0, BEHIND)}
+COUNT = 9       # places in each interval, its ends included
+
+
+def sampled(leader, gone_m, links_m=LINKS):
+    """Chains and the states of their links at places of the leader."""
+    places = leader.places((gone_m, np.zeros_like(gone_m)))
+    chain = marched_many(leader.track, links_m, places, leader.direction, Effort(1e-12))
+    along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)
+    return chain, link_states(along_m, chain.segment, bend, chain.headings, axes_of(chain), chain.leader), along_m
+
+
+def holds(ball, values, off):
+    """Whether values (places, M, K) lie in a ball (M, K), or off by so much."""
+    with np.errstate(invalid='ignore'):
+        return bool(np.all(~(np.abs(values - ball.mid) > ball.rad + off)))
+
+
+@pytest.mark.parametrize('name', TRACKS)
+@pytest.mark.parametrize('apart_m', [0.4, 0.05])
+def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_m):
+    track, start_m, way = TRACKS[name]
+    leader = Leader(track, LINKS, start_m, way)
+    low = np.random.default_rng(8).uniform(0, 30, 30)
+    places = np.linspace(low, low + apart_m, COUNT)
+    chain, states, along_m = sampled(leader, places.ravel())
+    first, last = np.arange(30), np.arange(30) + 30 * (COUNT - 1)
+    moving = kinematics(states.rows(first), states.rows(last), LINKS, track.bends, chain.leader, 2e-12)
+    step, sign = apart_m / (COUNT - 1), 1.0 if way == BEHIND else -1.0      # behind a tail a prime has the other sign
+    axis = axes_of(chain)
+    yaw = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]).reshape(COUNT, 30, -1), axis=0)
+    speed = np.abs(np.diff(along_m.reshape(COUNT, 30, -1), axis=0)) / step
+    assert holds(moving.v, speed, 1e-11 / step)
+    assert holds(moving.a, sign * np.diff(speed, axis=0) / step, 1e-11 / step**2)
+    long = LINKS > 0
+    assert holds(moving.w[:, long], sign * np.diff(yaw, axis=0)[..., long] / step, 1e-11 / step)
+    assert holds(moving.w_rate[:, long], np.diff(yaw, 2, axis=0)[..., long] / step**2, 1e-11 / step**2)
+    assert np.mean(np.isfinite(moving.w_rate.rad)) > 0.9
+
+
+@pytest.mark.parametrize('passes', [0, 8])
+@pytest.mark.parametrize('links', [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]),
+                                   np.array([0.6, 0.0, 3.0, 0.2, 4.2, 1.0])], ids=range(3))
+def test_next_to_a_lock_ratios_and_slopes_are_enclosed_where_no_handle_turns_back_in_between(links, passes):
+    spiral, apart_m = Spiral(0.55, 5.0), 0.02
+    leader = Leader(track_of(spiral), links, 0.0, BEHIND)
+    lock_m = SpiralCurve.of(spiral).distance_to(head_lock_angle((links / spiral.b_m).tolist())[0])
+    turning = leader.turning_m(0.0, lock_m)
+    low = lock_m - apart_m - np.geomspace(1e-3, 5, 60)
+    low = np.array([one for one in low.tolist() if not any(one < turn < one + apart_m for turn in turning)])
+    _, states, _ = sampled(leader, np.linspace(low, low + apart_m, COUNT).ravel(), links)
+    ends = states.rows(np.arange(low.size)), states.rows(np.arange(low.size) + low.size * (COUNT - 1))
+    with np.errstate(all='ignore'):
+        moving = enclosed(*ends, links, leader.track.bends, passes=passes)
+        r, rate = moving.r, moving.v_rate
+    ratio = np.where(links > 0, np.cos(states.near) / np.cos(states.far), 1.0).reshape(COUNT, low.size, -1)
+    assert holds(r, ratio, 1e-9 * np.max(np.abs(ratio)) ** 3)
+    log = np.log(np.abs(np.cumprod(ratio, axis=-1)))
+    slope = np.diff(log, axis=0) / (apart_m / (COUNT - 1))
+    assert holds(rate[:, 1:], slope, 1e-7 * np.exp(2 * np.max(log)))
+    assert np.mean(np.isfinite(rate.rad)) > 0.5
