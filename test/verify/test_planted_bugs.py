@@ -142,7 +142,7 @@ def constant_of_the_second_order_bound(patch):
 
 def constant_of_the_lipschitz_bound(patch):
     """Benches that are thought to go a thousandth of what they go, and to bend as little."""
-    space = conservative_advancement._Space
+    space = conservative_advancement._ChainIntervals
     true = space._moved
     patch.setattr(space, '_moved', lambda *given: 1e-3 * true(*given))
 

@@ -116,7 +116,7 @@ def is_even(lengths_m: Floats) -> bool:
     return bool(np.all(lengths_m[1:] == lengths_m[-1]))
 
 
-def goes_on_alike(lengths_m: Floats, one: int, other: int) -> bool:
+def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
     """Return whether the dragon goes on from bench ``other`` as it does from ``one`` <= other, as far as it goes."""
     rest = lengths_m[other:]
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))

@@ -87,7 +87,7 @@ class _Bodies(NamedTuple):
 
 
 @dataclass(frozen=True, slots=True)
-class _Part:
+class _NearList:
     """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and where these were.
 
     ``held`` is the bench that is held fast, ``from_held`` the others' centres (M,) seen from its own, ``turned_back``
@@ -123,7 +123,7 @@ class _Part:
         away += np.abs(moved)
         return 2 * float(np.maximum.reduce(away))
 
-    def moved(self, bodies: _Bodies, spent_m: float, nearest_m: float) -> '_Part':
+    def moved(self, bodies: _Bodies, spent_m: float, nearest_m: float) -> '_NearList':
         """Return the part as it is now."""
         centre = bodies.centre[self.first:self.end]
         return replace(self, from_held=centre - bodies.centre[self.held],
@@ -131,7 +131,7 @@ class _Part:
 
 
 def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, int], reach_m: float,
-            above_m: float) -> tuple[_Part, Floats] | None:
+            above_m: float) -> tuple[_NearList, Floats] | None:
     """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for a crowd.
 
     ``above_m`` is no less than the clearance.
@@ -152,8 +152,8 @@ def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, 
         return None
     found, apart = found.rows(near), apart[near]
     close = int(np.count_nonzero(apart <= above_m))
-    blank = _Part(first, stop, end, _middle(bodies, first, end), bodies.centre, bodies.back, 0.0, reach_m, -inf, close,
-                  found)
+    blank = _NearList(first, stop, end, _middle(bodies, first, end), bodies.centre, bodies.back, 0.0, reach_m, -inf,
+                      close, found)
     return blank.moved(bodies, 0.0, float(np.min(apart, initial=inf))), apart
 
 
@@ -163,8 +163,8 @@ def _middle(bodies: _Bodies, first: int, end: int) -> int:
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
 
-def _seen_part(part: _Part, bodies: _Bodies, p: Floats, benches: Benches, limit_m: float,
-               skin_m: float) -> tuple[_Part, Ints] | None:
+def _seen_part(part: _NearList, bodies: _Bodies, p: Floats, benches: Benches, limit_m: float,
+               skin_m: float) -> tuple[_NearList, Ints] | None:
     """Return a part as one more look leaves it, and which of its pairs may be within a limit; None for a crowd."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
@@ -208,7 +208,7 @@ class _Kept:
     skin_m: float
     clearance_m: float
     closest: tuple[int, int]
-    parts: tuple[_Part, ...]
+    parts: tuple[_NearList, ...]
     apart_m: float
     centre: Complexes
     turned_back: Complexes
@@ -229,7 +229,7 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
     skin_m = _SKIN * float(np.mean(benches.half_length))
     bodies = _bodies(benches, np.hypot(benches.half_length, benches.half_width))
     reach_m = max(found.clearance_m, 0.0) + skin_m
-    parts = list[_Part]()
+    parts = list[_NearList]()
     for part in _cuts(bodies, reach_m + skin_m):
         listed = _listed(bodies, p, benches, part, reach_m, found.clearance_m)
         if listed is None:
@@ -298,7 +298,7 @@ class NearPairs:
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None
-        parts, pairs = list[_Part](), {kept.closest}
+        parts, pairs = list[_NearList](), {kept.closest}
         for part in kept.parts:
             seen = _seen_part(part, bodies, p, benches, limit_m, kept.skin_m)
             if seen is None:

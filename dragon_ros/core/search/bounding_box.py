@@ -104,13 +104,13 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
     """
     ranges = HandleRanges(scene)
     search = _Reaching(progress, within_m)
-    kinds = _alike(scene.dragon.bench_lengths_m)
+    kinds = _by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
         search.run(_bench(ranges, int(benches[0])), _intervals(ranges, benches), kind)
     return BoundingBox(tuple(_reach(ranges, kinds, search, side) for side in range(len(SIDES))), search.looks)
 
 
-def _alike(lengths_m: Floats) -> list[Ints]:
+def _by_length(lengths_m: Floats) -> list[Ints]:
     """Return the numbers of the benches of one length, for each length: the head's alone, then those behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]

@@ -67,7 +67,7 @@ class ChainSamples:
 _FIELDS = tuple(each.name for each in fields(ChainSamples))
 
 
-class _Space:
+class _ChainIntervals:
     """Places of the leader, for ``clear``; pairs are looked for once for each root, and parts of it get what is left.
 
     A group is a set of pairs with a bound of the gaps of all others on an interval. A root's are those in reach. Those
@@ -265,7 +265,7 @@ class WholeChain:
             count = min(size, left)
             end_m = stop_m if count == left else here_m + count / left * (stop_m - here_m)
             places = np.linspace(here_m, end_m, count + 1)
-            space = _Space(self._domain, self._only_beyond, self._heads_m)
+            space = _ChainIntervals(self._domain, self._only_beyond, self._heads_m)
             cleared = clear(space, [places], finest_m or self._finest_m)[0]
             self._rows += cleared.rows
             self._hit = Bracket(*cleared.hit) if cleared.hit else None

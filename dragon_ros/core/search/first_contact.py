@@ -43,7 +43,7 @@ _TOO_FAR = 'the leader goes too far to be searched'
 Pair = tuple[int, int]
 
 
-class Part(Protocol):
+class BenchPairs(Protocol):
     """Some of the pairs of a domain, cleared by one of the bounds."""
 
     @property
@@ -71,7 +71,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search).
     """
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
-    searches = {sense: _Search(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
+    searches = {sense: _ContactSearch(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
     if not hits:
         proof = together(search.certificate() for search in searches.values())
@@ -79,7 +79,7 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
     # What the leader has gone through in the other sense by then is proved apart.
-    rest = [_Search(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
+    rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
     proof = together([hit.certificate, *(search.cleared() for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
 
@@ -94,13 +94,13 @@ def head_passes(scene: Scene, progress: Callable[[int], object] = lambda states:
     domain = SearchDomain(scene, travel, 1, progress)
     head, *_ = parts_of(domain)
     assert isinstance(head, LeadingBenches)
-    return _Search(domain, [head]).bracket() is None
+    return _ContactSearch(domain, [head]).bracket() is None
 
 
-class _Search:
+class _ContactSearch:
     """What is cleared of a domain so far, and where the first place is that is not."""
 
-    def __init__(self, domain: SearchDomain, parts: list[Part] | None = None) -> None:
+    def __init__(self, domain: SearchDomain, parts: list[BenchPairs] | None = None) -> None:
         self._domain, self._complete = domain, True
         self._parts = parts_of(domain) if parts is None else parts
 
@@ -305,9 +305,9 @@ class _Claim:
         return self.domain.sense * (self._told_m - cleared_m) <= slack_m
 
 
-def parts_of(domain: SearchDomain) -> list[Part]:
+def parts_of(domain: SearchDomain) -> list[BenchPairs]:
     """Return the parts that a domain is cleared in: the head and the body on a first spiral, and the whole chain."""
-    parts = list[Part]()
+    parts = list[BenchPairs]()
     if domain.track.from_afar:
         head, *body = classes_of(domain)
         parts = [head, BodyBenches(domain, body)] if body else [head]

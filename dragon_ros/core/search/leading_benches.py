@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dragon_ros.core.chain.dragon import goes_on_alike, is_even
+from dragon_ros.core.chain.dragon import has_same_links_behind, is_even
 from dragon_ros.core.chain.lock import turning_places
 from dragon_ros.core.enclosures.on_spiral import bounds, comes_in
 from dragon_ros.core.geometry.narrow_phase import BenchSampler, BenchSamples, joined
@@ -34,7 +34,7 @@ _IN_CACHE = 2**14       # pairs that are bounded together
 _CLOSER = 20            # halvings of a domain, to a millionth of it, to find up to where it can be proved
 
 
-class _Space:
+class _SpiralIntervals:
     """Places of leading benches, for ``clear``: of each window's own, which has so many behind it there."""
 
     def __init__(self, sampler: BenchSampler, windows: 'list[_Window]', tolerance_m: float) -> None:
@@ -83,7 +83,7 @@ class _Window:
 
 
 @dataclass(frozen=True)
-class _Row:
+class _ClearedInterval:
     """A cleared interval between two places."""
 
     start_rad: float
@@ -104,7 +104,7 @@ class LeadingBenches:
         self._chords = (domain.dragon.link_lengths_m / self._spiral.b_m).tolist()
         longest_m = float(np.max(domain.dragon.bench_lengths_m))
         self._first_m, self.finest_m = _FIRST * longest_m, tuple(one * min(1.0, longest_m) for one in _FINEST)
-        self._rows: list[_Row] = []
+        self._rows: list[_ClearedInterval] = []
         self._hit: Bracket | None = None
 
     @property
@@ -150,7 +150,7 @@ class LeadingBenches:
 
     def keep(self, cleared: Cleared, behind: int) -> None:
         """Add what is clear, with so many benches behind."""
-        self._rows += [_Row(*row, behind) for row in cleared.rows]
+        self._rows += [_ClearedInterval(*row, behind) for row in cleared.rows]
 
     def prove(self, stop_m: float) -> Bracket | None:
         """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
@@ -311,7 +311,7 @@ def _cleared(domain: SearchDomain, windows: list[_Window]) -> list[Cleared]:
     ends = np.array([(lead, places[0], places[-1]) for window in windows
                      for lead, places in [(leads.index(window.of.lead), window.places)]])
     sampler = _sampler(domain, leads).reaching(ends[:, 1:].reshape(-1), np.repeat(ends[:, 0].astype(np.int64), 2))
-    space = _Space(sampler, windows, 2 * domain.error_m)
+    space = _SpiralIntervals(sampler, windows, 2 * domain.error_m)
     out = clear(space, [window.places for window in windows], windows[0].of.finest_m)
     for window, cleared in zip(windows, out, strict=True):
         window.of.keep(cleared, window.behind)
@@ -326,7 +326,7 @@ def classes_of(domain: SearchDomain) -> list[LeadingBenches]:
     lengths, found = domain.dragon.bench_lengths_m, dict[float, list[list[int]]]()
     for bench, length in enumerate(lengths[1:-2].tolist(), 1):
         as_long = found.setdefault(length, [])
-        same = next((each for each in as_long if goes_on_alike(lengths, each[0], bench)), None)
+        same = next((each for each in as_long if has_same_links_behind(lengths, each[0], bench)), None)
         if same:
             same.append(bench)
         else:

@@ -72,7 +72,7 @@ class MinPitch:
 
 
 @dataclass(frozen=True)
-class Task:
+class _PitchTask:
     """A dragon that comes in from ``turns`` turns to a circle of ``radius_m``, for pitches up to ``largest_m``."""
 
     dragon: AnyDragon
@@ -136,7 +136,7 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
     return MinPitch(low_m, high_m, (0, bench), radius_m, largest_m, head.states + body.states)
 
 
-def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: float, within_m: float) -> Task:
+def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: float, within_m: float) -> _PitchTask:
     if dragon.benches < 3:
         raise FieldError('dragon.benches', dragon.benches, 'only benches that are not neighbours can touch',
                          'give at least 3')
@@ -150,7 +150,7 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
                          'give a smaller one')
     if _BENT * longest >= 2 * radius_m:
         raise FieldError('diameter_m', diameter_m, f'a link is {longest:.6g} m long', 'give a larger circle')
-    return Task(dragon, radius_m, start_turns, largest_m, within_m)
+    return _PitchTask(dragon, radius_m, start_turns, largest_m, within_m)
 
 
 class _Runs:
@@ -235,7 +235,7 @@ class _Descending:
 
     at_once = _AT_ONCE
 
-    def __init__(self, task: Task, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
+    def __init__(self, task: _PitchTask, first: int, floor_m: float, progress: Callable[[int], object]) -> None:
         self.task, self.first, self.states, self._tell = task, first, 0, progress
         self.touch: tuple[float, float, int] | None = None
         self._best = self._limit = 2 * pi / floor_m     # scales: of the contact, and up to which all is clear

@@ -73,7 +73,7 @@ class _Dip:
 
 
 @dataclass(frozen=True)
-class _Alike:
+class _ClassDip:
     """A dip of the first bench of a class as another one of it has it, while the leader goes through a phase."""
 
     dip: _Dip
@@ -114,7 +114,7 @@ def _distinct(dips: list[_Dip]) -> list[_Dip]:
 def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tuple[list[_Dip], int]:
     """Return the dips of a domain, at places of the leader, and how many are left out of the list."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
-    alike: list[_Alike] = []
+    alike: list[_ClassDip] = []
     for part in classes_of(domain) if domain.track.from_afar else []:
         dips = [*_of_class(domain, part, proof.led_by(part.lead), below_m)]
         alike += _reached(domain, part, dips) if dips else []
@@ -235,20 +235,20 @@ def _lowest(function: Callable[[Floats], Floats], left: Floats, right: Floats) -
     return np.where(lower, a, b), np.where(lower, at_a, at_b)
 
 
-def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> list[_Alike]:
+def _reached(domain: SearchDomain, part: LeadingBenches, dips: list[_Dip]) -> list[_ClassDip]:
     """Return each dip of a class's first bench for all benches of the class that get there, phase by phase."""
-    out: list[_Alike] = []
+    out: list[_ClassDip] = []
     phases, ends = part.phases(domain.stop_m)
     for (start, stop), here, there in zip(pairwise(phases), ends[:-1], ends[1:], strict=True):
         for dip in dips:
             last = domain.dragon.benches - 1 - (dip.pair[1] - dip.pair[0])
             bench = np.array([each for each in part.benches if each <= last])
             crossed = bench[(here[bench] - dip.place) * (there[bench] - dip.place) < 0]
-            out += [_Alike(dip, one, (start, stop)) for one in crossed.tolist()]
+            out += [_ClassDip(dip, one, (start, stop)) for one in crossed.tolist()]
     return out
 
 
-def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_Alike]) -> list[_Dip]:
+def _at_places(domain: SearchDomain, phase: tuple[float, float], alike: list[_ClassDip]) -> list[_Dip]:
     """Return dips at the places of the leader at which benches get there in a phase."""
     segment, origin_m = domain.track.segments[0], domain.track.origins_m[0]
     along_m = origin_m + segment.metres(np.array([each.dip.place for each in alike]))

@@ -42,7 +42,7 @@ def test_the_classic_run_in_is_proved_with_few_looks():
     assert FOUND.approach_m_s == pytest.approx(0.0263, abs=1e-4)
     assert FOUND.uncertainty_s == pytest.approx(7.6e-11, rel=0.01)
     assert FOUND.certificate.complete
-    assert FOUND.states < 800
+    assert FOUND.states < 190
     assert FOUND.grazing_m is None
     seen = FOUND.witness
     assert (seen.owner, seen.corner, seen.other, seen.edge) == (0, 'front left', 8, 'right')

@@ -58,7 +58,7 @@ def test_a_body_that_touches_first_is_timed_exactly_both_ways(speed, pair):
         gap = gaps(benches_of(chain, CROSSING, axes_of(chain)), *(np.array([bench]) for bench in pair))[0]
         assert 0 < sign * gap < 1e-9
     assert found.certificate.complete
-    assert found.states < 1000
+    assert found.states < 280
 
 
 def test_a_head_that_moves_out_into_a_contact_finds_the_end_of_one_that_moved_in():
