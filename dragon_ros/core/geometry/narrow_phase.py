@@ -6,7 +6,7 @@ handle is placed behind all of them at once, each with its own link.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
-from functools import cached_property
+from functools import cached_property, reduce
 
 import numpy as np
 
@@ -72,7 +72,7 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
     half_length_m, half_width_m = half_m
     pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
                       (half_length_m[:, :1], half_width_m), (half_length_m[:, 2:], half_width_m))
-    return BenchSamples(lead, chain.u, delta, centre, axis, np.max(pairs.along_axes(), axis=0))
+    return BenchSamples(lead, chain.u, delta, centre, axis, reduce(np.maximum, pairs.along_axes()))
 
 
 @dataclass(frozen=True)

@@ -47,7 +47,7 @@ from dragon_ros.core.tracks.segments import BEHIND, Effort
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # intervals
-_PARTS = 4          # into which an interval is cut
+_FIRST, _PARTS = 32, 6      # into which the first intervals are cut, and later ones: fewer take more rounds
 _SAME = 1e-13       # of a distance along the track: nearer places are the same
 _MOST = 200_000     # benches that are placed
 _TOLERANCE = 1e-9   # of Newton's last step: its square is below what floats keep
@@ -168,7 +168,7 @@ class _Reaching:
     def run(self, bench: 'SweptBench', intervals: Floats, kind: int) -> None:
         """Search intervals (2, M) of the way of one kind of bench."""
         self._bench, self._kind = bench, kind
-        run(self, Boxes(*intervals[:, None]).cut(_PARTS))
+        run(self, Boxes(*intervals[:, None]).cut(_FIRST))
 
     def ahead(self, boxes: Boxes) -> Array:
         """Return all: their bounds are not known before they are judged."""
