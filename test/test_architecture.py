@@ -22,10 +22,20 @@ BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags',
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
-# The rooms and modules of the core, from the bottom: each may import those before it.
-CORE = ('numerics', 'tracks', 'chain', 'geometry', 'enclosures', 'shift_map', 'model', 'effects', 'step')
-CORE_ROOMS = {**{room: CORE[:rank] for rank, room in enumerate(CORE)}, 'search': CORE[:CORE.index('model') + 1]}
-CORE_IS_IN_ROOMS = (PACKAGE / 'core' / 'tracks').is_dir()
+STARTS = {'commands': {'verify'}}       # as a process
+# The rooms and single modules of the core, and what each may import besides itself.
+VALUES = ('errors', 'checks', 'flags')
+CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
+MODEL = (*VALUES, *CHAIN, 'tiers', 'scene', 'shift_map', 'paper', 'model')
+CORE_ROOMS = {
+    'errors': (), 'limits': (), 'numerics': (), 'checks': ('errors',), 'flags': ('errors', 'checks'),
+    'tracks': CHAIN[:3], 'chain': CHAIN[:4], 'tiers': CHAIN[:4], 'scene': (*VALUES, 'tracks', 'chain'),
+    'paper': CHAIN, 'shift_map': CHAIN, 'model': MODEL[:-1], 'geometry': CHAIN, 'enclosures': (*CHAIN, 'geometry'),
+    'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
+    'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
+    'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}
+# A scene sees value types alone of the rooms that it may import.
+OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(), 'scenes': {'numpy', 'yaml'},
              'messages': {'numpy'},
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
@@ -45,6 +55,42 @@ def imports(path):
             yield node.module
 
 
+def named(path):
+    """Return what a module names of the package, wherever: in imports, those for types and in functions among them.
+
+    So are strings, such as those that ``import_module`` is given; the package's own name alone is also a folder's, a
+    record's and a logger's.
+    """
+    found = set()
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.ImportFrom):
+            found |= {node.module, *(f'{node.module}.{name.name}' for name in node.names)}
+        elif isinstance(node, ast.Import):
+            found |= {name.name for name in node.names}
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and '.' in node.value:
+            found.add(node.value)
+    return {name for name in found if name.startswith('dragon_ros.')}
+
+
+def upward(room, path):
+    """Return what a module of a room names of rooms of the package that are not below it."""
+    below = {room, *ROOMS[room], *STARTS.get(room, ())}
+    return {name for name in named(path) if (part := name.split('.')[1]) in ROOMS and part not in below}
+
+
+def upward_in_core(room, path):
+    """Return what a module of a room of the core names of rooms of the core that are not below it."""
+    found = set()
+    for name in named(path):
+        _, top, part, module = [*name.split('.'), '', ''][:4]
+        if top != 'core' or part == room or part not in CORE_ROOMS:
+            continue
+        values = OF_SCENE.get(part) if room == 'scene' else None
+        if part not in CORE_ROOMS[room] or (values and module not in {'', *values}):
+            found.add(name)
+    return found
+
+
 def modules(folder, rooms):
     """Return (room, file) of every module of these rooms, be they folders or single files."""
     return [(room, path) for room in rooms
@@ -56,6 +102,7 @@ MODULES = modules(PACKAGE, ROOMS)
 
 @pytest.mark.parametrize(('room', 'path'), MODULES, ids=lambda v: getattr(v, 'name', v))
 def test_imports_point_down(room, path):
+    assert upward(room, path) == set()
     for name in imports(path):
         top, *rest = name.split('.')
         if top == 'dragon_ros' and rest:
@@ -77,18 +124,52 @@ def test_hard_cases_import_nothing_of_the_benchmarks_and_both_nothing_of_the_tes
     assert used & {*BESIDE, *tests} <= BESIDE[path.parent.name]
 
 
-@pytest.mark.skipif(not CORE_IS_IN_ROOMS, reason='the core has no rooms yet')
 @pytest.mark.parametrize(('room', 'path'), modules(PACKAGE / 'core', CORE_ROOMS), ids=lambda v: getattr(v, 'name', v))
 def test_imports_point_down_inside_the_core(room, path):
-    inside = [name.split('.')[2] for name in imports(path) if name.startswith('dragon_ros.core.')]
-    assert {name for name in inside if name in CORE_ROOMS} <= {room, *CORE_ROOMS[room]}
+    assert upward_in_core(room, path) == set()
 
 
 def test_every_room_is_in_the_table():
-    rooms = {path.parent.name for path in PACKAGE.glob('*/__init__.py')}
-    assert rooms <= set(ROOMS)
-    if CORE_IS_IN_ROOMS:
-        assert {path.parent.name for path in (PACKAGE / 'core').glob('*/__init__.py')} <= set(CORE_ROOMS)
+    top = {path.parent.name for path in PACKAGE.glob('*/__init__.py')}
+    assert top <= set(ROOMS)
+    core = {path.stem if path.name != '__init__.py' else path.parent.name for path in (
+        *(PACKAGE / 'core').glob('*.py'), *(PACKAGE / 'core').glob('*/__init__.py'))}
+    assert core - {'core'} == set(CORE_ROOMS)
+
+
+PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}',
+           'from typing import TYPE_CHECKING\nif TYPE_CHECKING:\n    from {} import anything',
+           'from importlib import import_module\nimport_module("{}")',
+           'from importlib import import_module\nimport_module(f"{}.{{name}}")']
+
+
+@pytest.mark.parametrize('how', PLANTED)
+@pytest.mark.parametrize(('room', 'other'), [
+    ('flags', 'geometry.signed_distance'), ('tracks', 'chain.chain'), ('chain', 'shift_map.table'),
+    ('shift_map', 'model'), ('scene', 'model'), ('scene', 'chain.chain'), ('scene', 'tracks.chord'),
+    ('frame', 'effects.noise'), ('geometry', 'frame'), ('enclosures', 'model'), ('model', 'search.first_contact'),
+    ('effects', 'step'), ('step', 'batches'), ('search', 'step'), ('errors', 'checks'), ('paper', 'shift_map.blocks'),
+    ('tiers', 'chain.chain'), ('limits', 'errors')])
+def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, how, room, other):
+    (tmp_path / 'planted.py').write_text(how.format(f'dragon_ros.core.{other}'))
+    assert upward_in_core(room, tmp_path / 'planted.py')
+
+
+@pytest.mark.parametrize('how', PLANTED)
+@pytest.mark.parametrize(('room', 'other'), [
+    ('core', 'scenes.load'), ('scenes', 'messages.cdr'), ('messages', 'bags.read.reader'), ('bags', 'cli.figures'),
+    ('cli', 'commands.table'), ('commands', 'nodes.sim'), ('nodes', 'commands.table'), ('nodes', 'studies.study'),
+    ('studies', 'commands.study'), ('cost', 'nodes.sim'), ('verify', 'core.errors'), ('api', 'nodes.sim')])
+def test_a_planted_upward_import_is_found(tmp_path, how, room, other):
+    (tmp_path / 'planted.py').write_text(how.format(f'dragon_ros.{other}'))
+    assert upward(room, tmp_path / 'planted.py')
+
+
+def test_what_the_core_may_import_has_no_circle():
+    rest = dict(CORE_ROOMS)
+    while leaves := {room for room, below in rest.items() if not set(below) & set(rest)}:
+        rest = {room: below for room, below in rest.items() if room not in leaves}
+    assert rest == {}
 
 
 def mentioned(path, known):
@@ -96,17 +177,8 @@ def mentioned(path, known):
 
     A string that ends in a dot, such as the beginning of what ``import_module`` is given, names all that begin so.
     """
-    tree, found = ast.parse(path.read_text()), set()
-    for node in ast.walk(tree):
-        if isinstance(node, ast.ImportFrom):
-            found |= {node.module, *(f'{node.module}.{name.name}' for name in node.names)}
-        elif isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and '.' in node.value:
-            found.add(node.value)       # the package's own name alone is also a folder's, a record's and a logger's
-            if node.value.startswith('dragon_ros.') and node.value.endswith('.'):
-                found |= {name for name in known if name.startswith(node.value)}
-    return found & known
+    found = named(path)
+    return {name for one in found if one.endswith('.') for name in known if name.startswith(one)} | found & known
 
 
 def test_modules_are_seen_in_imports_for_types_in_functions_and_in_strings(tmp_path):
@@ -123,7 +195,7 @@ def test_modules_are_seen_in_imports_for_types_in_functions_and_in_strings(tmp_p
 
 def test_there_is_no_import_cycle():
     paths = {'.'.join(path.relative_to(ROOT).with_suffix('').parts): path for path in PACKAGE.rglob('*.py')
-             if path.name != '__init__.py' and (CORE_IS_IN_ROOMS or 'core' not in path.parts)}
+             if path.name != '__init__.py'}
     paths['dragon_ros'] = PACKAGE / '__init__.py'
     rest = {name: mentioned(path, set(paths)) - {name} for name, path in paths.items()}
     while leaves := {name for name, wants in rest.items() if not wants & set(rest)}:
