@@ -161,17 +161,16 @@ def effects() -> str:
 
 
 def tiers() -> str:
-    """Return the tiers with their promises, and the limits used for the classic dragon."""
-    head = 'tier | largest position error | shift map: series cut at | forward placement: Newton stops at a step of'
-    return table(head, (_tier_row(tier, Scene()) for tier in reversed(TIERS.values())))
+    """Return the tiers with their promises, and where series are cut within the size of the classic dragon."""
+    head = 'tier | largest position error | shift map of a joined track: series cut at'
+    return table(head, (_tier_row(tier, compile_scene(Scene()).size_m) for tier in reversed(TIERS.values())))
 
 
-def _tier_row(tier: Tier, scene: Scene) -> tuple[str, str, str, str]:
+def _tier_row(tier: Tier, size_m: float) -> tuple[str, str, str]:
     if tier.promise_m == inf:
-        return f'`{tier.name}`', 'no promise: up to 14 m', _GONE, _GONE
+        return f'`{tier.name}`', 'no promise: up to 14 m', _GONE
     grows = ' up to 20 m from the centre, in proportion beyond' if tier.name == 'exact' else ''
-    return (f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(compile_scene(scene).size_m):.1e} m',
-            f'{tier.effort(compile_scene(scene).size_m, compile_scene(scene).model.length_m).newton:.1e} of its angle')
+    return f'`{tier.name}`', f'{tier.promise_m:.0e} m{grows}', f'{tier.series_m(size_m):.1e} m'
 
 
 def limits() -> str:

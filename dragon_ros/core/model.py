@@ -7,7 +7,7 @@ place has the same bits in any run and any process, and scenes that differ in la
 from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
-from functools import cached_property, partial
+from functools import cached_property
 from itertools import count
 from math import floor, inf, ulp
 from threading import Lock
@@ -29,7 +29,7 @@ from dragon_ros.core.scene import LATEST_S, NS, Scene
 from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.tiers import EXACT, PAPER, Tier, tier_for
-from dragon_ros.core.tracks.composite import Place, Track, least_radius_m, track_of
+from dragon_ros.core.tracks.composite import Track, least_radius_m, track_of
 from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
@@ -47,12 +47,6 @@ class Limit:
     gone_m: float
     reason: str
     link: int | None = None
-
-
-def _series_of_tile_m(track: Track, near_m: float, tier: Tier, fore: Place) -> Callable[[Floats], Floats]:
-    """Return where the series of a tile are cut, by size; ``Model.effort`` tells why some are as exact as floats."""
-    near = near_m and track.segments[fore.segment].near_centre(fore.u.hi, near_m)
-    return (EXACT if near else tier).series_m
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,28 +87,18 @@ class Model:
         return Leader(self.track, self.links_m, self.spec.start_m, self.direction)
 
     @cached_property
-    def effort(self) -> Effort:
-        """The work on each link that keeps the promise.
-
-        Where a spiral goes to its centre a link that is longer than twice the radius may turn its follower back, and
-        makes an error of its front handle larger. Up to there handles are placed as floats can, for all tiers: what is
-        off before a lock is the more so behind it.
-        """
-        near_m = 0.5 * float(np.max(self.links_m[1:], initial=0.0)) if self.track.may_lock else 0.0
-        return self.tier.effort(self.length_m, near_m)
-
-    @cached_property
     def placement(self) -> Placement:
-        """What places the handles: shift maps for blocks of equal links, unless the scene asks for the march."""
-        lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
-        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, self._series_m)
-                for link_m, links in lengths.items()}
-        return Placement(self.track, self.links_m, self.direction, self.effort, maps)
+        """What places the handles: shift maps for blocks of equal links, unless the scene asks for the march.
 
-    @cached_property
-    def _series_m(self) -> Callable[[Place], Callable[[Floats], Floats]]:
-        """Where series are cut. It does not hold the model, which so goes with its tables as soon as it is let go."""
-        return partial(_series_of_tile_m, self.track, self.effort.near_m, self.tier)
+        Links are solved to the last digit for all tiers, which takes one Newton step more at most; tiers differ in the
+        series of the maps alone. On a spiral they do not differ there either: its series are short, and close to a lock
+        what is off before it is the more so behind it.
+        """
+        lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
+        series_m = (EXACT if self.track.may_lock else self.tier).series_m
+        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, series_m)
+                for link_m, links in lengths.items()}
+        return Placement(self.track, self.links_m, self.direction, maps)
 
     @property
     def memory_bytes(self) -> int:
@@ -182,8 +166,8 @@ class Model:
     def _stands(self, gone_m: float, blocks: tuple[Block, ...]) -> bool:
         """Return whether links find their places, alone and among many."""
         try:
-            forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND, self.effort)
-            forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND, self.effort)
+            forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND, Effort())
+            forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND, Effort())
         except ChainLockError:
             return False
         return True

@@ -6,7 +6,7 @@ added. A speed is promised to the same figure for each link length of error, rel
 are measured against a 50-digit reference on every case of ``hard_cases``.
 """
 from dataclasses import dataclass
-from math import inf, sqrt
+from math import inf
 from typing import Any
 
 import numpy as np
@@ -14,10 +14,7 @@ import numpy as np
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.tracks.chord import TIGHT
-from dragon_ros.core.tracks.segments import Effort
 
-_COARSEST = 0.01            # Newton steps of a link, relative: beyond it the next error is not half the square
 _FLOAT_SIZE_M = 20.0        # beyond it a float cannot keep 2e-12 m, and the exact tier grows with the coordinates
 
 
@@ -31,15 +28,6 @@ class Tier:
     def promise_for_m(self, size_m: float) -> float:
         """Return what is promised where coordinates reach ``size_m``."""
         return max(self.promise_m, best_m(size_m)) if self is EXACT else self.promise_m
-
-    def effort(self, length_m: float, near_m: float = 0.0) -> Effort:
-        """Return the work for a chain of a total length; ``near_m`` as in ``Effort``.
-
-        A Newton step e of a link leaves an error of e^2 / 2 of its length; all errors may add up along the chain, and a
-        quarter of the promise is spent on them. The exact tier works as hard as floats allow.
-        """
-        share = self.promise_m / max(length_m, 1e-300)
-        return Effort(TIGHT if self is EXACT else min(sqrt(0.5 * share), _COARSEST), near_m)
 
     def series_m(self, size_m: Floats) -> Floats:
         """Return where series of a shift map may end, for places so far out: at a tenth of the promise, or of floats.

@@ -17,7 +17,7 @@ from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tiers import EXACT, TIERS, position_promise_m, speed_promise_m_s, tier_for
+from dragon_ros.core.tiers import EXACT, position_promise_m, speed_promise_m_s, tier_for
 from dragon_ros.core.tracks.chord import first_guess
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
@@ -79,23 +79,23 @@ def test_exact_is_within_1e_12_m_of_the_reference_on_the_whole_classic_run():
         assert np.max(truth(CASES['classic']).distance(number, state(Scene(), t_s).p)) < 1e-12
 
 
-@pytest.mark.parametrize('tier', PROMISING)
-def test_a_tier_that_works_one_step_less_breaks_its_promise(tier):
+def test_links_that_are_solved_one_step_less_break_the_exact_promise():
     broken = []     # by Newton steps for a promise a thousand times looser
     for name, problem in SPIRALS.items():
         simulation = compile_scene(problem.scene)
         if 'lock' in name or simulation.size_m > 20 or simulation.size_m < 1e-2:
             continue
-        effort = Effort(sqrt(0.5 * 1e3 * TIERS[tier].promise_m / simulation.model.length_m))
-        if worst_errors(problem, tier, effort)[0] > 1:
+        effort = Effort(sqrt(0.5 * 1e3 * EXACT.promise_m / simulation.model.length_m))
+        if worst_errors(problem, 'exact', effort)[0] > 1:
             broken.append(name)
     assert broken
 
 
-def test_every_tier_does_measurably_different_work():
-    spent = [worst_errors(CASES['classic'], tier)[2] for tier in PROMISING]
-    assert spent == sorted(spent)
-    assert len(set(spent)) == 4
+@pytest.mark.parametrize('name', ['classic', 'mixed', 'turning'])
+def test_every_tier_marches_to_the_last_bit(name):
+    scene, t_s = replace(CASES[name].scene, solver='march'), CASES[name].times_s[0]
+    bits = [state(replace(scene, accuracy=tier), t_s).p.tobytes() for tier in PROMISING]
+    assert len(set(bits)) == 1
 
 
 def test_accuracy_beyond_floats_is_refused_with_what_can_be_had():

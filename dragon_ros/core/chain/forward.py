@@ -243,10 +243,7 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
                  past: Past | None) -> tuple[Places, Floats | None, int]:
     """Return ``next_places`` of places on one segment."""
     segment, (number, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
-    newton = effort.newton
-    if effort.near_m and segment.near_centre(u, effort.near_m):
-        newton = min(newton, TIGHT)
-    shift, spent = segment.shifts(u, chord_m, direction, newton, past)
+    shift, spent = segment.shifts(u, chord_m, direction, effort.newton, past)
     if edge == inf:         # outwards without end: all stay
         return (number, *plus(u, lo, shift)), segment.squares(u, shift), spent
     found = np.isfinite(shift)

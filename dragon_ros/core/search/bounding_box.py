@@ -361,7 +361,7 @@ class HandleRanges:
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:
         """Return the chain when the leader has gone so far."""
-        return self._model.march(gone_m, self._model.effort)
+        return self._model.march(gone_m, Effort())
 
     def when_s(self, handle: int, along_m: float) -> float:
         """Return a time at which a handle is at a distance along the track."""
@@ -394,5 +394,5 @@ class HandleRanges:
         """Return the distance of a handle along the track when the leader has gone so far."""
         leader = self._model.leader
         links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)
-        chain = marched(leader.track, links, leader.place(gone_m), leader.direction, self._model.effort)
+        chain = marched(leader.track, links, leader.place(gone_m), leader.direction, Effort())
         return float(self.track.distances(chain.segment, chain.u)[index])

@@ -241,7 +241,7 @@ class _Descending:
         self._best = self._limit = 2 * pi / floor_m     # scales: of the contact, and up to which all is clear
         self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
-        self._effort = EXACT.effort(size_m, float(np.sum(task.dragon.link_lengths_m)))
+        self._effort = Effort()
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # both benches may be off
 
     def run(self) -> tuple[float, float]:

@@ -165,7 +165,6 @@ class Placement:
     track: Track
     links_m: Floats
     direction: int
-    effort: Effort
     maps: dict[float, ShiftMap]
 
     @cached_property
@@ -246,7 +245,7 @@ class Placement:
                     part = MarchedLink(i, here, there, 'march' if shift else '')
                     here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
                 else:                   # the rest of the block
-                    handles = forward(self.track, (Block(i, stop, link_m),), here, direction, self.effort)
+                    handles = forward(self.track, (Block(i, stop, link_m),), here, direction, Effort())
                     rows, first = arrays_of(handles), 2 * (i if direction < 0 else count - stop)
                     part = MarchedLinks(i, rows, 'march' if shift else '')
                     flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].reshape(-1)
@@ -265,7 +264,7 @@ class Placement:
         following, spent = step.next(here[1], link_m, self.direction, TIGHT)
         if step.low <= following[0] <= step.high:
             return Place(here[0], following), spent
-        handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction, self.effort)
+        handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction, Effort())
         return handles.place(1), spent + handles.evaluations
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
@@ -305,7 +304,7 @@ class Placement:
         spots = shift.spots(places) if shift else None
         if spots is not None and all(self._reaches(one, count) for _, one in spots):
             return TabulatedStates(block.start, count, tuple(spots), self.direction), 0
-        rows, spent = forward_many(self.track, (block,), places, self.direction, self.effort)
+        rows, spent = forward_many(self.track, (block,), places, self.direction, Effort())
         return MarchedLinks(block.start, (rows[0].T, rows[1].T, rows[2].T), 'march' if shift else ''), spent
 
     def _reaches(self, spots: Spots, count: int) -> bool:

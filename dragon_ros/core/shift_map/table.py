@@ -317,11 +317,11 @@ def links_of_tile(links: int, segments: int = 1) -> int:
 class ShiftMap:
     """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
 
-    ``series_m`` tells from a tile's foremost place, and then from how far out places are, where series are cut.
+    ``series_m`` tells from how far out places are where their series are cut.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int,
-                 series_m: Callable[[Place], Callable[[Floats], Floats]]) -> None:
+                 series_m: Callable[[Floats], Floats]) -> None:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
         self._series_m = series_m
@@ -472,7 +472,7 @@ class ShiftMap:
         far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
         if self.link_m <= _SHORTEST * far_m:
             return None
-        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._series_m(fore))
+        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._series_m)
         return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:

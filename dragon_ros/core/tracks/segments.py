@@ -37,12 +37,10 @@ class Effort(NamedTuple):
     """How hard to work on one link.
 
     Newton stops at a step below ``newton``, relative to the angle that the link spans: its next error is about half the
-    square. Nearer than ``near_m`` to a spiral's centre every handle is placed as floats can: there a link may make an
-    error of its front handle larger (see ``chain.lock``).
+    square.
     """
 
     newton: float = TIGHT
-    near_m: float = 0.0
 
 
 class Past(NamedTuple):
@@ -122,10 +120,6 @@ class Segment(Protocol):
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the nearest place at a chord, on this curve however long, and evaluations; infinite if none."""
-        ...
-
-    def near_centre(self, u: Any, radius_m: float) -> bool:
-        """Return whether any place is within a radius of a spiral's centre; False on any other curve."""
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -210,10 +204,6 @@ class LineSegment:
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
-
-    def near_centre(self, u: Any, radius_m: float) -> bool:
-        """Return False."""
-        return False
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return 1: both ends of a link have the same speed."""
@@ -306,10 +296,6 @@ class ArcSegment:
     def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
-
-    def near_centre(self, u: Any, radius_m: float) -> bool:
-        """Return False."""
-        return False
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return 1: both ends of a link have the same speed."""
@@ -445,10 +431,6 @@ class SpiralSegment:
         delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m), tolerance)
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
 
-    def near_centre(self, u: Any, radius_m: float) -> bool:
-        """Return whether any place is within a radius of the centre."""
-        return bool(np.min(u) * self.curve.b_m <= radius_m)
-
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return the speed of the handle at ``to`` for unit speed at ``u``: cos alpha / cos beta of their link.
 
@@ -511,14 +493,13 @@ class SpiralSegment:
 
     def _march_out(self, u: DoubleDouble, links: tuple[int, float], effort: Effort,
                    edge: float) -> tuple[list[float], list[float], int]:
-        (theta, low), (count, chord_m), newton, b_m = u, links, effort.newton, self.curve.b_m
-        highs, lows, spent, chord = list[float](), list[float](), 0, chord_m / b_m
-        near, tight = effort.near_m / b_m, min(newton, TIGHT)
+        (theta, low), (count, chord_m), newton = u, links, effort.newton
+        highs, lows, spent, chord = list[float](), list[float](), 0, chord_m / self.curve.b_m
         d1 = d2 = d3 = 0.0
         for _ in range(count):
             square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
             guess = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
-            delta, evaluations = step(theta, chord, guess, newton if theta > near else tight)
+            delta, evaluations = step(theta, chord, guess, newton)
             spent += evaluations
             more = delta + low                  # double_double.plus, written out
             outer = theta + more

@@ -50,9 +50,9 @@ def cut_m(size_m):
 
 def placement(track, links, direction):
     """Return a placement with shift maps of its own, none of whose tiles is built."""
-    maps = {link_m: ShiftMap(track, link_m, count, direction, lambda fore: cut_m)
+    maps = {link_m: ShiftMap(track, link_m, count, direction, cut_m)
             for link_m, count in lengths_with_maps(links).items()}
-    return Placement(track, links, direction, EFFORT, maps)
+    return Placement(track, links, direction, maps)
 
 
 def march(scene):
@@ -272,7 +272,7 @@ def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
     for accuracy in ('preview', 'exact'):
         model = compile_scene(replace(TURNING, accuracy=accuracy)).model
         link_m, = lengths_with_maps(model.links_m)
-        shift = ShiftMap(model.track, link_m, 222, BEHIND, model._series_m)
+        shift = ShiftMap(model.track, link_m, 222, BEHIND, model.tier.series_m)
         shift.spot(model.track.place_at(-10.0))
         table, = (one.table for one in shift.tiles)
         nodes[accuracy] = table.nodes

@@ -11,7 +11,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, spiral_track
-from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.segments import BEHIND, Effort
 from dragon_ros.core.tracks.spec import Spiral
 
 LINKS_M = np.array([2.86] + [1.65] * 222)
@@ -19,7 +19,7 @@ LINKS_M = np.array([2.86] + [1.65] * 222)
 
 def hold(model, gone_m):
     """Hold a model's chain against the march; return its parts."""
-    chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0), model.effort)
+    chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0), Effort())
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=2e-13)
     for one, two in zip(chain.places, other.places, strict=True):

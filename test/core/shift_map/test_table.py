@@ -41,8 +41,8 @@ def tile(scene, t_s):
     """Return the one tile of a scene that a state needs, in a shift map of its own."""
     (link_m, links), = lengths_with_maps(scene.dragon.link_lengths_m).items()
     model = compile_scene(scene).model
-    shift = ShiftMap(model.track, link_m, links, model.direction, model._series_m)
-    Placement(model.track, model.links_m, model.direction, model.effort, {link_m: shift}).place(
+    shift = ShiftMap(model.track, link_m, links, model.direction, model.tier.series_m)
+    Placement(model.track, model.links_m, model.direction, {link_m: shift}).place(
         model.leader.place(scene.head.travelled_m(t_s)))
     one, = shift.tiles
     return one
@@ -142,16 +142,19 @@ def test_any_dragon_on_the_table_is_where_the_march_puts_it(pitch, turns, benche
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m * faster)
 
 
-def test_more_digits_take_more_nodes():
-    away = Scene(track=Spiral(0.55, 60.0))      # at the centre every tier is as exact as floats can be
-    nodes = [tile(replace(away, accuracy=tier), 0.0).table.nodes for tier in ('preview', 'standard', 'fine', 'exact')]
+def test_across_joints_more_digits_take_more_nodes():
+    turn = Scene(track=STurn())
+    nodes = [tile(replace(turn, accuracy=tier), 0.0).table.nodes for tier in ('preview', 'standard', 'fine', 'exact')]
     assert nodes == sorted(nodes)
-    assert nodes[0] < nodes[-1] <= 16
+    assert 2 * nodes[0] < nodes[-1]
 
 
-@pytest.mark.parametrize('accuracy', ['preview', 'exact'])
-def test_near_the_centre_every_tier_takes_the_nodes_of_the_exact_one(accuracy):
-    assert tile(replace(CLASSIC, accuracy=accuracy), 400.0).table.nodes == tile(CLASSIC, 400.0).table.nodes <= 16
+@pytest.mark.parametrize('accuracy', ['preview', 'standard', 'fine'])
+@pytest.mark.parametrize(('track', 't_s'), [(Spiral(), 400.0), (Spiral(), 0.0), (Spiral(0.55, 60.0), 0.0)])
+def test_on_one_spiral_every_tier_has_the_bits_of_the_exact_one(accuracy, track, t_s):
+    exact = Scene(track=track)
+    assert state(replace(exact, accuracy=accuracy), t_s).p.tobytes() == state(exact, t_s).p.tobytes()
+    assert tile(exact, t_s).table.nodes <= 16
 
 
 def test_runs_on_one_track_share_their_bits():
@@ -271,8 +274,8 @@ def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table
         raise error('planted')
     dragon = Dragon(benches) if benches > 8 else Dragon(benches, 2.2)
     model = compile_scene(Scene(dragon=dragon)).model
-    placement = Placement(model.track, model.links_m, model.direction, model.effort, {
-        link_m: ShiftMap(model.track, link_m, benches, model.direction, model._series_m)
+    placement = Placement(model.track, model.links_m, model.direction, {
+        link_m: ShiftMap(model.track, link_m, benches, model.direction, model.tier.series_m)
         for link_m in lengths_with_maps(model.links_m)})
     assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
     monkeypatch.setattr(Entrance, '_cell', mistaken)
