@@ -240,14 +240,7 @@ class SpiralSegment:
             if wanted < -1e-9:
                 raise Refused('a place on the track lies beyond its end, the centre of a spiral')
             return ZERO.union(abs(wanted))
-        about = float(wanted)
-        guess = about if about < 1 else sqrt(2 * about)
-        for _ in range(60):
-            step = (0.5 * (guess * sqrt(1 + guess * guess) + asinh(guess)) - about) / sqrt(1 + guess * guess)
-            guess -= step
-            if abs(step) <= 1e-15 * guess:
-                break
-        return certified(lambda u: arc(u) - wanted, root_of, guess)
+        return certified(lambda u: arc(u) - wanted, root_of, _about_after(float(wanted)))
 
     def curvature(self, u: arb) -> arb:
         """Return the signed curvature."""
@@ -304,9 +297,9 @@ class SpiralSegment:
             sine, cosine = (HALF * delta).sin_cos()
             return delta + twice * sine * ((u - delta) * cosine - sine)
 
-        # The way along the track is no longer than half a circle over the link.
-        most = 0.5 * pi * near / hypot(1, max(theta - 0.5 * pi * near, 0.0))
-        found = certified(value, slope, bracketed(about, 0.0, most, near / hypot(1, theta)))
+        least = _about_arc(theta) - furthest_m(self.bend, link.near) / float(self.b)
+        inner = max(_about_after(least) if least > 0 else 0.0, float(self.inner))
+        found = certified(value, slope, bracketed(about, 0.0, theta - inner, near / hypot(1, theta)))
         if not found > 0:
             raise Refused('a place on the track could not be proved: it may be on the wrong side of a handle')
         return found
@@ -324,6 +317,27 @@ def root_of(u: arb) -> arb:
 def arc(u: arb) -> arb:
     """Return the length of a spiral from its centre, in units of b."""
     return HALF * (u * root_of(u) + u.asinh())
+
+
+def furthest_m(bend: float, length_m: float) -> float:
+    """Return about how far along a track the next handle is at most: as on a circle of the largest curvature."""
+    half_turned = 0.5 * bend * length_m
+    return 2 * asin(min(half_turned, 1.0)) / bend if half_turned > 1e-8 else length_m
+
+
+def _about_arc(u: float) -> float:
+    return 0.5 * (u * sqrt(1 + u * u) + asinh(u))
+
+
+def _about_after(wanted: float) -> float:
+    """Return about where a spiral is so long, in units of b."""
+    guess = wanted if wanted < 1 else sqrt(2 * wanted)
+    for _ in range(60):
+        step = (_about_arc(guess) - wanted) / sqrt(1 + guess * guess)
+        guess -= step
+        if abs(step) <= 1e-15 * guess:
+            break
+    return guess
 
 
 def rises(theta: arb, low: arb, high: arb) -> bool:

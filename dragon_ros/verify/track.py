@@ -16,12 +16,24 @@ from dragon_ros.verify import reading
 from dragon_ros.verify.balls import UNIT, certainly, direction, exact, half_turn, size, up
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.roots import bracketed, certified
-from dragon_ros.verify.segments import HALF, ONE, TWO, ZERO, ArcSegment, LineSegment, Link, SpiralSegment, root_of
+from dragon_ros.verify.segments import (
+    HALF,
+    ONE,
+    TWO,
+    ZERO,
+    ArcSegment,
+    LineSegment,
+    Link,
+    SpiralSegment,
+    furthest_m,
+    root_of,
+)
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
 _HAIR = 1e-12                       # of a metre: a place may be so far beyond the track's end, and what a float of
 _ULPS = 2.0**-50                    # its distance rounds
+_SHORTER = 1 - 1e-9                  # of a link: a chord that is surely shorter, in floats
 _NARROW = 1e-15                     # of a metre, or of the tightest radius: no place is so unsure next to a joint
 
 
@@ -99,6 +111,9 @@ class Track:
         if not link.near:
             return place
         edge = segment.last if way > 0 else segment.first
+        is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
+        if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):
+            return self._across(place, link, way)       # the spiral itself need not come so far from the handle again
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u, place.loose)
@@ -108,12 +123,18 @@ class Track:
             if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
                 return self._across(place, link, way)
             return Place(k, u, place.loose)
-        if isinstance(segment, SpiralSegment) and way != segment.sense:
-            self._within(segment.b * abs(place.u - u) * root_of(place.u))
+        if is_inwards:
+            self._within(abs(segment.metres(place.u) - segment.metres(u)))
         return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)), place.loose)
 
     def _within(self, gone: arb) -> None:
         certainly(gone * self.bend < half_turn(), 'a link could reach two places: the track bends too tightly for it')
+
+    def _is_beyond(self, place: Place, edge: arb, link: Link) -> bool:
+        """Return whether the next handle seems to be beyond the inner end of a spiral."""
+        segment = self.segments[place.segment]
+        return (abs(segment.near(float(edge)) - segment.near(float(place.u))) < _SHORTER * link.near
+                and abs(segment.metres(edge) - segment.metres(place.u)) < furthest_m(self.bend, link.near))
 
     def _across(self, place: Place, link: Link, way: int) -> Place:
         """Return the next handle beyond one joint or more."""
@@ -142,18 +163,20 @@ class Track:
         assert near is not None
         sense = segment.sense * way
         begin, point, length = float(near), complex(here), link.near
-        step = max(length - float(gone), 1e-3 * length) / float(segment.speed(near))
+        # The chord grows up to where a circle of the largest curvature has it, and reaches the link before.
+        most_m = max(furthest_m(self.bend, length) - float(gone), 1e-9 * length)
+        if far is not None:
+            most_m = min(most_m, float(abs(segment.metres(far) - segment.metres(near))))
+        most = abs(float(segment.after(segment.metres(near) + exact(way * most_m))) - begin)
+        step = 1e-7 * most
 
         def about(x: float) -> tuple[float, float]:
             """Half the excess of the squared chord and its slope, x beyond the near end."""
             away = segment.near(begin + sense * x) - point
-            after = segment.near(begin + sense * (x + 1e-7 * step)) - point
+            after = segment.near(begin + sense * (x + step)) - point
             value = 0.5 * (abs(away)**2 - length * length)
-            return value, (0.5 * (abs(after)**2 - length * length) - value) / (1e-7 * step)
+            return value, (0.5 * (abs(after)**2 - length * length) - value) / step
 
-        most = step
-        while about(most)[0] < 0 and most < 1e3 * step:
-            most *= 1.5
         guess = begin + sense * bracketed(about, 0.0, most, 0.5 * most)
 
         def value(u: arb) -> arb:

@@ -65,6 +65,16 @@ SCENES = {
                              'the head leaves the track'),
     'the beginning of the track': (Scene(dragon=Dragon(3), head=Head(-1.0), track=Composite((
         SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
+    'arcs as tight as may be': (Scene(
+        dragon=Dragon(11, 0.966718771980368, 1.1818753216942577, 0.02, 0.2), head=Head(-1.0), run=Run(0, 13.3),
+        track=Composite((Arc(0.3952814126343191, 60.0), Arc(0.39838471924996127, 60.0), Arc(0.3952814126343191, -60.0),
+                         Line(4.031361119055089)), 1.32155815303957)), 'starts with its contact'),
+    'a coil as tight as may be': (Scene(
+        dragon=Dragon(3, 1.4936533138512713, 1.4936533138512713, 0.02, 0.2), run=Run(0, 6.38),
+        track=Composite((Line(4.142785360579651), Arc(0.5538751550657687, -90.0),
+                         Arc(0.5523507108609016, 139.51910430136803), SpiralArc(
+                             0.6873618061857618, 0.8183657181230056, 1.4822288808789037, 'left'), Line(1.0)),
+                        2.4931853313160652)), 'it stops'),
     'millimetres': (Scene(dragon=Dragon(30, 3.41e-3, 2.2e-3, 3e-4, 2.75e-4), track=Spiral(5.5e-4, 16.0),
                           head=Head(1e-3), run=Run(380, 413)), 'benches 0 and 8 overlap')}
 
