@@ -9,6 +9,7 @@ from dragon_ros.core.search.certificate import ALL, Contact, Interval, NoContact
 from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
+_VERSION = 2        # of the format and of what its claims mean; certificates up to 0.2.0 have none, and count as 1
 _MOST = 20_000      # rows of a certificate: hints where to cut
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
@@ -22,7 +23,8 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
-    return {'scene': scene_values(scene), 'contact': _contact(found), 'intervals': _rows(proof.intervals)}
+    return {'version': _VERSION, 'scene': scene_values(scene), 'contact': _contact(found),
+            'intervals': _rows(proof.intervals)}
 
 
 def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:

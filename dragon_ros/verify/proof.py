@@ -24,6 +24,9 @@ _PROMISED_M = 20.0          # ... further out in proportion, as floats do
 _OVERHANG_M = 1e-6          # an interval may reach so far beyond what the run goes through (likewise in proportion)
 _STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and more for each of many intervals
 _MOST_STEPS = 200_000       # of 391 random runs 390 are proved in 173,000
+_TIMED = 2                  # the version of certificates from which on the slack excuses a place, and no time
+_CHANGED = ('written before 0.3.0: up to then the slack also excused where the leader was before it turned or rested; '
+            'search this run again')
 _SHARE = 100                # lengths that are compared as one step
 
 
@@ -49,7 +52,12 @@ def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> P
                       f'{claims.scene.start_s!r} s to {claims.proved_s!r} s', boxes, boxes)
     budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)))
     precise(_far(claims.scene))
-    sentence = _Proof(claims, budget, progress).sentence()
+    try:
+        sentence = _Proof(claims, budget, progress).sentence()
+    except Refused as why:
+        if claims.version < _TIMED and claims.contact and len(claims.scene.law.legs) > 1:
+            raise Refused(f'{why} ({_CHANGED})') from why
+        raise
     return Proved(sentence, budget.intervals, budget.spent)
 
 

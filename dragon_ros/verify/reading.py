@@ -15,6 +15,7 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
+VERSION = 2         # of certificates: the newest that is read; those up to 0.2.0 have none, and count as 1
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
 MOST_BENCHES = 100_000
@@ -134,6 +135,7 @@ class Claims:
     scene: Scene
     contact: Contact | None
     rows: tuple[Row, ...]
+    version: int
 
 
 @dataclass(frozen=True)
@@ -185,12 +187,13 @@ def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
 
 
 def _claims(values: Any) -> Claims:
-    top = _keys('', values, {'scene', 'contact', 'intervals'})
+    top = _keys('', values, {'scene', 'contact', 'intervals'}, {'version'})
+    version = int(_number('version', top.get('version', 1), 1, VERSION, whole=True))
     scene = _scene(top['scene'])
     rows = _list('intervals', top['intervals'], 0, MOST_ROWS)
     benches = len(scene.lengths_m)
     return Claims(scene, _contact(top['contact'], scene),
-                  tuple(_row(f'intervals[{n}]', row, benches) for n, row in enumerate(rows)))
+                  tuple(_row(f'intervals[{n}]', row, benches) for n, row in enumerate(rows)), version)
 
 
 FAMILY_VERSION = 1

@@ -142,6 +142,8 @@ TAMPERINGS = [
     ('start', ('intervals',), [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'behind': 11}],
      'more than the track'),
     # Claims that nobody checks, and scenes that leave something open
+    ('contact', ('version',), 3, 'not within 1.0 and 2.0'), ('contact', ('version',), 0, 'not within'),
+    ('contact', ('version',), '2', 'no whole number'), ('contact', ('version',), 2.0, 'no whole number'),
     ('contact', ('start_gap_m',), 0.1, 'nobody checks'), ('contact', ('certified',), True, 'nobody checks'),
     ('contact', ('contact', 'uncertainty_s'), 1e-12, 'nobody checks'),
     ('none', ('end',), {'t_s': 412.4}, 'nobody checks'), ('contact', ('scene', 'wind'), 1.0, 'nobody checks'),
@@ -165,6 +167,33 @@ def test_over_forty_kinds_of_tampering_are_tried_on_every_kind_of_certificate():
     assert {kind for kind, *_ in TAMPERINGS} == set(KINDS)
 
 
+def shifted(values, at=()):
+    """The paths of all numbers of a scene whose sign may be changed, and of all sides, leads and ramps."""
+    items = values.items() if isinstance(values, dict) else enumerate(values) if isinstance(values, list) else ()
+    for key, below in items:
+        if isinstance(below, dict | list):
+            yield from shifted(below, (*at, key))
+        elif isinstance(below, float) and below:
+            yield (*at, key), -below
+        elif below in OPPOSITE:
+            yield (*at, key), OPPOSITE[below]
+
+
+OPPOSITE = {'left': 'right', 'right': 'left', 'head': 'tail', 'tail': 'head', 'smooth': 'linear', 'linear': 'smooth'}
+
+
+@pytest.mark.parametrize('kind', [kind for kind in KINDS if kind not in ('none', 'lock', 'other')])
+def test_no_contact_is_proved_of_a_scene_with_a_sign_a_side_or_a_sense_changed(honest, kind):
+    """But where a track begins and how it is turned, an arc that nobody reaches, and a law at the start."""
+    values = honest[kind]
+    moves = values['contact']['t_s'] > values['scene']['run']['start_s']
+    changes = [(path, change) for path, change in shifted(values['scene'])
+               if path[0] in ('dragon', 'track', 'head' if moves else '') and not {'at_m', 'heading_deg', 3} & {*path}]
+    assert changes
+    for path, change in changes:
+        assert refusal(tampered(honest[kind], ('scene', *path), change)), path
+
+
 @pytest.mark.parametrize('kind', ['contact', 'law', 'turn'])
 @pytest.mark.parametrize('forgery', ['removed', 'begun early', 'shifted', 'said of fewer benches', 'one alone'])
 def test_hints_that_are_changed_within_the_run_change_nothing_that_is_proved(honest, kind, forgery):
@@ -181,3 +210,16 @@ def test_hints_that_are_changed_within_the_run_change_nothing_that_is_proved(hon
         rows[n]['start_m'] = rows[n - 1]['start_m']
         rows[n]['stop_m'] = rows[n - 1]['stop_m'] if forgery == 'shifted' else rows[n]['stop_m']
     assert proved(values) == proved(honest[kind])
+
+
+@pytest.mark.parametrize('kind', KINDS)
+def test_certificates_without_a_version_are_read_as_those_of_0_2_0(honest, kind):
+    assert honest[kind]['version'] == 2
+    assert proved(tampered(honest[kind], ('version',), REMOVED)) == proved(honest[kind])
+
+
+def test_of_a_contact_that_0_2_0_might_have_dated_late_the_checker_says_what_has_changed(honest):
+    late = tampered(honest['law'], T, more(1e-6))
+    assert 'written before 0.3.0' in refusal(tampered(late, ('version',), REMOVED))
+    assert 'written before' not in refusal(late)
+    assert 'written before' not in refusal(tampered(tampered(honest['contact'], T, more(1e-6)), ('version',), REMOVED))
