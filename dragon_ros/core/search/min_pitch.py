@@ -5,8 +5,7 @@ has a contact on the way, and the plane of (radius of the head, pitch) is search
 pitch down. A touching pair anywhere is a bound from below. A cell of the plane is clear, and with it every pitch and
 radius in it, where each pair has an edge from which it is apart at all four corners by more than what the benches'
 corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and
-B2 bound second derivatives by radius and scale on the whole cell, which is proved (``bending``,
-``by_scale``).
+B2 bound second derivatives by radius and scale on the whole cell, which is proved (``on_spiral``, ``by_scale``).
 
 All is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times
 as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the leading
