@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from math import hypot, inf, pi, sqrt
+from math import hypot, inf, isfinite, nextafter, pi, sqrt
 
 from flint import acb, arb
 
@@ -21,6 +21,7 @@ from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
 _BOXES = 60_000         # of an honest family some ten thousand are needed
+_LINKS = 100            # that are placed for a box are counted as one more
 _FIRST_RAD = 2.0        # the first boxes' way of the inner bench about the centre
 _LEAST = 1e-9           # of a variable: boxes are not cut any narrower
 _BENT = Fraction(109, 100)      # no spiral's curvature exceeds 1.09 / r
@@ -114,7 +115,7 @@ class _Proof:
     """Clears the boxes of a family one by one, the last one first."""
 
     def __init__(self, family: Family, most: int, progress: Callable[[float, float], object]) -> None:
-        self._family, self._most, self._tell = family, most, progress
+        self._family, self._most, self._tell, self._links = family, most, progress, 0
         least_m, most_m = family.pitch_m
         self._scale = _floats(2 * half_turn() / exact(most_m), 2 * half_turn() / exact(least_m))
         self._head, self._body = _floats(*family.head_link_m), _floats(*family.body_link_m)
@@ -141,25 +142,25 @@ class _Proof:
     def run(self) -> int:
         """Return the number of boxes that it takes."""
         inner, outer = self._innermost(), above(self._start)
-        rear = inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1)
+        rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
         tail = sqrt(outer**2 + 4 * self._scale[1] * (self._head[1] + self._family.benches * self._body[1])) * (1 + 1e-9)
         first = [(0, box) for box in self._row(inner, outer, self._head)]
         first += [(1, box) for box in self._row(rear, tail, self._body)]
         lengths_m = [(arb(box[THETA][1])**2 - arb(box[THETA][0])**2) / (2 * arb(self._scale[1])) for _, box in first]
         whole_m, done_m, done = float(sum(lengths_m, arb(0))), 0.0, 0
         for (lead, box), length_m in zip(first, lengths_m, strict=True):
-            done += self._clear(lead, box, self._most - done)
+            done += self._clear(lead, box, done)
             done_m += float(length_m)
             self._tell(done_m, whole_m)
         return done
 
-    def _clear(self, lead: int, box: Box, most: int) -> int:
-        """Return the number of boxes that it takes to clear one. Raises Refused beyond ``most``."""
+    def _clear(self, lead: int, box: Box, before: int) -> int:
+        """Return the number of boxes that it takes to clear one, after ``before`` others. Raises Refused."""
         boxes, done = [box], 0
         while boxes:
             here = boxes.pop()
             done += 1
-            if done > most:
+            if before + done + self._links // _LINKS > self._most:
                 raise Refused(f'no proof within {self._most} boxes: at a polar angle of {here[THETA][1]:.9g} rad '
                               'benches may touch; give --effort more than 1')
             left = self._occurring(lead, here)
@@ -185,6 +186,9 @@ class _Proof:
 
     def _row(self, first: float, last: float, link: Interval) -> list[Box]:
         count = 1 + int((last - first) / _FIRST_RAD)
+        if count > self._most:
+            raise Refused(f'the dragon lies on {count} parts of the track, the most are {self._most}; give --effort '
+                          'more than 1')
         ends = [first + (last - first) * n / count for n in range(count)] + [last]
         return [((low, high), (0.0, inf), self._scale, link, self._body)
                 for low, high in pairwise(ends)]
@@ -211,13 +215,17 @@ class _Proof:
     def _strips(self, lead: int, box: Box) -> Interval:
         """Return between what angles another bench may be ahead in a box, behind any number of links."""
         theta, ahead, scale, link, _ = box
-        near, far = (theta[1] + _span(theta[1], below(arb(scale[0]) * arb(link[0])), -1),
-                     theta[0] + _span(theta[0], above(arb(scale[1]) * arb(link[1])), 1))
+        near = nextafter(theta[1] + _span(theta[1], below(arb(scale[0]) * arb(link[0])), -1), -inf)
+        far = nextafter(theta[0] + _span(theta[0], above(arb(scale[1]) * arb(link[1])), 1), inf)
         short, long = below(arb(scale[0]) * arb(self._body[0])), above(arb(scale[1]) * arb(self._body[1]))
         low, high = inf, -inf
         for _ in range(2, self._family.benches - lead):
-            near, far = near + _span(near, short, -1), far + _span(far, long, 1)
-            least, most = (near - theta[1]) - 1e-12 * near, (far - theta[0]) + 1e-12 * far
+            near = nextafter(near + _span(near, short, -1), -inf)
+            far = nextafter(far + _span(far, long, 1), inf)
+            least, most = nextafter(near - theta[1], -inf), nextafter(far - theta[0], inf)
+            self._links += 1
+            if self._links > _LINKS * self._most:
+                raise Refused(f'no proof with {self._links} links placed; give --effort more than 1')
             if least > ahead[1]:
                 break
             if most >= ahead[0]:
@@ -248,6 +256,8 @@ class _Proof:
         low = [below(one) - sum(spread) * (1 + 1e-12) for one, spread in zip(apart, spreads, strict=True)]
         if all(one > 0 for one in low):
             return None
+        if not all(isfinite(one) for one in low):       # the box is too wide for derivatives
+            return max((THETA, AHEAD), key=lambda row: box[row][1] - box[row][0])
         worst = spreads[min(range(4), key=low.__getitem__)]
         return max(range(5), key=worst.__getitem__)
 

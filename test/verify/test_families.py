@@ -39,6 +39,14 @@ def test_it_proves_a_run_without_contact_to_its_end():
     assert 'from 30.0 s to 45.0 s' in proved(family_values(scene, first_contact_within(scene, BOX)))
 
 
+def test_boxes_that_are_too_wide_for_derivatives_are_cut_along_the_track():
+    scene = Scene(dragon=Dragon(12, 0.99, 1.27, 0.22, 0.247), track=Spiral(0.4866, 5.0), run=Run(start_s=27.0))
+    proof = first_contact_within(scene, {'dragon.hole_inset_m': 0.02})
+    assert proof.why == 'bend'
+    assert proof.proved_s > 30
+    assert proved(family_values(scene, proof)).endswith(f'{proof.proved_s!r} s')
+
+
 def test_it_refuses_a_time_at_which_some_dragon_touches(honest):
     values, proof = honest
     assert 'benches may touch' in refusal({**values, 'proved_s': proof.limit_s + 0.01})
@@ -80,6 +88,17 @@ def test_it_refuses_scenes_that_such_proofs_do_not_cover(honest, part, value, sa
 def test_an_effort_that_is_too_small_says_so(honest):
     values, _ = honest
     assert '--effort' in refusal(values, effort=1e-4)
+
+
+@pytest.mark.parametrize(('dragon', 'track'), [
+    ({'benches': 100_000}, {'start_turns': 1e6}),
+    ({'benches': 100_000, 'body_length_m': 1e-3, 'hole_inset_m': 0.0, 'width_m': 1e-4}, {}),
+    ({'benches': 100_000, 'body_length_m': 1e9}, {}),
+])
+def test_a_scene_that_takes_too_long_is_refused_within_the_budget(honest, dragon, track):
+    scene = honest[0]['scene']
+    large = {**scene, 'dragon': {**scene['dragon'], **dragon}, 'track': {**scene['track'], **track}}
+    assert refusal({**honest[0], 'scene': large, 'within': {}, 'proved_s': 41.0}, effort=0.02)
 
 
 def test_its_distances_are_those_of_rectangles_and_its_slopes_those_of_differences():

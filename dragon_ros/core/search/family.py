@@ -43,9 +43,12 @@ from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 
 TOLERANCES = ('dragon.width_m', 'dragon.head_length_m', 'dragon.body_length_m', 'dragon.hole_inset_m', 'track.pitch_m')
-_WITHIN_M = 0.01        # of the leader's way: so far short of a touching dragon is near enough, and is left to spare
+_WITHIN = 0.01          # of a metre of the leader's way, or of the longest link if that is shorter: so far short of a
+                        # touching dragon is near enough, and is left to spare
 _AT_ONCE, _MOST = 1000, 200_000     # boxes
 _FIRST_RAD = 2.0        # the way of the inner bench about the centre in a first box
+_MOST_FIRST = 10_000    # first boxes
+_DOWN, _UP = 1 - 2.0**-51, 1 + 2.0**-51     # of a sum of two positive numbers: more than its rounding
 _OUT = 1 + 2.0**-40     # more than the roundings of a dozen sums and products of positive numbers
 _BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (``min_pitch``)
 _INNER_STEPS = 6        # in which the place of the head is bounded from that of the next bench
@@ -94,6 +97,11 @@ class Family:
         return from_turns(self.turns).hi * _OUT
 
     @property
+    def within_m(self) -> float:
+        """How far short of a touching dragon a proof may end."""
+        return _WITHIN * min(1.0, self.head_link_m[1], self.body_link_m[1])
+
+    @property
     def innermost_rad(self) -> float:
         """Further out the curvature times each link is below 2."""
         return 0.5 * _BENT * self.scale[1] * max(self.head_link_m[1], self.body_link_m[1]) * _OUT
@@ -126,7 +134,7 @@ def first_contact_within(scene: Scene, within: Mapping[str, float],
     family = family_of(scene, within)
     nominal = first_contact(scene)
     search, why = _search(scene, family, nominal, progress)
-    proved_m = search.frontier_m - (_WITHIN_M if search.limit_m < np.inf or search.gave_up else 0.0)
+    proved_m = search.frontier_m - (family.within_m if search.limit_m < np.inf or search.gave_up else 0.0)
     if proved_m <= search.begin_m:
         raise DragonError(f'--within: nothing can be proved of this family{_blame(scene, within, nominal)}')
     if search.limit_m < np.inf:
@@ -215,7 +223,8 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
     if bend_m < end_m:
         end_m, why = bend_m, 'bend'
     if begin_m >= end_m:
-        raise InputError('--within: the run starts where links may lock or benches touch; start earlier or further out')
+        raise InputError('--within: there is nothing to prove: the head rests, or starts where links may lock or '
+                         'benches touch; start earlier or further out')
     search = _Search(family, begin_m, end_m, progress)
     search.run()
     return search, why
@@ -225,8 +234,9 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
     """Return what would be proved without one of the tolerances: the one whose absence helps most."""
     best: tuple[float, str] | None = None
     for key in within:
-        search = _search(scene, family_of(scene, {**within, key: 0.0}), nominal, lambda states: None)[0]
-        proved_m = search.frontier_m - _WITHIN_M
+        family = family_of(scene, {**within, key: 0.0})
+        search = _search(scene, family, nominal, lambda states: None)[0]
+        proved_m = search.frontier_m - family.within_m
         if proved_m > search.begin_m and (best is None or proved_m > best[0]):
             best = proved_m, key
     if best is None:
@@ -276,7 +286,7 @@ class _Search:
         while boxes.gone_m.size:
             boxes = boxes.some(np.argsort(boxes.gone_m, kind='stable'))
             self.frontier_m = float(boxes.gone_m[0])
-            if self.limit_m - self.frontier_m <= _WITHIN_M:
+            if self.limit_m - self.frontier_m <= self.family.within_m:
                 return
             if self.states >= _MOST:
                 self.gave_up = True
@@ -291,8 +301,13 @@ class _Search:
         family, scale = self.family, self.family.scale
         inner = max(family.inward_rad(self._end_m), family.innermost_rad)
         outer = family.outward_rad(self.begin_m)
-        rear = inner + float(least_span(np.array([inner]), np.array([scale[0] * family.head_link_m[0]]))[0])
+        chord = np.array([scale[0] * family.head_link_m[0] * _DOWN])
+        rear = (inner + float(least_span(np.array([inner]), chord)[0])) * _DOWN
         tail = sqrt(outer**2 + pi * scale[1] * (family.head_link_m[1] + family.benches * family.body_link_m[1])) * _OUT
+        if tail - inner > _FIRST_RAD * _MOST_FIRST:
+            raise FieldError('track.start_turns', family.turns, f'the dragon lies {tail / (2 * pi):.6g} turns out, and '
+                             f'families are searched within {int(_FIRST_RAD * _MOST_FIRST / (2 * pi))}',
+                             'start further in, or give fewer benches')
         parts = [self._row(_HEAD, inner, outer, family.head_link_m), self._row(_BODY, rear, tail, family.body_link_m)]
         return parts[0] + parts[1]
 
@@ -332,7 +347,9 @@ class _Search:
             return near
         kept = Separations(found.low[unclear], found.middle[unclear], found.slope[:, unclear], found.spread[:, unclear])
         self._note(near, kept)
-        return self._cut(near, np.argmax(kept.spread, axis=0))
+        wide = near.high - near.low     # decides in a box that is too wide for derivatives
+        return self._cut(near, np.where(np.all(np.isfinite(kept.spread), axis=0), np.argmax(kept.spread, axis=0),
+                                        np.argmax(wide[[THETA, AHEAD]], axis=0)))
 
     def _cut(self, boxes: _Boxes, rows: Ints) -> _Boxes:
         each = np.arange(rows.size)
@@ -368,13 +385,13 @@ class _Search:
         family, out = self.family, _OUT
         last_bench = np.where(inner == _HEAD, family.benches - 1, family.benches - 2)
         near, far = high[THETA], low[THETA]
-        near = near + least_span(near, low[SCALE] * low[LINK] / out)
-        far = far + largest_span(far, high[SCALE] * high[LINK] * out)
+        near = (near + least_span(near, low[SCALE] * low[LINK] / out)) * _DOWN
+        far = (far + largest_span(far, high[SCALE] * high[LINK] * out)) * _UP
         shortest, longest = low[SCALE] * family.body_link_m[0] / out, high[SCALE] * family.body_link_m[1] * out
         first, last = np.full(inner.shape, np.inf), np.full(inner.shape, -np.inf)
         nearest = np.zeros(inner.shape, dtype=np.int64)
         for bench in range(2, int(np.max(last_bench)) + 1):
-            near, far = near + least_span(near, shortest), far + largest_span(far, longest)
+            near, far = (near + least_span(near, shortest)) * _DOWN, (far + largest_span(far, longest)) * _UP
             least, most = (near - high[THETA]) / out, (far - low[THETA]) * out
             if np.all(least > high[AHEAD]):
                 break
