@@ -22,6 +22,7 @@ MOST_BENCHES = 100_000
 MOST_PIECES = 1000
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
+_LEAST_LINK = 2e-10     # of the longest bench: the direction of a shorter link is lost in what floats round
 _DIGITS = 400           # of a whole number: the largest float has 309
 _LATEST_S = 2.0**31
 
@@ -268,6 +269,9 @@ def _dragon(value: Any) -> tuple[tuple[float, ...], float, float]:
     inset_m = _number(f'{name}.hole_inset_m', value['hole_inset_m'], 0, 1e12)
     if min(lengths) < 2 * inset_m:
         raise Refused(f'{name}: a bench of {min(lengths)!r} m cannot hold two holes {inset_m!r} m from its ends')
+    links = [float(Fraction(length_m) - 2 * Fraction(inset_m)) for length_m in set(lengths)]
+    if any(0 < link_m < _LEAST_LINK * max(lengths) for link_m in links):
+        raise Refused(f'{name}: a link of {min(filter(None, links)):.3g} m is too short to have a direction in floats')
     return lengths, width_m, inset_m
 
 

@@ -9,6 +9,7 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
+LEAST_LINK = 2e-10      # of the longest bench: the direction of a shorter link is lost where places err by the promise
 
 
 class _Lengths(Settings):
@@ -53,6 +54,8 @@ class Dragon(_Lengths):
         _settle_common(self)
         settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
                         for name in ('head_length_m', 'body_length_m')})
+        names = ('head_length_m', 'body_length_m')[:self.benches]
+        _check_links({f'dragon.{name}': getattr(self, name) for name in names}, self.hole_inset_m)
 
     @property
     def head_link_m(self) -> float:
@@ -88,6 +91,8 @@ class Mixed(_Lengths):
             raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {_MOST_GROUPS} groups',
                              'list its benches, such as [{length_m: 3.41}, {count: 222, length_m: 2.2}]')
         settle(self, groups=tuple(self._group(n, group) for n, group in enumerate(self.groups, 1)))
+        _check_links({f'dragon.groups.{n}.length_m': group.length_m for n, group in enumerate(self.groups, 1)},
+                     self.hole_inset_m)
         if self.benches > _MOST:
             raise FieldError('dragon.groups', f'{self.benches} benches', f'the most are {_MOST}', 'give smaller counts')
 
@@ -134,3 +139,18 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
         raise FieldError(field, length, f'a bench must hold its two holes, 2 x {hole_inset_m} m from the ends',
                          'make the bench longer or dragon.hole_inset_m smaller')
     return length
+
+
+def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
+    """Refuse links that are hardly there, given the lengths of benches by their fields; those of no length are fine.
+
+    The axis of a bench is the difference of the places of its handles. With places that err by 2e-12 m, a link of
+    4e-10 m has its direction to 0.01 rad; that is 2e-10 of a classic bench, and floats scale.
+    """
+    least_m = LEAST_LINK * max(lengths_m.values())
+    for field, length_m in lengths_m.items():
+        link_m = length_m - 2 * hole_inset_m
+        if 0 < link_m < least_m:
+            none_m = 2 * hole_inset_m
+            raise FieldError(field, length_m, f'its link of {link_m:.3g} m is too short to have a direction in floats',
+                             f'give {none_m!r} m for no link, or {none_m + 2 * least_m!r} m or more')
