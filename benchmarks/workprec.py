@@ -225,8 +225,8 @@ def summary(rows: list[Row]) -> str:
               f'| {_us(row.timing.median_s)} | {_us(row.with_velocities.median_s)} |'
               for row in tiers if row.timing and row.with_velocities]
     kept, broken = (sum(row.verdict == verdict for row in rows) for verdict in ('kept', 'BROKEN'))
-    return '\n'.join([*lines, '', f'On all {len(hard_cases())} hard cases {kept} promises are kept and {broken} '
-                      f'broken. {circumstances()}.'])
+    hold = f'all {kept} promises hold' if not broken else f'{broken} of {kept + broken} promises are BROKEN'
+    return '\n'.join([*lines, '', f'On the {len(hard_cases())} hard cases {hold}. {circumstances()}.'])
 
 
 def csv_text(rows: list[Row]) -> str:

@@ -3,6 +3,7 @@ import json
 from argparse import ArgumentParser, Namespace
 from collections.abc import Callable
 from functools import partial
+from math import isfinite
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from dragon_ros.cli import command_line
@@ -100,6 +101,7 @@ def _turn_values(found: 'TurnAnswer') -> dict[str, Any]:
     from dataclasses import asdict
     bent = found.with_line
     return {**asdict(found), 'radii_m': list(found.radii_m), 'shortened_by_ratio': False,
+            'largest_ratio': found.largest_ratio if isfinite(found.largest_ratio) else None,
             'with_line': asdict(bent) | {'length_m': bent.length_m} if bent else None}
 
 
@@ -109,10 +111,8 @@ def _turn_text(values: dict[str, Any]) -> str:
     least = values['least_radius_m']
     lines = [f'the turn is {values["length_m"]:.12g} m long: arcs of {first:.9g} m and {second:.9g} m, each by '
              f'{values["angle_rad"]:.9g} rad',
-             'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set',
-             f'what limits the ratio: both radii must be at least {least:.9g} m, 1.01 times half the longest link, or '
-             f'links could lock; that allows ratios from {1 / values["largest_ratio"]:.9g} to '
-             f'{values["largest_ratio"]:.9g}']
+             'another ratio does not shorten it: in this circle the sum of the radii and the angle of the arcs are set']
+    lines.append(_ratio_line(values['least_radius_m'], values['largest_ratio']))
     if values['length_there_m']:
         lines.append(f'a smaller circle shortens it: down to {values["smallest_diameter_m"]:.9g} m, both arcs of '
                      f'{least:.9g} m, it is {values["length_there_m"]:.12g} m long')
@@ -125,6 +125,14 @@ def _turn_text(values: dict[str, Any]) -> str:
                 f'benches touch when the head has gone {at:.9g} m from the entry')
         lines.append(f'in that smallest circle {what}')
     return '\n'.join(lines)
+
+
+def _ratio_line(least_m: float, largest: float | None) -> str:
+    """Return what limits the ratio; None for no limit."""
+    if largest is None:
+        return 'nothing limits the ratio: links of no length cannot lock'
+    return (f'what limits the ratio: both radii must be at least {least_m:.9g} m, 1.01 times half the longest link, or '
+            f'links could lock; that allows ratios from {1 / largest:.9g} to {largest:.9g}')
 
 
 def _max_speed_options(parser: ArgumentParser) -> None:
@@ -148,8 +156,8 @@ def _max_speed_answer(arguments: Namespace) -> dict[str, Any]:
 
 def _max_speed_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
-    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; of a profile, '
-            f'its largest speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
+    return (f'the leader may go {values["speed_m_s"]:.12g} m/s (to {values["uncertainty_m_s"]:.1g} m/s; for a '
+            f'profile, its peak speed) and no handle exceeds {values["limit_m_s"]:.9g} m/s\n'
             f'handle {values["handle"]} is the fastest, {values["ratio"]:.12g} times the leader, when the leader is '
             f'{values["along_m"]:.7g} m along the track (on a turn: from its entry)\n'
             f'{values["looks"]} places were examined')
@@ -224,7 +232,7 @@ def _fit_text(values: dict[str, Any]) -> str:
     lines = [f'the smallest square about the origin that contains the run: {_bounds(values["centred_m"])}',
              f'its side is touched by the {at["corner"]} corner of bench {at["bench"]} at {at["t_s"]:.6f} s, at '
              f'({x:.6f}, {y:.6f}) m',
-             f'wherever its centre is, along the axes: {_bounds(values["free_m"])}']
+             f'the smallest axis-aligned square anywhere: {_bounds(values["free_m"])}']
     if side:
         lines.append(f'a square of {side:.12g} m: {_verdict(values["fits_centred"], values["fits_free"])}')
     return '\n'.join(lines)

@@ -3,7 +3,7 @@
 A spiral is a track of one segment. The S-turn and a composite track are sequences of lines, arcs and spirals.
 """
 from dataclasses import dataclass
-from math import atan, pi, sin, sqrt
+from math import atan, inf, pi, sin, sqrt
 
 from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
@@ -110,7 +110,7 @@ class STurn:
 
     def largest_ratio(self, least_radius_m: float) -> float:
         """Return the largest ratio at which both radii are at least ``least_radius_m``; below 1 there is none."""
-        return sum(self.radii_m) / least_radius_m - 1
+        return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
         """Refuse arcs that bend tighter than a radius. Raises FieldError naming the diameter or the ratio."""
