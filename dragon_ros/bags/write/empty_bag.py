@@ -1,11 +1,14 @@
 """Files that a recorder left without any message: the next one may take their place."""
 from contextlib import closing
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from mcap.opcode import Opcode
 
-from dragon_ros.bags.read.mcap import Index, McapFile, scanned_index
 from dragon_ros.core.errors import InputError
+
+if TYPE_CHECKING:
+    from dragon_ros.bags.read.mcap import Index
 
 _HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
 _CUT_BYTES = 4096       # of a record that a kill cut short: more may be something else
@@ -18,6 +21,7 @@ def holds_no_message(path: Path) -> bool:
             return False
         if path.stat().st_size == 0:
             return path.suffix == '.mcap'
+        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # few bags take the place of another
         with closing(McapFile(path)) as file:
             index = scanned_index(file)
             return not (index.batches or index.attachments) and _ends_at_damage(index)
@@ -25,7 +29,7 @@ def holds_no_message(path: Path) -> bool:
         return False
 
 
-def _ends_at_damage(index: Index) -> bool:
+def _ends_at_damage(index: 'Index') -> bool:
     """Return whether nothing follows the damage of a file, if there is any, but the beginning of an empty record."""
     if index.damage is None:
         return True
