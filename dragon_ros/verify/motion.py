@@ -234,12 +234,10 @@ def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
 
 def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
     """Return the handle behind where a link or a handle crosses a joint."""
-    track, ahead = handle.track, front.speeds
+    ahead = front.speeds
     if link.inverse is None:    # on a joint its direction has no second derivative
         return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
-    # A link turns by half the curvature times both ways at most; from half way between its ends by half of that.
-    one, two = ((end.point(n) - end.point(n + 1)) * link.inverse for end in ends)
-    axis = between(one, two, up(0.25 * track.bend * (front.handle.moved_m + handle.moved_m)))
+    axis = _axis(front.handle, handle, ends, n, link.inverse)
     tangent, curvature = ((handle.on.heading(handle.u), handle.on.curvature(handle.u)) if handle.segment is not None
                           else _joint(handle, ends, n + 1))
     alpha, beta = (axis.conjugate() * heading for heading in (ahead.tangent, tangent))
@@ -250,6 +248,12 @@ def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -
     w_rate = (ahead.rate * alpha.imag + ahead.v * alpha.real * alpha_rate
               - rate * beta.imag - v * beta.real * beta_rate) * link.inverse
     return _settled(handle, Speeds(v, rate, tangent, curvature)), Turning(w, w_rate)
+
+
+def _axis(ahead: Handle, handle: Handle, ends: Postures, n: int, inverse: arb) -> acb:
+    """Return the directions of a link, which turns by half the curvature times both ways of its handles at most."""
+    one, two = ((end.point(n) - end.point(n + 1)) * inverse for end in ends)
+    return between(one, two, up(0.25 * handle.track.bend * (ahead.moved_m + handle.moved_m)))
 
 
 def _settled(handle: Handle, speeds: Speeds) -> Motion:
