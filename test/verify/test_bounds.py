@@ -103,3 +103,20 @@ def test_close_to_a_lock_where_nothing_bounds_bending_gaps_are_cleared_by_how_fa
     interval = Interval(track, benches, 0, ends, bend)
     assert interval._sag(3, False) > 1
     assert interval.clear(2, BENCHES - 1) is None
+
+
+def test_on_a_line_middles_are_known_to_half_of_the_way_and_no_better():
+    track, benches, bend = compiled(Dragon(4, 1.5, 1.5, 0.3, 0.2), Composite((Line(30.0),), 8.0))
+    ends = tuple(Posture(track, benches, 0, track.place_at(arb(place))) for place in (8.0, 8.5))
+    middle = Interval(track, benches, 0, ends, bend)._middle(1)
+    assert all(middle.real.contains(end.pose(1).middle.real.mid()) for end in ends)
+    assert float(middle.real.rad()) < 0.2501
+
+
+@pytest.mark.parametrize('ways', [0.01, 0.1])
+def test_on_an_arc_arms_go_as_far_as_bends_say_and_no_further(ways):
+    track, benches, bend = compiled(Dragon(4, 1.5, 1.5, 0.3, 0.2), Composite((Arc(4.0, 359.0),), 8.0))
+    bench, (one, two) = benches.benches[0], (
+        Posture(track, benches, 0, track.place_at(arb(place))).pose(0) for place in (8.0, 8.0 + ways))
+    gone = bench.overhang_m * float(abs(two.axis - one.axis))
+    assert gone <= bench.turned_m((ways, ways), bend) < 1.001 * gone
