@@ -13,6 +13,7 @@ from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
 
+import mixes
 from mcap.opcode import Opcode
 
 from dragon_ros.bags.check.examine import examine
@@ -108,6 +109,15 @@ def with_crcs(data: bytes) -> bytes:
             out[start + 16:end] = zlib.crc32(out[summary:start + 16]).to_bytes(4, 'little')
         at = end
     return bytes(out)
+
+
+def mix(folder: Path) -> Target:
+    """Bags whose structure nobody writes: all commands see the same of them, a check passes nothing that differs."""
+    def run(data: bytes) -> None:
+        path = folder / 'mix.mcap'
+        path.write_bytes(mixes.built(data))
+        mixes.hold(path, folder / 'saved.mcap')
+    return Target(mixes.seeds(), run, tuple(bytes((what, argument)) for what in range(32) for argument in (0, 9, 77)))
 
 
 def folder_of_parts(folder: Path) -> Target:
@@ -329,7 +339,7 @@ def command(folder: Path) -> Target:
 
 
 TARGETS: dict[str, Callable[[Path], Target]] = {
-    'bag': bag, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
+    'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
     'study': study, 'request': request, 'command_line': command_line, 'message': message,
     'command': command}
 

@@ -207,7 +207,8 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
             _compare_once(result, bag, scene, topic.name, frame_id)
             continue
         elif row is not None and row.each_tick:
-            result.fault(f'{name}: {left} messages, which the scene does not declare', left)
+            if left:
+                result.fault(f'{name}: {left} messages, which the scene does not declare', left)
             continue
         elif name == topic.name:
             why = 'of no dragon, or of another one' if row is None else 'published by all nodes, at times of their own'

@@ -1,0 +1,257 @@
+"""Bags with a structure that nobody writes, and what every reader of the package must say of them.
+
+A mix is built from bytes, two for each step: chunks and messages outside of them, stray ends of data, messages whose
+type has another length, topics of other dragons, channels that nobody declared, and summaries that are right, wrong or
+absent.
+"""
+import struct
+import zlib
+from collections import Counter
+from contextlib import suppress
+from functools import cache
+from pathlib import Path
+
+import lz4.frame
+import zstandard
+from mcap.exceptions import McapError
+from mcap.records import Channel, Message
+from mcap.stream_reader import StreamReader
+
+from dragon_ros.bags.check.compare import compare_with_model
+from dragon_ros.bags.check.examine import examine
+from dragon_ros.bags.check.repair import repair
+from dragon_ros.bags.read.frames import frames, namespace_of
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.step import tick
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
+
+SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
+TICKS = 6
+NAMES = tuple(encoders(SCENE))
+MAGIC = b'\x89MCAP0\r\n'
+Row = tuple[str, int, bytes]
+_TOPICS = (*(f'/dragon/{name}' for name in NAMES), '/other/handles', '/dragon/forces', '/dragon/clearance', '/tf')
+_UNDECLARED = 77
+_PACK = (('', bytes), ('zstd', zstandard.ZstdCompressor(level=1).compress), ('lz4', lz4.frame.compress))
+
+
+@cache
+def model() -> dict[tuple[str, int], bytes]:
+    """Return the messages of the run, by topic and log time."""
+    encode = encoders(SCENE)
+    return {(f'/dragon/{name}', SCENE.run.time_ns(k)): bytes(encode[name](tick(SCENE, k)))
+            for k in range(TICKS) for name in NAMES}
+
+
+def record(opcode: int, content: bytes) -> bytes:
+    """Return a record."""
+    return struct.pack('<BQ', opcode, len(content)) + content
+
+
+def text(value: str) -> bytes:
+    """Return a string as records hold it."""
+    return struct.pack('<I', len(value)) + value.encode()
+
+
+def message(channel: int, t_ns: int, data: bytes) -> bytes:
+    """Return a message."""
+    return record(5, struct.pack('<HIQQ', channel, 1, t_ns, t_ns) + data)
+
+
+def declared() -> bytes:
+    """Return the schemas and channels of all topics."""
+    out = b''
+    for number, topic in enumerate(_TOPICS, 1):
+        row = channels().get(topic.rpartition('/')[2], channels()['clearance'])
+        out += record(3, struct.pack('<H', number) + text(row.type) + text('ros2msg') + text('x'))
+        out += record(4, struct.pack('<HH', number, number) + text(topic) + text('cdr') + text(''))
+    return out
+
+
+class Mix:
+    """A file that is built step by step."""
+
+    def __init__(self, summary: int) -> None:
+        """``summary`` selects which one ends it."""
+        self._summary = summary % 4
+        self.out = bytearray(MAGIC + record(1, text('ros2') + text('mix')) + declared())
+        self._inside: list[tuple[int, int, bytes]] | None = None
+        self._rows = b''
+        self._counts: Counter[int] = Counter()
+        self._chunks = 0
+
+    def put(self, channel: int, t_ns: int, data: bytes) -> None:
+        """Add a message to the open chunk, or outside of chunks."""
+        self._counts[channel] += 1
+        if self._inside is None:
+            self.out += message(channel, t_ns, data)
+        else:
+            self._inside.append((channel, t_ns, data))
+
+    def step(self, what: int, argument: int) -> None:
+        """Do one step."""
+        topic, k = argument % len(_TOPICS), argument // len(_TOPICS) % TICKS
+        t_ns, kind = SCENE.run.time_ns(k), what % 16
+        data = model()[_TOPICS[topic] if topic < len(NAMES) else '/dragon/handles', t_ns]
+        if kind < 4:
+            self.put(topic + 1, t_ns, data)
+        elif kind == 4:
+            self.whole_tick(argument % TICKS)
+        elif kind == 5:
+            for number in range(TICKS):
+                self.whole_tick(number)
+        elif kind == 6:
+            self.end_chunk(argument)
+            self._inside = []
+        elif kind == 7:
+            self.end_chunk(argument)
+        elif kind == 8:
+            self.end_chunk(argument)
+            self.out += record(15, bytes(4))
+        elif kind == 9:
+            self.put(topic + 1, t_ns, data[:argument] if what & 16 else data + bytes(argument))
+        elif kind == 10:
+            self.put(_UNDECLARED, t_ns, data)
+        elif kind == 11:
+            self.put(topic + 1, t_ns + argument * (what >> 4), data)
+        elif kind == 12:
+            changed = bytearray(data)
+            changed[argument % len(changed)] ^= 1 + what
+            self.put(topic + 1, t_ns, bytes(changed))
+        elif kind == 13:
+            self.end_chunk(argument)
+            self.out += record(12, text('note') + text('')) if what & 16 else record(
+                9, struct.pack('<QQ', 0, 0) + text('a') + text('text/plain') + struct.pack('<QI', 0, 0))
+        elif kind == 14:
+            self.end_chunk(argument)
+            self.out += record(4, struct.pack('<HH', topic + 1, 1) + text(_TOPICS[argument % 3]) + text('cdr')
+                               + text(''))
+        else:
+            self.end_chunk(argument)
+            self.out += record(argument or 1, bytes(what))
+
+    def whole_tick(self, k: int) -> None:
+        """Add the messages of a tick."""
+        t_ns = SCENE.run.time_ns(k)
+        for number, name in enumerate(NAMES, 1):
+            self.put(number, t_ns, model()[f'/dragon/{name}', t_ns])
+
+    def end_chunk(self, how: int) -> None:
+        """Write the open chunk, compressed as ``how`` says, and its indexes, which are left out where it is 7 of 8."""
+        rows, self._inside = self._inside, None
+        if not rows:
+            return
+        name, pack = _PACK[how % 3]
+        data, at, index = b''.join(message(*row) for row in rows), 0, dict[int, bytes]()
+        for channel, t_ns, content in rows:
+            index[channel] = index.get(channel, b'') + struct.pack('<QQ', t_ns, at)
+            at += 31 + len(content)
+        times = [t_ns for _, t_ns, _ in rows]
+        packed, start = pack(data), len(self.out)
+        chunk = record(6, struct.pack('<QQQI', min(times), max(times), len(data), zlib.crc32(data)) + text(name)
+                       + struct.pack('<Q', len(packed)) + packed)
+        self.out += chunk
+        self._chunks += 1
+        if how % 8 != 7:
+            for channel, entries in index.items():
+                self.out += record(7, struct.pack('<HI', channel, len(entries)) + entries)
+        self._rows += record(8, struct.pack('<QQQQIQ', min(times), max(times), start, len(chunk), 0, 0) + text(name)
+                             + struct.pack('<QQ', len(packed), len(data)))
+
+    def finish(self) -> bytes:
+        """Return the file, with its summary: none, right, one that omits the indexes, or one that counts wrongly."""
+        self.end_chunk(0)
+        self.out += record(15, bytes(4))
+        start, counts = len(self.out), self._counts
+        if self._summary == 0:
+            return bytes(self.out) + record(2, bytes(20)) + MAGIC
+        if self._summary == 3:
+            counts = counts + Counter({1: 1})
+        entries = b''.join(struct.pack('<HQ', channel, count) for channel, count in sorted(counts.items()))
+        statistics = record(11, struct.pack('<QHIIIIQQI', counts.total(), len(_TOPICS), len(_TOPICS), 0, 0, self._chunks, 0,
+                                            1, len(entries)) + entries)
+        summary = declared() + statistics + (self._rows if self._summary != 2 else b'')
+        footer = struct.pack('<BQQQ', 2, 20, start, 0)
+        return bytes(self.out) + summary + footer + struct.pack('<I', zlib.crc32(footer, zlib.crc32(summary))) + MAGIC
+
+
+def built(data: bytes) -> bytes:
+    """Return the bag that bytes describe."""
+    mix = Mix(data[0] if data else 0)
+    for at in range(1, min(len(data), 120) - 1, 2):
+        mix.step(data[at], data[at + 1])
+    return mix.finish()
+
+
+def streamed(path: Path) -> tuple[list[Row], bool]:
+    """Return the messages of declared topics that the library's stream reader finds, and whether it came to the end."""
+    found, names = list[Row](), dict[int, str]()
+    try:
+        with path.open('rb') as file:
+            for row in StreamReader(file, validate_crcs=True).records:
+                if isinstance(row, Channel):
+                    names.setdefault(row.id, row.topic)
+                elif isinstance(row, Message) and row.channel_id in names:
+                    found.append((names[row.channel_id], row.log_time, row.data))
+    except (McapError, ValueError, RuntimeError, OSError, EOFError, struct.error, zstandard.ZstdError):
+        return found, False
+    return found, True
+
+
+def hold(path: Path, saved: Path) -> None:
+    """Hold all ways to read a bag to each other and to the stream reader of the library. Raises AssertionError."""
+    wanted, ended = streamed(path)
+    told = examine(path)
+    counted = {topic: seen.messages for topic, seen in told.topics.items()}
+    if ended:
+        assert counted == Counter(topic for topic, _, _ in wanted), 'inspect counts others than the stream reader'
+    read = None
+    with suppress(DragonError), BagReader(path) as bag:
+        read = Counter((one.topic, one.t_ns, one.data) for one in bag.messages())
+        assert {topic.name: topic.messages for topic in bag.topics if topic.messages} == counted
+    if read is not None and ended:
+        assert read == Counter(wanted), 'the reader finds others than the stream reader'
+    with suppress(DragonError):
+        saved.unlink(missing_ok=True)
+        done = repair(path, saved)
+        with BagReader(saved, damaged=True) as bag:
+            kept = Counter((one.topic, one.t_ns, one.data) for one in bag.messages())
+        assert kept.total() == done.messages
+        assert not Counter(wanted) - kept, 'the stream reader finds messages that are not saved'
+    if read is not None:
+        with suppress(DragonError), BagReader(path) as bag:
+            namespace_of(bag, 'dragon')
+            hold_frames(bag, read)
+            hold_check(bag, read)
+
+
+def hold_frames(bag: BagReader, read: Counter[Row]) -> None:
+    """Hold what tables, exports and pictures read to the messages of the bag."""
+    with suppress(DragonError):
+        ticks = [frame.t_ns for frame in frames(bag, '/dragon')]
+        assert len(ticks) <= sum(count for (topic, _, _), count in read.items() if topic == '/dragon/handles')
+
+
+def hold_check(bag: BagReader, read: Counter[Row]) -> None:
+    """Hold a check that passes to the messages: each tick has each topic once, as the model has it, and no other."""
+    found = compare_with_model(bag, SCENE, '/dragon')
+    each = {f'/dragon/{name}' for name, row in channels().items() if row.each_tick}
+    ticks = Counter({row: count for row, count in read.items() if row[0] in each})
+    assert found.equal + found.close + found.once + found.fault_count - found.missing_count + sum(
+        count for count, _ in found.unchecked.values()) >= read.total() or found.fault_count
+    if not found.passed:
+        return
+    assert {row[:2] for row in ticks} == set(model())
+    assert set(ticks.values()) == {1}
+    assert sum(model()[row[:2]] == row[2] for row in ticks) == found.equal
+
+
+def seeds() -> list[bytes]:
+    """Return descriptions of bags that are whole, each another mix."""
+    return [bytes((1, 6, 0, 5, 0, 7, 0)), bytes((0, 5, 0)), bytes((1, 6, 0, 4, 0, 4, 1, 4, 2, 7, 1, 4, 3, 4, 4, 4, 5)),
+            bytes((1, 6, 0, 5, 0, 7, 2, 8, 0, 6, 0, 0, 3, 7, 0)), bytes((2, 4, 0, 6, 0, 5, 0, 7, 7, 10, 0)),
+            bytes((3, 6, 0, 5, 0, 7, 0, 9, 5, 25, 9, 11, 2, 12, 200)), bytes((1, 6, 0, 5, 0, 0, 4, 0, 5, 7, 0, 13, 0))]
