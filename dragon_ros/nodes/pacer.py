@@ -6,6 +6,8 @@ from dragon_ros.core.errors import FieldError
 _AT_ONCE_NS = 50_000_000            # of a delay: ticks follow immediately until it is made up for
 _ON_TIME_NS = 5_000_000             # of a delay: a run that is no later can go faster
 _FASTER = 0.1                       # than the pace, while a longer one is made up for
+_LONGEST_NS = 3_600_000_000_000     # of a wait: what is due later is asked for again (a timer takes 2^63 ns at most)
+_FOREVER_NS = 1e18                  # 30 years: a smaller scale is as slow
 _MOST_BEHIND_NS = 1_000_000_000     # that is made up for: a machine that is too slow does not end in a long race
 
 
@@ -44,8 +46,8 @@ class Pacer:
         self._origin, self._behind_ns = None, 0
 
     def delay_ns(self, t_ns: int) -> int:
-        """Return the wall time in ns until ``t_ns`` is due; 0 if it is."""
-        return max(0, -self._late_ns(t_ns)) if self._scale else 0
+        """Return the wall time in ns until ``t_ns`` is due, or an hour if that is longer; 0 if it is due."""
+        return min(_LONGEST_NS, max(0, -self._late_ns(t_ns))) if self._scale else 0
 
     def start(self, t_ns: int) -> None:
         """Record that the tick at ``t_ns`` starts now."""
@@ -60,7 +62,7 @@ class Pacer:
             self._behind_ns = min(_MOST_BEHIND_NS, self._behind_ns + late)
             self._origin = time.monotonic_ns(), t_ns
         elif step_ns > 0 and self._behind_ns and late < _ON_TIME_NS and self._origin:
-            sooner_ns = min(self._behind_ns, round(_FASTER * step_ns / self._scale))
+            sooner_ns = round(min(self._behind_ns, _FASTER * step_ns / self._scale))
             self._behind_ns -= sooner_ns
             self._origin = self._origin[0] - sooner_ns, self._origin[1]
 
@@ -68,7 +70,7 @@ class Pacer:
         now = time.monotonic_ns()
         if self._origin is None:
             self._origin = now, t_ns if self.last_ns is None else min(self.last_ns, t_ns)
-        return now - self._origin[0] - round((t_ns - self._origin[1]) / self._scale)
+        return now - self._origin[0] - round(min((t_ns - self._origin[1]) / self._scale, _FOREVER_NS))
 
 
 def _checked(scale: float) -> float:

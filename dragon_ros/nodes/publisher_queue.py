@@ -2,18 +2,22 @@
 import re
 import threading
 import time
-from collections import deque
-from collections.abc import Iterable, Mapping
+from collections import Counter, deque
+from collections.abc import Callable, Iterable, Mapping
+from functools import cache
+from typing import Any
 
 from rclpy._rclpy_pybind11 import RCLError
 from rclpy.duration import Duration
 from rclpy.publisher import Publisher
 from rclpy.qos import DurabilityPolicy
+from rclpy.serialization import serialize_message
 
 from dragon_ros.core.errors import InputError, shown
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.limits import SUBSCRIBERS
 from dragon_ros.messages.encode import Encode
+from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
@@ -65,10 +69,11 @@ class StartGate:
 class PublisherQueue:
     """Outgoing messages in order; readers that are slower than a lossless publisher hold them back."""
 
-    def __init__(self) -> None:
-        """Start empty."""
+    def __init__(self, warn: Callable[[str], object] = lambda line: None) -> None:
+        """Start empty; ``warn`` is told once of each topic with a message that cannot be published."""
         self._waiting: deque[tuple[Publisher, bytes]] = deque()
-        self._alone = 0
+        self._alone, self._warn = 0, warn
+        self.left_out: Counter[str] = Counter()
 
     def put(self, publisher: Publisher, data: bytes) -> None:
         """Append a message."""
@@ -81,6 +86,9 @@ class PublisherQueue:
             try:
                 publisher.publish(data)
             except RCLError:
+                if not can_hold(publisher.msg_type, len(data)):
+                    self._leave_out(publisher, len(data))
+                    continue
                 self._alone = 0 if publisher.get_subscription_count() else self._alone + 1
                 if self._alone > _GIVE_UP:
                     raise
@@ -88,6 +96,40 @@ class PublisherQueue:
             self._alone = 0
             self._waiting.popleft()
         return True
+
+    def _leave_out(self, publisher: Publisher, size: int) -> None:
+        """Count the first message, which its type cannot hold, and name its topic once."""
+        topic = publisher.topic_name
+        if not self.left_out[topic]:
+            self._warn(f'{topic}: messages that their type cannot hold are left out; the first has {size} bytes')
+        self.left_out[topic] += 1
+        self._waiting.popleft()
+
+
+def can_hold(kind: Any, size: int) -> bool:
+    """Return whether a message type can have serialised messages of ``size`` bytes.
+
+    An error of the middleware does not tell a full reader from a message that is longer than its type allows.
+    """
+    most = _largest(kind)
+    return most is None or size <= most
+
+
+@cache
+def _largest(kind: Any) -> int | None:
+    """Return the bytes of a message whose type has a fixed size, padded as on the wire; None for any other type."""
+    if not all(map(_is_fixed, kind.get_fields_and_field_types().values())):
+        return None
+    size = len(serialize_message(kind()))
+    return size + -size % 4
+
+
+def _is_fixed(name: str) -> bool:
+    """Return whether a field has a fixed size, by the name of its type: double, double[36], geometry_msgs/Point."""
+    if name.startswith(('sequence<', 'string', 'wstring')):
+        return False
+    package, _, kind = name.partition('[')[0].partition('/')
+    return not kind or _largest(shell.message_type(f'{package}/msg/{kind}')) is not None
 
 
 class EncodedTopic:

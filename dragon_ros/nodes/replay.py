@@ -44,7 +44,8 @@ class Replay(DragonNode):
         start_ns, end_ns = span_of(bag, choice)
         self._lossless = self.setting['time_scale'] == 0
         self.topic_publishers = self._advertise(bag, choice)
-        self.source = ReplaySource(bag, self.topic_publishers, start_ns, end_ns)
+        self.source = ReplaySource(bag, self.topic_publishers, start_ns, end_ns,
+                                   self.get_logger().warning)
         self.late_us: Counter[int] = Counter()
         gate = publisher_queue.StartGate(self.topic_publishers, choice.wait_subscribers, self.setting['discovery_s'])
         self.player = Player(self, self.source, self.setting['time_scale'], gate.is_open)
@@ -76,10 +77,11 @@ class Replay(DragonNode):
 
     def summary(self) -> str:
         """Return how many messages were published, and how late."""
-        count = sum(self.source.published.values())
+        left = self.source.left_out
+        done = f'{self.source.published.total() - left} messages published' + (f', {left} left out' if left else '')
         if not self.late_us:
-            return f'{count} messages published, as fast as the readers follow'
-        return (f'{count} messages published; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
+            return f'{done}, as fast as the readers follow'
+        return (f'{done}; behind the steady clock by {quantile(self.late_us, 0.5)} µs (median), '
                 f'{quantile(self.late_us, 0.99)} µs (99th percentile), {max(self.late_us)} µs (worst)')
 
     def _advertise(self, bag: BagReader, choice: Choice) -> dict[str, Publisher]:

@@ -20,14 +20,18 @@ class ReplaySource:
     At the start, and after a seek, each latched topic first publishes the message that it had at that time.
     """
 
-    def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int) -> None:
-        """Start before the first message; each function in ``also`` is called with every time first."""
+    def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int,
+                 warn: Callable[[str], object]) -> None:
+        """Start before the first message; each function in ``also`` is called with every time first.
+
+        ``warn`` is told once of each topic with a message that cannot be published.
+        """
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
         self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
-        self._queue, self._last_ns = publisher_queue.PublisherQueue(), start_ns
+        self._queue, self._last_ns = publisher_queue.PublisherQueue(warn), start_ns
         self._messages: Iterator[Message]
         self._next: Message | None
         self._starts: bool
@@ -55,6 +59,11 @@ class ReplaySource:
             self._queue.put(self._publishers[message.topic], message.data)
             self.published[message.topic] += 1
         self.flush()
+
+    @property
+    def left_out(self) -> int:
+        """How many messages could not be published, since their type cannot hold them."""
+        return self._queue.left_out.total()
 
     def flush(self) -> bool:
         """Publish what slow readers held back; return whether nothing is held back now."""

@@ -172,8 +172,8 @@ class Mix:
         if self._summary == 3:
             counts = counts + Counter({1: 1})
         entries = b''.join(struct.pack('<HQ', channel, count) for channel, count in sorted(counts.items()))
-        statistics = record(11, struct.pack('<QHIIIIQQI', counts.total(), len(_TOPICS), len(_TOPICS), 0, 0, self._chunks, 0,
-                                            1, len(entries)) + entries)
+        statistics = record(11, struct.pack('<QHIIIIQQI', counts.total(), len(_TOPICS), len(_TOPICS), 0, 0,
+                                            self._chunks, 0, 1, len(entries)) + entries)
         summary = declared() + statistics + (self._rows if self._summary != 2 else b'')
         footer = struct.pack('<BQQQ', 2, 20, start, 0)
         return bytes(self.out) + summary + footer + struct.pack('<I', zlib.crc32(footer, zlib.crc32(summary))) + MAGIC
@@ -197,7 +197,8 @@ def streamed(path: Path) -> tuple[list[Row], bool]:
                     names.setdefault(row.id, row.topic)
                 elif isinstance(row, Message) and row.channel_id in names:
                     found.append((names[row.channel_id], row.log_time, row.data))
-    except (McapError, ValueError, RuntimeError, OSError, EOFError, struct.error, zstandard.ZstdError):
+    except (McapError, ValueError, RuntimeError, OSError, EOFError, MemoryError, OverflowError, struct.error,
+            zstandard.ZstdError):
         return found, False
     return found, True
 

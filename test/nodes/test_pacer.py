@@ -134,3 +134,14 @@ def test_after_a_rest_the_next_tick_is_due_one_step_later_and_nothing_is_late(mo
     clock.now_ns += 10_000 * MS
     assert paced.delay_ns(20 * MS) == 20 * MS
     assert paced.overruns == 0
+
+
+@pytest.mark.parametrize('scale', [2e-12, 1e-13, 1e-300, 5e-324])
+def test_at_the_smallest_scales_the_next_tick_is_always_an_hour_away(monkeypatch, scale):
+    clock, paced = Clock(monkeypatch), Pacer(scale)
+    clock.play(paced, 0)
+    for _ in range(3):
+        clock.now_ns += paced.delay_ns(20 * MS)
+        assert paced.delay_ns(20 * MS) == 3600 * 1000 * MS
+    paced.scale = 1.0
+    assert paced.delay_ns(20 * MS) == pytest.approx(20 * MS, abs=100)      # at 2e-12, 22 ns have gone

@@ -58,3 +58,15 @@ def test_a_latched_topic_is_published_for_those_who_come_later(node):
     _, got = listen(node, 'transient_local')
     node.until(lambda: len(got) == 2)
     assert source.encoded == [0, 1]
+
+
+@pytest.mark.parametrize(('name', 'most'), [
+    ('std_msgs/msg/Float64', 12), ('std_msgs/msg/Bool', 8), ('geometry_msgs/msg/Twist', 52),
+    ('geometry_msgs/msg/PoseWithCovariance', 348), ('geometry_msgs/msg/PoseArray', None), ('std_msgs/msg/String', None),
+    ('nav_msgs/msg/Odometry', None)])
+def test_a_type_of_fixed_size_cannot_hold_a_longer_message(name, most):
+    from dragon_ros.nodes.shell import message_type
+    kind = message_type(name)
+    assert publisher_queue.can_hold(kind, 4)
+    assert publisher_queue.can_hold(kind, 10**9 if most is None else most)
+    assert most is None or not publisher_queue.can_hold(kind, most + 4)

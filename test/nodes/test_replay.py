@@ -216,3 +216,25 @@ def test_a_bag_names_message_types_and_nothing_that_is_run(start, tmp_path, name
     assert replay.text.startswith('replay: message type ')
     assert len(replay.text.splitlines()) == 1
     assert not (tmp_path / 'sprung').exists()
+
+
+@pytest.mark.parametrize('rate', [0, 1000])
+def test_what_its_type_cannot_hold_is_left_out_named_once_and_counted_and_all_else_is_played(start, node, tmp_path,
+                                                                                            rate):
+    from geometry_msgs.msg import PoseArray
+    from std_msgs.msg import Float64
+    encode, heard, seen = encoders(SCENE)['handles'], [], []
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for name in ('handles', 'clearance'):
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        for k in range(20):
+            bag.write('/dragon/clearance', b'\0\1\0\0' + bytes(8 if k < 2 else 16), SCENE.run.time_ns(k), k + 1)
+            bag.write('/dragon/handles', encode(tick(SCENE, k)), SCENE.run.time_ns(k), k + 1)
+    node.create_subscription(PoseArray, 'handles', heard.append, 100, raw=True)
+    node.create_subscription(Float64, 'clearance', seen.append, 100, raw=True)
+    replay = start('replay', 'a.mcap', '--rate', rate, '--wait-subscribers', '/dragon/handles=1,/dragon/clearance=1')
+    node.until(lambda: len(heard) == 20 and len(seen) == 2)
+    assert replay.end() == 0, replay.text
+    assert replay.text.count('/dragon/clearance: messages that their type cannot hold are left out; the first has 20 '
+                             'bytes') == 1
+    assert '22 messages published, 18 left out' in replay.text
