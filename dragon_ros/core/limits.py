@@ -86,7 +86,8 @@ LIMITS = (
     Limit('RECORDED_SCENES', 'different scenes that a recorder reads and attaches to one bag', 'scenes',
           'only stored as messages, with a warning'),
     Limit('SUBSCRIBERS', 'subscribers that `wait_subscribers` can ask for', 'subscribers', 'refused'),
-    Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections', 'closed at once'),
-    Limit('VIEW_IDLE_S', 'how long `view` waits for a request on a connection', 'seconds', 'closed'),
+    Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections',
+          'the one that has been without a request longest is closed'),
+    Limit('VIEW_IDLE_S', 'how long a request to `view` takes to arrive, however its bytes come', 'seconds', 'closed'),
     Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
 )

@@ -147,21 +147,33 @@ def test_every_answer_forbids_frames_other_origins_and_guessed_types(server, pat
         assert answer.headers['X-Frame-Options'] == 'DENY'
 
 
-def test_connections_are_limited_in_number_and_in_silence(scene, monkeypatch):
-    monkeypatch.setattr(server_module._Handler, 'timeout', 0.5)
+def test_who_asks_is_answered_however_many_connections_ask_for_nothing(scene, monkeypatch):
     monkeypatch.setattr(server_module, 'VIEW_CONNECTIONS', 3)
     with serving(SceneSource('short', scene)) as server, contextlib.ExitStack() as stack:
-        silent = [stack.enter_context(socket.create_connection(server.server_address)) for _ in range(4)]
-        assert silent[3].recv(1) == b''     # there is no room for it
-        assert silent[0].recv(1) == b''     # it said nothing for too long, which makes room
-        silent[1].recv(1)
-        silent[2].recv(1)
-        until = time.monotonic() + 20
-        while True:
-            with contextlib.suppress(OSError, http.client.HTTPException):
-                assert json.loads(get(server, 'run.json'))['name'] == 'short'
-                break
-            assert time.monotonic() < until
+        silent = [stack.enter_context(socket.create_connection(server.server_address)) for _ in range(20)]
+        for one in silent:
+            with contextlib.suppress(OSError):      # it was closed
+                one.sendall(b'G')
+        assert json.loads(get(server, 'run.json'))['name'] == 'short'
+        with contextlib.suppress(ConnectionError):
+            assert silent[0].recv(1) == b''         # the oldest of them made room
+
+
+def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeypatch):
+    monkeypatch.setattr(server_module, 'VIEW_IDLE_S', 0.5)
+    with serving(SceneSource('short', scene)) as server, socket.create_connection(server.server_address) as slow:
+        slow.settimeout(0.05)
+        began, answer = time.monotonic(), None
+        while answer is None:
+            assert time.monotonic() < began + 60
+            try:
+                slow.sendall(b'G')
+                answer = slow.recv(1)
+            except TimeoutError:
+                continue
+            except ConnectionError:
+                answer = b''
+        assert answer == b''
 
 
 def test_a_taken_port_is_said_in_one_line(capsys, server):

@@ -166,6 +166,23 @@ def test_a_parameter_that_cannot_be_is_refused_with_the_reason_and_keeps_its_val
         assert paused.get(name) == before
 
 
+def test_a_running_sim_takes_both_ends_of_every_live_parameter_and_plays_on(paused, node):
+    assert paused.call('resume')[0]
+    for scale in (5e-324, 1e-300, 2e-12, 1e6, 1e-9):
+        assert paused.set('time_scale', scale) == (True, '')
+        assert paused.get('time_scale').double_value == scale
+    for name, low, high in (('step_ticks', 1, 1000), ('seek_s', -1.0, 413.0)):
+        for value in (low, high):
+            assert paused.call('reset')[0]
+            assert paused.set(name, value) == (True, '')
+            assert paused.call(name.partition('_')[0])[0]
+    assert paused.call('reset')[0]
+    assert paused.set('time_scale', 1e6) == (True, '')
+    assert paused.call('resume')[0]
+    node.until(lambda: paused.stamps[-1:] == [413 * 10**9])
+    assert paused.process.stop() == 0, paused.process.text
+
+
 def test_parameters_are_described_with_type_range_text_and_whether_they_are_live(start, node):
     start('sim', '--ros-args', '-p', 'discovery_s:=0.0')
     rows = {row.name: row for row in Remote(node).describe([parameter.name for parameter in SIM])}

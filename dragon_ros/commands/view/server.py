@@ -1,11 +1,15 @@
 """The server of the web view: a page, a plotting library and data, on this host only."""
 import json
 import re
+import socket
 import sys
+import time
 from collections.abc import Callable
+from contextlib import suppress
 from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
-from threading import BoundedSemaphore
+from io import BufferedReader, RawIOBase
+from threading import BoundedSemaphore, Lock
 from typing import Any
 from urllib.parse import urlsplit
 
@@ -21,6 +25,7 @@ _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
 _ANSWERS: dict[str, Callable[[ViewData], Any]] = {
     '/run.json': lambda data: data.run, '/contact.json': ViewData.contact, '/clearance.json': ViewData.clearance}
+_ROOM_S = 1.0       # longest wait until a connection that was closed to make room has ended
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
 # The page may only use what this server sends; plotly.js writes styles into it.
@@ -39,6 +44,7 @@ class ViewServer(ThreadingHTTPServer):
         """Bind to this host."""
         self.data = data
         self._room = BoundedSemaphore(VIEW_CONNECTIONS)
+        self._waiting, self._lock = dict[socket.socket, None](), Lock()     # without a request so far, the oldest first
         try:
             super().__init__((HOST, port), _Handler)
         except (OSError, OverflowError) as error:
@@ -46,14 +52,39 @@ class ViewServer(ThreadingHTTPServer):
             raise MissingError(f'--port {port}: cannot be used: {reason}; leave it out to take any free one') from None
 
     def verify_request(self, request: object, client_address: object) -> bool:
-        """Accept a connection while there is room; others are closed at once."""
-        return self._room.acquire(blocking=False)
+        """Accept a connection. Where there is no room, the one that has been without a request longest is closed.
+
+        If all are being answered, the new one is closed at once.
+        """
+        return self._room.acquire(blocking=False) or (self._close_oldest() and self._room.acquire(timeout=_ROOM_S))
+
+    def _close_oldest(self) -> bool:
+        with self._lock:
+            oldest = next(iter(self._waiting), None)
+            self._waiting.pop(oldest, None)     # type: ignore[arg-type]
+        if oldest is not None:
+            with suppress(OSError):     # its thread has ended meanwhile
+                oldest.shutdown(socket.SHUT_RDWR)
+        return oldest is not None
+
+    def wait_for(self, connection: socket.socket) -> None:
+        """Note that a connection has no request yet."""
+        with self._lock:
+            self._waiting.pop(connection, None)
+            self._waiting[connection] = None
+
+    def wait_no_more(self, connection: socket.socket) -> None:
+        """Note that a connection has a request, or has ended."""
+        with self._lock:
+            self._waiting.pop(connection, None)
 
     def process_request_thread(self, request: Any, client_address: Any) -> None:
         """Serve a connection and make room for another."""
+        self.wait_for(request)
         try:
             super().process_request_thread(request, client_address)
         finally:
+            self.wait_no_more(request)
             self._room.release()
 
     def handle_error(self, request: object, client_address: object) -> None:
@@ -67,6 +98,24 @@ class ViewServer(ThreadingHTTPServer):
         return f'http://{HOST}:{self.server_address[1]}/'
 
 
+class _Request(RawIOBase):
+    """What arrives on a connection, each request before its deadline, however slowly it comes."""
+
+    def __init__(self, connection: socket.socket) -> None:
+        self._connection, self.deadline_s = connection, 0.0
+
+    def readable(self) -> bool:
+        return True
+
+    def readinto(self, buffer: Any) -> int:
+        """Receive bytes. Raises TimeoutError after the deadline."""
+        left_s = self.deadline_s - time.monotonic()
+        if left_s <= 0:
+            raise TimeoutError
+        self._connection.settimeout(left_s)
+        return self._connection.recv_into(buffer)
+
+
 class _Handler(BaseHTTPRequestHandler):
     """Answers GET."""
 
@@ -74,8 +123,23 @@ class _Handler(BaseHTTPRequestHandler):
     protocol_version = 'HTTP/1.1'
     timeout = VIEW_IDLE_S
 
+    def setup(self) -> None:
+        """Read requests within a deadline."""
+        super().setup()
+        self.rfile.close()
+        self._incoming = _Request(self.connection)
+        self.rfile = BufferedReader(self._incoming)
+
+    def handle_one_request(self) -> None:
+        """Wait for a request and answer it."""
+        self._incoming.deadline_s = time.monotonic() + VIEW_IDLE_S
+        self.server.wait_for(self.connection)
+        super().handle_one_request()
+
     def do_GET(self) -> None:
         """Answer, with an error as text where that fails."""
+        self.server.wait_no_more(self.connection)
+        self.connection.settimeout(VIEW_IDLE_S)
         if not self._is_for_us():       # a foreign page that gave this host a name of its own
             self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
             return
