@@ -44,6 +44,12 @@ def main(argv: list[str]) -> int:
         code: int = getattr(importlib.import_module(executable.module), executable.function)(rest)
     except KeyboardInterrupt:       # a node that is interrupted while it starts ends as one that runs
         return 0 if executable.module == NODES else 1
+    except ModuleNotFoundError as error:
+        if executable.module != NODES or error.name is None or error.name.startswith('dragon_ros'):
+            raise
+        print(f'{name}: {error.name.partition(".")[0]}: is not installed, and nodes need ROS 2: use ./dragon {name} of '
+              'a checkout, which brings it, or an environment with ROS 2 (see README.md)', file=sys.stderr)
+        return 2
     return code
 
 

@@ -32,6 +32,7 @@ PICTURE_TICKS = 2_000_000
 LED_TICKS = 2_000_000
 
 # Messages and nodes
+COORDINATE_M = 1e30
 MARKER_RUNS = 10_000
 MONITOR_BYTES = 256 * MB
 HELD_BYTES = 64 * MB
@@ -77,6 +78,7 @@ LIMITS = (
     Limit('CHECKED_TIMES', 'messages whose times `inspect` holds to find gaps', 'messages', 'the rest is only counted'),
     Limit('PICTURE_TICKS', 'the ticks of a bag that `plot` and `view` look at', 'ticks', 'refused'),
     Limit('LED_TICKS', 'the ticks of a led dragon whose way is read back from a bag', 'ticks', 'refused'),
+    Limit('COORDINATE_M', 'a coordinate, a size or a speed of a dragon in messages', 'metres', 'refused'),
     Limit('MARKER_RUNS', 'the markers of a message that differ in layout from the one before', 'markers', 'refused'),
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their partner arrives', 'bytes',
           'the oldest is dropped, with a warning'),

@@ -8,6 +8,7 @@ import numpy as np
 
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.limits import COORDINATE_M
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.messages.cdr import NS
 from dragon_ros.messages.decode import Markers, MessageError, Poses, read_marker_array, read_pose_array
@@ -301,10 +302,10 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 
 def _finite(what: str, values: Floats) -> Floats:
-    """Return values as native floats. Raises MessageError unless all are finite and can be squared."""
+    """Return values as native floats. Raises MessageError unless all are finite and below a budget."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
-    if not np.max(size, initial=0.0) < 1e150:
-        row = int(np.argwhere(~(size < 1e150))[0][0])
-        raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers')
+    if not np.max(size, initial=0.0) < COORDINATE_M:
+        row = int(np.argwhere(~(size < COORDINATE_M))[0][0])
+        raise MessageError(f'{what} {row} is {values[row].tolist()}; expected finite numbers below {COORDINATE_M:g}')
     return values

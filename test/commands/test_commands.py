@@ -348,3 +348,13 @@ def test_a_signal_that_ends_the_demo_waits_until_a_started_process_is_noted():
         start()
     assert noted
     assert {number: signal.getsignal(number) for number in ending()} == before
+
+
+@pytest.mark.parametrize('name', ['sim', 'monitor', 'record', 'replay'])
+def test_without_ros_a_node_says_so_in_one_line(name):
+    program = (f"import sys; sys.modules['rclpy'] = None\nfrom dragon_ros.__main__ import main\n"
+               f"sys.exit(main(['{name}', *(['a.mcap'] if '{name}' == 'replay' else [])]))")
+    done = subprocess.run([sys.executable, '-c', program], capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stdout) == (2, '')
+    assert done.stderr.startswith(f'{name}: rclpy: is not installed, and nodes need ROS 2')
+    assert done.stderr.count('\n') == 1

@@ -20,11 +20,17 @@ import pytest
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.commands.sources import SceneSource, dragon_in, moment
 from dragon_ros.commands.view import server as server_module
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB, write_page
 from dragon_ros.commands.view.server import ViewServer
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.step import tick
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array
+from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 
 needs_browser = pytest.mark.skipif(
@@ -174,6 +180,29 @@ def test_a_request_has_a_deadline_however_steadily_its_bytes_come(scene, monkeyp
             except ConnectionError:
                 answer = b''
         assert answer == b''
+
+
+@pytest.mark.parametrize('topic', ['handles', 'benches', 'velocities'])
+@pytest.mark.parametrize('by_m', [9e29, 1e31, 1e39, 1e149, 1e308])
+def test_a_bag_with_huge_numbers_is_shown_or_refused_in_words(tmp_path, topic, by_m):
+    scene = load_scene('first_contact', ['dragon.benches=3', 'run.stop_s=400.1'])
+    encode = encoders(scene)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        for name in encode:
+            bag.add_channel(f'/dragon/{name}', channels()[name])
+        for k in range(6):
+            for name in encode:
+                data = bytearray(encode[name](tick(scene, k)))
+                if name == topic and k > 2:
+                    views = {'handles': lambda data: read_pose_array(data).poses, 'benches': lambda data:
+                             read_marker_array(data).geometry[0], 'velocities': lambda data: read_multi_array(data)[1]}
+                    views[name](data)[:, :2] += by_m
+                bag.write(f'/dragon/{name}', bytes(data), scene.run.time_ns(k), k + 1)
+    with BagReader(tmp_path / 'a.mcap') as reader, contextlib.nullcontext() if by_m < 1e30 else pytest.raises(
+            InputError, match=f'/dragon.* at .*{topic}: .*1e\\+30'):
+        data = ViewData(dragon_in(reader), iter)
+        json.dumps((data.run, data.clearance(), data.contact()), allow_nan=False)
+        assert data.frames(0)
 
 
 def test_a_taken_port_is_said_in_one_line(capsys, server):

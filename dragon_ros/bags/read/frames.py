@@ -12,7 +12,7 @@ from dragon_ros.core.chain.commanded import Commanded, Walked, profile_of, walke
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.limits import LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
+from dragon_ros.core.limits import COORDINATE_M, LED_TICKS, SCENE_CHARACTERS, WAITING_TICKS
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.messages.bench_reader import BenchReader
@@ -186,12 +186,20 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
     ticks = _Ticks('benches' not in names.values())
     for message in bag.messages(list(names), start_ns, end_ns):
+        yield from _frames(bag, root, ticks.ready(message.t_ns))
         try:
-            yield from map(_frame, ticks.ready(message.t_ns))
             ticks.add(names[message.topic], message)
         except MessageError as error:
             raise MessageError(f'{bag.path}: {message.topic} at {message.t_ns} ns: {error}') from None
-    yield from map(_frame, ticks.ready(END_OF_TIME_NS))
+    yield from _frames(bag, root, ticks.ready(END_OF_TIME_NS))
+
+
+def _frames(bag: BagReader, root: str, ticks: Iterator[_Parts]) -> Iterator[BagFrame]:
+    for parts in ticks:
+        try:
+            yield _frame(parts)
+        except MessageError as error:
+            raise MessageError(f'{bag.path}: {root} at {parts.poses.t_ns} ns: {error}') from None
 
 
 class _Ticks:
@@ -248,6 +256,8 @@ def _velocities(data: bytes) -> Floats:
     labels, values = read_multi_array(data)
     if values.ndim != 2 or values.shape[1] < 2:
         raise MessageError(f'velocities: {labels} of shape {values.shape}; expected rows of vx, vy, speed')
+    if np.any(np.abs(values) > COORDINATE_M):
+        raise MessageError(f'velocities: a speed of more than {COORDINATE_M:g} m/s')
     return np.ascontiguousarray(values[:, :2], dtype=np.float64)
 
 
