@@ -28,6 +28,7 @@ SUBSTITUTES = {
     './dragon mutants': (None, 'minutes; test/mutants tests what it changes and runs'),
     './dragon test': (None, 'these are the tests'),
     './dragon check': (None, 'these are the tests'),
+    './dragon lock': (None, 'it asks the package index; test/test_locks.py holds the locks'),
     './dragon docs': (None, 'it would write; a test below checks the tables'),
     './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares'),
     './dragon python docs/examples/': (None, 'test/nodes/test_examples.py runs it beside a sim'),
