@@ -1,6 +1,8 @@
 """What all tests share: floating-point errors raise, properties are repeatable, the longest tests come first."""
 import os
+import re
 import signal
+from importlib.util import find_spec
 
 import numpy as np
 import pytest
@@ -10,6 +12,32 @@ from hypothesis import HealthCheck, settings
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
     parser.addoption('--long', action='store_true', help='also run what takes many processes (test/studies)')
+
+
+# Libraries that an ordinary ROS 2 install need not have (rosdep has no key for three of them), and the helper modules
+# that import them: a file that imports one of these is left out where the library is missing, and named.
+OPTIONAL = {'flint': 'flint', 'arb_balls': 'flint', 'motions': 'flint', 'mpmath': 'mpmath', 'convergence': 'mpmath',
+            'high_precision': 'mpmath', 'pyarrow': 'pyarrow', 'scipy': 'scipy'}
+_IMPORTS = re.compile(r'^(?:from|import) (\w+)', re.MULTILINE)
+_left_out = []
+
+
+def missing_for(source, found=find_spec):
+    """Return the first library that a test file imports at its top and that is not installed, or None."""
+    wanted = (OPTIONAL[name] for name in _IMPORTS.findall(source) if name in OPTIONAL)
+    return next((library for library in wanted if not found(library)), None)
+
+
+def pytest_ignore_collect(collection_path):
+    if collection_path.suffix == '.py' and (library := missing_for(collection_path.read_text(encoding='utf-8'))):
+        _left_out.append(f'{collection_path.name}: {library} is not installed')
+        return True
+    return None
+
+
+def pytest_terminal_summary(terminalreporter):
+    for line in _left_out:
+        terminalreporter.write_line(f'LEFT OUT {line}')
 
 
 def pytest_configure():

@@ -38,3 +38,29 @@ def test_the_manifest_is_what_the_tools_of_ros_accept_without_a_warning():
     found.validate(warnings=warnings)
     assert warnings == []
     assert found.get_build_type() == 'ament_python'
+
+
+# Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, as of 2026-11-23. rosdep installs
+# test dependencies by default and stops at the first key that it does not know.
+RESOLVED = {
+    'rclpy', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs',
+    'std_msgs', 'std_srvs', 'visualization_msgs', 'ament_index_python', 'launch', 'launch_ros', 'ros2launch',
+    'tf2_msgs',
+    'python3-argcomplete', 'python3-matplotlib', 'python3-numpy', 'python3-shapely', 'python3-tqdm', 'python3-yaml',
+    'python3-hypothesis', 'python3-jsonschema', 'python3-openpyxl', 'python3-pytest', 'python3-pytest-xdist',
+    'python3-scipy'}
+
+
+def test_rosdep_knows_every_key_of_the_manifest():
+    manifest = ElementTree.parse(ROOT / 'package.xml').getroot()
+    assert {node.text for node in manifest if node.tag.endswith('depend')} <= RESOLVED
+
+
+@pytest.mark.parametrize(('source', 'library'), [
+    ('import mpmath\n', 'mpmath'), ('from scipy.stats import norm\n', 'scipy'),
+    ('from convergence import x\n', 'mpmath'),
+    ('def f():\n    import mpmath\n', None), ('import numpy\n', None)])
+def test_a_file_whose_library_is_missing_is_left_out_by_name(request, source, library):
+    conftest = next(one for one in request.config.pluginmanager.get_plugins() if hasattr(one, 'missing_for'))
+    assert conftest.missing_for(source, lambda name: None) == library
+    assert conftest.missing_for(source, lambda name: name) is None
