@@ -70,7 +70,8 @@ class Pacer:
         now = time.monotonic_ns()
         if self._origin is None:
             self._origin = now, t_ns if self.last_ns is None else min(self.last_ns, t_ns)
-        return now - self._origin[0] - round(min((t_ns - self._origin[1]) / self._scale, _FOREVER_NS))
+        wait_ns = (t_ns - self._origin[1]) / self._scale
+        return now - self._origin[0] - round(max(-_FOREVER_NS, min(wait_ns, _FOREVER_NS)))
 
 
 def _checked(scale: float) -> float:

@@ -145,3 +145,14 @@ def test_at_the_smallest_scales_the_next_tick_is_always_an_hour_away(monkeypatch
         assert paced.delay_ns(20 * MS) == 3600 * 1000 * MS
     paced.scale = 1.0
     assert paced.delay_ns(20 * MS) == pytest.approx(20 * MS, abs=100)      # at 2e-12, 22 ns have gone
+
+
+def test_a_run_that_is_late_goes_on_at_the_smallest_scale(monkeypatch):
+    clock, paced = Clock(monkeypatch), Pacer(1e6)
+    clock.play(paced, 0)
+    clock.now_ns += 100 * MS
+    paced.scale = 5e-324
+    assert paced.delay_ns(20 * MS) == 0
+    paced.start(20 * MS)
+    paced.scale = 1e6
+    assert paced.delay_ns(40 * MS) <= 20
