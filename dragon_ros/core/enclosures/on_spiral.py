@@ -270,8 +270,9 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
     chord, arm = links / sizes.b_m, np.hypot(half_length, sizes.half_width_m) / sizes.b_m
     most = bend(theta, delta, between(chord, chord), arm, _some_pairs(row, bench))
     length = (a.places - b.places)[used][row, None]
-    out: Floats = most * (sizes.b_m * length * length / 8)
-    return out
+    with np.errstate(invalid='ignore', over='ignore'):
+        out: Floats = most * (sizes.b_m * length * length / 8)
+    return np.where(np.isnan(out), np.inf, out)     # infinity times an interval of no length: nothing is known
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
