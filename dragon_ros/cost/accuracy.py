@@ -28,7 +28,7 @@ MARCHED = ', marched'
 
 @dataclass(frozen=True)
 class Solver:
-    """A way to place all handles: its largest error at the instants, its promise there, and its time a tick.
+    """A way to place all handles: its largest error at the instants, its promise there, and its time per tick.
 
     ``error_m`` is nan without a reference; a solver that does not apply has a note and no timing.
     """

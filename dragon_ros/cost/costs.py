@@ -99,7 +99,7 @@ def _accuracy_text(found: Accuracy) -> str:
              f'Accuracy: no errors, since a reference of so long a dragon behind its tail takes minutes; at {times} s')
     rows = [(row.name, _figure(row.error_m), _figure(row.promise_m), _figure(row.speed_error_m_s), _us(row.positions),
              _us(row.with_velocities), row.note) for row in found.solvers]
-    head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs a tick', 'with velocities', ''
+    head = 'solver', 'error (m)', 'promise (m)', 'speed (m/s)', 'µs per tick', 'with velocities', ''
     return _table(title, head, rows)
 
 
@@ -107,7 +107,7 @@ def _effects_text(costs: Costs) -> str:
     rows = [(row.effect, 'yes' if row.effect in costs.effects else '', _us(row.timing), f'{row.size:,}')
             for row in costs.prices]
     return _table('Effects: what each adds to a tick, computed and encoded',
-                  ('effect', 'in the scene', 'µs a tick', 'bytes a tick'), rows)
+                  ('effect', 'in the scene', 'µs per tick', 'bytes per tick'), rows)
 
 
 def _contact_text(found: Search) -> str:
@@ -118,7 +118,7 @@ def _bags_text(found: Sequence[Bag]) -> str:
     rows = [(row.compression, f'{row.bytes_per_tick:,.0f}', f'{row.share:.1%}', f'{row.ticks_per_s:,.0f}',
              f'{row.ticks:,}') for row in found]
     return _table('Bags: computed, encoded and written',
-                  ('compression', 'bytes a tick', 'of the messages', 'ticks per s', 'ticks'), rows)
+                  ('compression', 'bytes per tick', 'of the messages', 'ticks per s', 'ticks'), rows)
 
 
 def _table(title: str, head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:

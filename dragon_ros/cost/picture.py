@@ -45,7 +45,7 @@ def _errors(axes: Any, costs: Costs) -> None:
         axes.annotate(text, place, xytext=(0, -14) if together else (7, -3), textcoords='offset points', fontsize=8,
                       ha='center' if together else 'left')
     axes.margins(x=0.3, y=0.12)
-    axes.set(xlabel='time a tick (µs): positions of all handles', ylabel='largest error (m)',
+    axes.set(xlabel='time per tick (µs): positions of all handles', ylabel='largest error (m)',
              title='What accuracy costs')
     if drawn:
         axes.legend()
@@ -117,5 +117,5 @@ def _bags(axes: Any, costs: Costs) -> None:
                       textcoords='offset points', ha='center', fontsize=8)
     axes.set_xticks(range(len(costs.bags)), [row.compression for row in costs.bags])
     axes.grid(visible=False, axis='x')
-    axes.set(ylabel='size (kB a tick)', title='What a bag takes')
+    axes.set(ylabel='size (kB per tick)', title='What a bag takes')
     axes.set_ylim(0, 1.2 * max(row.bytes_per_tick for row in costs.bags) / 1000)
