@@ -289,10 +289,19 @@ def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     around = np.cumsum(np.abs(a.delta - b.delta) + 4 * off, axis=1)
     around = (1 + 2.0**-52 * around.shape[1]) * np.concatenate((np.zeros_like(around[:, :1]), around), axis=1)
     turned = ABOVE * (inwards + sizes.b_m * outer * around + 4 * sizes.error_m)
-    overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
-    lever = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
+    lever = levers(sizes)
     ways = [lever * np.maximum(handle[:, :-1], handle[:, 1:]) for handle in (along, turned)]
     out: Floats = np.minimum(*(way[:, :1] + way[:, 2:] for way in ways))
+    return out
+
+
+def levers(sizes: Sizes) -> Floats:
+    """Return how many times as far as the farther of a bench's handles its corners go at most, (M, K).
+
+    A move that turns the bench about the middle of its link, its handles in opposite directions, comes close to it.
+    """
+    overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
+    out: Floats = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
     return out
 
 

@@ -10,7 +10,7 @@ from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
-from dragon_ros.core.enclosures.on_spiral import bend, bounds
+from dragon_ros.core.enclosures.on_spiral import bend, bounds, levers
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.geometry.narrow_phase import BenchSampler, beyond
 from dragon_ros.core.numerics.double_double import DoubleDouble
@@ -125,6 +125,27 @@ def test_each_bench_is_further_beyond_the_circle_than_the_one_before_it(body, th
     for part in np.linspace(0, 1, 5):
         inside = watch.sample(np.array([theta + part * length]))
         assert np.all(beyond(inside, inside, watch.sizes)[0] >= outside - 1e-12)
+
+
+def gone(dragon, moved):
+    """How far the farther handle and the farthest corner of each bench go; ``moved`` maps points of the plane."""
+    half, side, link = 0.5 * dragon.bench_lengths_m, 0.5 * dragon.width_m, dragon.link_lengths_m
+    handle = 0.5 * link[:, None] * np.array([1, -1])
+    corner = half[:, None] * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
+    return [np.max(np.abs(moved(each) - each), axis=1) for each in (handle, corner)]
+
+
+@given(st.floats(-3, 3), st.floats(-3, 3), st.floats(-3.2, 3.2), st.floats(0.01, 0.5), st.floats(0.01, 0.4))
+def test_no_corner_goes_further_than_a_handle_times_the_lever(x, y, turn_rad, width, inset):
+    dragon = Dragon(4, 2.0, 1.0, width, inset)
+    handle, corner = gone(dragon, lambda z: z * np.exp(1j * turn_rad) + complex(x, y))
+    assert np.all(corner <= levers(sampler(dragon, 0).sizes) * handle + 1e-12)
+
+
+def test_the_lever_is_not_a_hundredth_more_than_a_turn_about_the_middle_of_a_link_needs():
+    dragon = Dragon(4, 2.0, 1.0, 1e-3, 0.3)
+    handle, corner = gone(dragon, lambda z: 1j * z)
+    assert np.all(levers(sampler(dragon, 0).sizes) * handle <= 1.01 * corner)
 
 
 def test_a_stretch_on_which_a_handle_turns_back_is_never_cleared():

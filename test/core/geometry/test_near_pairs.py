@@ -153,6 +153,53 @@ def test_parts_that_come_nearer_to_the_origin_one_by_one_are_seen(monkeypatch, p
     agree(looks)
 
 
+def lying(centre, half=1.0, side=0.1):
+    """Benches along x at centres given as complex numbers."""
+    count = len(centre)
+    return poses(np.stack((centre.real, centre.imag), 1), np.zeros(count), np.full(count, half), np.full(count, side))
+
+
+def both_sides(step):
+    """Benches 0 and 2 each go a step towards the other; 4 and 6 are closest until those meet; 5 is held fast."""
+    return lying(np.array([-1.3 + step, 20j, 1.3 - step, -20j, 10j, -10.65j, 10.25j]))
+
+
+def test_two_benches_that_approach_from_both_sides_are_seen_to_overlap():
+    near = agree([both_sides(0.0), both_sides(0.36)])
+    assert near._kept.closest == (0, 2)
+
+
+@pytest.mark.parametrize('step', [0.01, 0.1, 0.36])
+def test_gaps_are_taken_to_change_by_both_steps_and_no_more(step):
+    near = agree([both_sides(0.0)])
+    (part,), (_, benches) = near._kept.parts, both_sides(step)
+    assert part.change_m(near_pairs._bodies(benches, near._kept.far)) == pytest.approx(2 * step, rel=1e-12)
+
+
+def in_a_row(step, end=None):
+    """Benches in a row outwards from the origin, those before the first part's end a step out, those after it in."""
+    n = np.arange(24)
+    return lying(0.5 + 0.11 * n + step * np.where(n < 4, 1, np.where(n >= (end or 24), -1, 0)) + 0j, 0.1, 0.001)
+
+
+def test_two_benches_of_different_parts_that_approach_from_both_sides_are_seen_to_overlap(monkeypatch):
+    monkeypatch.setattr(near_pairs, '_FIRST_PART', 4)
+    near = agree([in_a_row(0.0)])
+    end = near._kept.parts[0].end
+    assert near._kept.parts[0].stop == 4 < end < 24
+    agree([in_a_row(0.0), in_a_row(0.075, end)])
+
+
+@pytest.mark.parametrize('step', [0.01, 0.075])
+def test_pairs_of_different_parts_are_taken_to_come_nearer_by_both_steps_and_no_more(monkeypatch, step):
+    monkeypatch.setattr(near_pairs, '_FIRST_PART', 4)
+    kept = agree([in_a_row(0.0)])._kept
+    _, benches = in_a_row(step, kept.parts[0].end)
+    across_m = kept.across_m(near_pairs._bodies(benches, kept.far))
+    assert across_m == pytest.approx(kept.apart_m - 2 * step, abs=1e-12)
+    assert across_m <= gaps(benches, np.array([3]), np.array([kept.parts[0].end]))[0]
+
+
 def times(start_s, stop_s, rate_hz):
     return np.arange(start_s, stop_s, 1 / rate_hz)
 
