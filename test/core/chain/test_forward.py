@@ -8,6 +8,7 @@ from dragon_ros.core.batches import states
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.forward import blocks_of, forward, forward_many, together
+from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
@@ -89,3 +90,14 @@ def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
                         EFFORT) is not None
     assert [served(t_s) for t_s in (*CLASSIC_TIMES[:-2], 425.0)] == [True] * 9
     assert not served(CLASSIC_TIMES[-1])
+
+
+@pytest.mark.parametrize('head', [20.0, 26.0, 32.7])
+def test_handles_are_placed_at_once_unless_the_second_moves_on_by_less_than_a_twentieth_of_the_first(head):
+    track, links = track_of(Spiral(2 * np.pi)), np.array([head] + 20 * [18.85])
+    turn, step = turning_places(links[:2].tolist(), lock_angle(head), head + 5)[-1], 1e-4
+    for theta in turn + np.linspace(0, 2, 200):
+        leader = np.zeros(1, dtype=np.int64), np.array([theta]), np.zeros(1)
+        pace = (follower(theta + step, head) - follower(theta - step, head)) / (2 * step)
+        if abs(pace - 0.05) > 1e-3:
+            assert (together(track, blocks_of(links, BEHIND), leader, BEHIND, EFFORT) is None) == (pace < 0.05)

@@ -1,5 +1,6 @@
 """Composite tracks: links across joints, the first place at a link's length, and what is refused."""
 from dataclasses import replace
+from itertools import pairwise
 from math import pi
 
 import numpy as np
@@ -154,3 +155,14 @@ def test_a_dragon_starts_no_more_rounds_back_on_a_circle_than_two_floats_tell():
     with pytest.raises(FieldError, match=r'track.start_m: -101.0 is not possible, the smallest is -100'):
         track_of(Composite((Arc(1e-7, 90.0),), start_m=-101.0))
     assert track_of(Composite((Arc(1e-7, 90.0),), start_m=-100.0)).place_at(-100.0).u.hi == pytest.approx(-1e9)
+
+
+def test_a_piece_is_laid_from_as_far_out_as_the_pieces_before_it_go_and_no_further():
+    track = track_of(Composite((Line(500.0), Arc(2.0, 180.0), Line(400.0), Arc(3.0, -90.0),
+                                SpiralArc(0.55, 60.0, 20.0))))
+    reached_m = 0.0
+    for start_m, stop_m in pairwise([0.0, *track.joints_m]):
+        assert track.laid_from_m(stop_m - 1e-6) >= reached_m
+        places = [track.place_at(metres) for metres in np.linspace(start_m, stop_m, 99)]
+        reached_m = max(reached_m, *(abs(complex(track.segments[k].at(*u))) for k, u in places))
+        assert reached_m <= track.laid_from_m(stop_m + 1e-6) <= 1.02 * reached_m
