@@ -38,6 +38,8 @@ def main(argv: list[str]) -> int:
                          help='write the intervals that prove that nothing touched earlier, as JSON')
     options.add_argument('--verify', type=Path, metavar='FILE',
                          help="check a certificate with none of the solver's code (no scene options)")
+    options.add_argument('--effort', metavar='TIMES', help='with --verify: spend so many times the usual budget before '
+                         'giving up (1); where that is too little, it says how much is enough')
     command_line.add_output_options(options)
     return command_line.guarded('contact', partial(_run, options.parse_args(argv)))
 
@@ -51,6 +53,8 @@ def _check(arguments: Namespace) -> None:
         given |= {'--scene': command_line.names_scene(arguments), '--set': bool(arguments.overrides),
                   '--trust': arguments.trust, '--format': arguments.format != 'text', 'BAG': arguments.bag is not None}
         command_line.check_taken('--verify', given, set())
+    elif arguments.effort is not None:
+        raise InputError('--effort: belongs to --verify; a search has none')
     if arguments.within and arguments.near_misses is not None:
         raise InputError('--near-misses: a family has none of its own; leave out --within or --near-misses')
     if arguments.near_misses is not None and arguments.format == 'csv':
@@ -60,7 +64,7 @@ def _check(arguments: Namespace) -> None:
 def _run(arguments: Namespace) -> int:
     _check(arguments)
     if arguments.verify is not None:
-        return _verify(arguments.verify, arguments.output)
+        return _verify(arguments.verify, arguments.effort, arguments.output)
     scene = _scene_of(arguments)
     if arguments.within:
         from dragon_ros.commands import contact_within
@@ -105,11 +109,12 @@ def _scene_of(arguments: Namespace) -> 'Scene':
         return walked_scene(bag, scene, namespace)
 
 
-def _verify(certificate_file: Path, output: Path | None) -> int:
+def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:
     """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
     import subprocess
-    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file], stdout=subprocess.PIPE,
-                          text=True, check=False)
+    given = [] if effort is None else [f'--effort={effort}']
+    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file, *given],
+                          stdout=subprocess.PIPE, text=True, check=False)
     if done.stdout:
         command_line.write_output(output, done.stdout.rstrip('\n'))
     return done.returncode

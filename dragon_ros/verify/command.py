@@ -2,6 +2,7 @@
 import argparse
 import sys
 import time
+from math import inf, nan
 from pathlib import Path
 
 from dragon_ros.verify.errors import Refused
@@ -14,7 +15,7 @@ def main(argv: list[str] | None = None) -> int:
     """Check a certificate: print what it proves and return 0, or say in a line why it is refused and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
     parser.add_argument('certificate', type=Path, help='a file that `contact --certificate` wrote')
-    parser.add_argument('--effort', type=float, default=1.0, metavar='TIMES',
+    parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',
                         help='spend so many times the usual budget before giving up (%(default)s)')
     arguments = parser.parse_args(argv)
     try:
@@ -26,6 +27,17 @@ def main(argv: list[str] | None = None) -> int:
         return INTERRUPTED
     print(f'{arguments.certificate}: {said}')
     return OK
+
+
+def _effort(text: str) -> float:
+    """Return an effort. Raises ArgumentTypeError where it is not positive and finite."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = nan
+    if not 0 < value < inf:
+        raise argparse.ArgumentTypeError(f'{text}: give a positive number')
+    return value
 
 
 def _proved(path: Path, effort: float) -> str:
@@ -44,15 +56,17 @@ def _proved(path: Path, effort: float) -> str:
 
 
 class _Progress:
-    """Tells on stderr how much of the track is cleared, after a second and then once a second."""
+    """Tells on stderr how much of the track is cleared, and how long the rest takes, from a second on each second."""
 
     def __init__(self) -> None:
-        self._next_s = time.monotonic() + _FIRST_S
+        self._begun_s = time.monotonic()
+        self._next_s = self._begun_s + _FIRST_S
         self._end = '\r' if sys.stderr.isatty() else '\n'
 
     def __call__(self, done_m: float, whole_m: float) -> None:
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + _EVERY_S
-            print(f'verify: {done_m:.6g} of {whole_m:.6g} m of track cleared', end=self._end, file=sys.stderr,
+            left = f', some {(now_s - self._begun_s) * (whole_m / done_m - 1):.2g} s left' if done_m > 0 else ''
+            print(f'verify: {done_m:.6g} of {whole_m:.6g} m of track cleared{left}', end=self._end, file=sys.stderr,
                   flush=True)

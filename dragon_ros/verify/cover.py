@@ -4,9 +4,11 @@ What follows a bench depends only on where its front handle is, and on the bench
 which the dragon goes on alike form a set: the first of them clears the track for all of its set, at each place as many
 benches behind as any of the set that comes there has behind it. A certificate's intervals are hints where to cut.
 """
+import time
 from bisect import bisect_left, bisect_right
 from collections.abc import Callable, Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
+from math import ceil
 
 from flint import arb
 
@@ -20,29 +22,47 @@ from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # of a metre, or of the distance along the track: an interval is not halved below it
 _EARLY = 30_000         # steps, before which no proof is called hopeless
+_SPARE = 2              # times the effort that a proof would take at its pace is named: paces change
 _HOPELESS = 3           # times the budget is what a proof would take that is given up early; honest ones: 1.8 at most
 Progress = Callable[[float, float], None]
 
 
 @dataclass
 class Budget:
-    """How many steps, links placed and pairs of benches tested, are left; how many intervals were proved."""
+    """How many steps, links placed and pairs of benches tested, there are, as many times the usual as ``effort`` says.
+
+    ``spent`` steps are gone, ``intervals`` were proved; ``share`` of the track has been cleared ``since`` some step.
+    """
 
     steps: int
+    effort: float = 1.0
     spent: int = 0
     intervals: int = 0
+    since: int = 0
+    share: float = 0.0
+    _begun_s: float = field(default_factory=time.monotonic)
 
     def spend(self, steps: int) -> None:
         """Take steps from the budget. Raises Refused where none are left."""
         self.spent += steps
         if self.spent > self.steps:
-            raise Refused(f'it was not proved within the budget of {self.steps} steps; for more, give --effort')
+            raise Refused(f'it was not proved within the budget of {self.steps} steps; {self._cure}')
 
-    def check(self, since: int, share: float) -> None:
-        """Refuse a proof early that would take many times the budget as it has gone since some number of steps."""
-        if self.spent - since > _EARLY and self.spent - since > _HOPELESS * self.steps * share:
-            raise Refused(f'only {100 * share:.2g} % were proved in {self.spent} of {self.steps} steps; for more, give '
-                          '--effort')
+    def check(self) -> None:
+        """Refuse a proof early that would take many times the budget at its pace."""
+        if self.spent - self.since > _EARLY and self.spent - self.since > _HOPELESS * self.steps * self.share:
+            raise Refused(f'only {100 * self.share:.2g} % were proved in {self.spent} of {self.steps} steps; '
+                          f'{self._cure}')
+
+    @property
+    def _cure(self) -> str:
+        """Which effort is enough at the pace so far, and how long the proof takes then."""
+        if not self.share:
+            return f'give --effort more than {self.effort:.3g}'
+        whole = self.since + (self.spent - self.since) / self.share
+        enough = ceil(10 * _SPARE * self.effort * whole / self.steps) / 10
+        takes_s = (time.monotonic() - self._begun_s) * whole / self.spent
+        return f'give --effort {enough:.12g} (at this pace the proof takes some {takes_s:.2g} s)'
 
 
 @dataclass(frozen=True)
@@ -137,7 +157,6 @@ class Cover:
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
         """Take the track's largest curvature, or None where handles may turn back; ``progress`` is told metres."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
-        self._since, self._share = 0, 0.0
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
         """Clear all ways. Raises Refused for the first place that cannot be proved clear."""
@@ -145,12 +164,12 @@ class Cover:
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
         cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
-        self._since, done_m = self.budget.spent, 0.0
+        self.budget.since, self.budget.share, done_m = self.budget.spent, 0.0, 0.0
         for way, (low, high) in parts:
             for cleared_m in self._clear(way, low, high, cuts[way.lead]):
                 self.budget.intervals += 1
                 done_m += cleared_m
-                self._share = done_m / whole_m if whole_m else 1.0
+                self.budget.share = done_m / whole_m if whole_m else 1.0
                 self._tell(done_m, whole_m)
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
@@ -188,7 +207,7 @@ class Cover:
             return Stuck(f'bench {bench} and those behind it: {why}', absent=True)
         finally:
             self.budget.spend(begin.placed + end.placed - placed + interval.tested)
-            self.budget.check(self._since, self._share)
+            self.budget.check()
         return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:

@@ -50,7 +50,7 @@ def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> P
         tolerances = ', '.join(f'{key} {value!r}' for key, value in sorted(claims.within.items()))
         return Proved(f'no dragon within {tolerances or "no tolerance"} of the scene touches itself from '
                       f'{claims.scene.start_s!r} s to {claims.proved_s!r} s', boxes, boxes)
-    budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)))
+    budget = Budget(int(effort * min(_STEPS + _STEPS_EACH * len(claims.rows), _MOST_STEPS)), effort)
     precise(_far(claims.scene))
     try:
         sentence = _Proof(claims, budget, progress).sentence()

@@ -1,5 +1,6 @@
 """The checker is a process that knows nothing of the solver."""
 import json
+import re
 import subprocess
 import sys
 
@@ -77,9 +78,30 @@ def test_a_long_proof_tells_how_far_it_is(files):
     lines = run(files / 'none.json', code=code).stderr.splitlines()
     assert len(lines) > 1
     assert all('m of track cleared' in line for line in lines)
+    assert 's left' in lines[-1]
 
 
 def test_an_effort_that_is_too_small_ends_the_proof(files):
     done = run(files / 'none.json', '--effort', '1e-4')
     assert done.returncode == 2
     assert 'give --effort' in done.stderr
+
+
+def test_the_effort_that_a_refusal_names_is_enough(files, capfd):
+    small = ['--verify', str(files / 'none.json'), '--effort']
+    assert contact.main([*small, '0.002']) == 2
+    named = re.search(r'give --effort (\S+) \(at this pace the proof takes some \S+ s\)', capfd.readouterr().err)
+    assert named
+    assert contact.main([*small, named[1]]) == 0
+    assert 'no two benches touch' in capfd.readouterr().out
+
+
+@pytest.mark.parametrize('effort', ['0', '-1', 'nan', 'inf', 'much'])
+def test_an_effort_is_a_positive_number(files, effort):
+    done = run(files / 'none.json', f'--effort={effort}')
+    assert (done.returncode, f'{effort}: give a positive number' in done.stderr) == (2, True)
+
+
+def test_an_effort_without_a_certificate_is_refused(capsys):
+    assert contact.main(['--effort', '2']) == 2
+    assert '--effort: belongs to --verify' in capsys.readouterr().err
