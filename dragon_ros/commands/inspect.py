@@ -139,7 +139,7 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
 
 def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
     return {'bag': str(path), 'equal': found.equal, 'close': found.close, 'worst_m': found.worst_m, 'tier': tier,
-            'other_version': found.other_version, 'fault_count': found.fault_count,
+            'other_version': found.other_version, 'other_kernel': found.other_kernel, 'fault_count': found.fault_count,
             'missing_count': found.missing_count, 'faults': found.faults, 'once': found.once,
             'unchecked': {name: {'messages': count, 'reason': why} for name, (count, why) in found.unchecked.items()}}
 
@@ -173,7 +173,8 @@ def _check_text(values: dict[str, Any]) -> str:
     line = f'{values["bag"]}: {values["equal"]} messages are bit for bit those of the model'
     if values['close']:
         why = (f'version {values["other_version"]} made the bag, so all topics are held to twice the promise'
-               if values['other_version'] else "another machine's mathematics library")
+               if values['other_version'] else f'made with another kernel: {values["other_kernel"]}'
+               if values['other_kernel'] else "another machine's mathematics library")
         line += (f', {values["close"]} keep the promise of tier {values["tier"]} with other bits (the largest '
                  f'difference is {values["worst_m"]:.3g} m: {why})')
     missing = values['missing_count']

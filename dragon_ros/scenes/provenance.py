@@ -1,8 +1,10 @@
-"""Provenance of a run: its complete scene as a scene file, with versions, git state and settings."""
+"""Provenance of a run: its complete scene as a scene file, with versions, kernels, git state and settings."""
+import ctypes
 import platform
 from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
+from importlib.util import find_spec
 from pathlib import Path
 from typing import Any
 
@@ -18,6 +20,9 @@ from dragon_ros.version import __version__
 
 RECORD = 'dragon_ros'
 ATTACHMENT = 'scene.yaml'
+# What OpenBLAS calls the function that names the kernel it runs: as built by distributions, and in wheels of numpy.
+_CORE_NAMES = ('openblas_get_corename', 'openblas_get_corename64_', 'scipy_openblas_get_corename64_',
+               'scipy_openblas_get_corename')
 
 
 @lru_cache(maxsize=1)
@@ -30,9 +35,34 @@ def versions() -> dict[str, str]:
     return found
 
 
+@lru_cache(maxsize=1)
+def kernels() -> dict[str, str]:
+    """Return which kernels compute here, as they decide the last bits: those of BLAS and of numpy.
+
+    Of BLAS its name, version and kernel (``unknown`` where it does not tell), of numpy the CPU features it uses.
+    """
+    about: Mapping[str, Any] = np.show_config(mode='dicts')
+    blas = about.get('Build Dependencies', {}).get('blas', {})
+    simd = about.get('SIMD Extensions', {})
+    name = ' '.join(str(blas[key]) for key in ('name', 'version') if key in blas) or 'unknown'
+    return {'blas': f'{name}, kernel {_blas_kernel()}',
+            'cpu_features': ' '.join([*simd.get('baseline', ()), *simd.get('found', ())]) or 'unknown'}
+
+
+def other_kernel(made: Mapping[str, str]) -> str | None:
+    """Return in words what decides bits otherwise here than where a bag with a metadata record was made.
+
+    None where nothing does, or nothing is recorded.
+    """
+    here = {'numpy': np.__version__, **kernels()}
+    return '; '.join(f'{key} {_only_in(there, value)}, here {_only_in(value, there)}' for key, value in here.items()
+                     if (there := made.get(f'about.{key}', value)) != value) or None
+
+
 def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
-    """Return the complete scene as a scene file; its section ``about`` holds versions and other settings."""
-    return yaml.safe_dump({**scene_values(scene), 'about': {**versions(), **(settings or {})}}, sort_keys=False)
+    """Return the complete scene as a scene file; its section ``about`` holds versions, kernels and other settings."""
+    about = {**versions(), **kernels(), **(settings or {})}
+    return yaml.safe_dump({**scene_values(scene), 'about': about}, sort_keys=False)
 
 
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
@@ -46,6 +76,26 @@ def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) ->
         record |= {'tier': model.tier.name, 'promise_m': repr(model.promise_m),
                    'effects': ', '.join(scene.effects.names)}
     return record | {f'recorder.{key}': value for key, value in recorder.items()}
+
+
+def _only_in(words: str, others: str) -> str:
+    """Return the words that are not among others: lists of CPU features share most of theirs."""
+    known = set(others.split())
+    left = [word for word in words.split() if word not in known]
+    return shown(' '.join(left)) if left else 'fewer'
+
+
+def _blas_kernel() -> str:
+    """Return the kernel that OpenBLAS runs, found among the libraries that numpy's linear algebra links to."""
+    linked = find_spec('numpy.linalg._umath_linalg')
+    with suppress(OSError):
+        library = ctypes.CDLL(linked.origin if linked else None)
+        for name in _CORE_NAMES:
+            if hasattr(library, name):
+                function = getattr(library, name)
+                function.restype = ctypes.c_char_p
+                return (function() or b'unknown').decode(errors='replace')
+    return 'unknown'
 
 
 def _about(text: str) -> dict[str, Any]:

@@ -1,6 +1,7 @@
 """A bag is held against the model tick by tick, and a run that ends in a contact to the frame at its time."""
 from dataclasses import replace
 
+import numpy as np
 import pytest
 
 from dragon_ros.bags.check.compare import compare_with_model
@@ -15,7 +16,7 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import contact_frame, led_tick, tick, ticks_before
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.decode import read_pose_array
+from dragon_ros.messages.decode import decode, read_pose_array
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.markers import track_marker
 from dragon_ros.scenes.load import load_scene
@@ -199,3 +200,32 @@ def test_a_scene_or_a_track_of_another_run_is_a_fault(tmp_path, name):
                 bag.write(f'/dragon/{topic}', bytes(encode[topic](tick(scene, k))), scene.run.time_ns(k), k + 1)
     found = compared(path, scene)
     assert (found.equal, found.faults) == (18, [f'{name} at {scene.run.start_ns} ns is not that of the scene'])
+
+
+POINT = np.dtype({'names': ['x', 'speed', 'handle'], 'formats': ['<f4', '<f8', '<u4'], 'offsets': [0, 32, 40],
+                  'itemsize': 48})
+
+
+@pytest.mark.parametrize(('name', 'change', 'close'), [
+    ('x', lambda x: np.nextafter(x, np.float32(np.inf)), True), ('x', lambda x: x + np.float32(1e-5), False),
+    ('x', lambda x: x * np.float32(np.nan), False), ('speed', lambda speed: speed * (1 + 1e-15), True),
+    ('speed', lambda speed: speed * (1 + 1e-9), False), ('handle', lambda handle: handle + 1, False)])
+@pytest.mark.parametrize('features', ['MMX2', None], ids=['another kernel', 'this kernel'])
+def test_clouds_are_held_to_the_promise_and_the_steps_of_their_floats_where_another_kernel_made_them(
+        tmp_path, name, change, close, features):
+    scene = Scene(run=Run(412, 412), effects=Effect.CLOUD | Effect.VELOCITY)
+    made = run_metadata(scene_file(scene), scene, {}) | ({'about.cpu_features': features} if features else {})
+    encode = encoders(scene)
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        bag.describe('dragon_ros', made)
+        for topic in encode:
+            bag.add_channel(f'/dragon/{topic}', channels()[topic])
+            data = bytearray(encode[topic](tick(scene, 0)))
+            if topic == 'cloud':
+                numbers = decode(channels()[topic].type, data)['data'].tobytes()
+                points = np.frombuffer(data, POINT, len(numbers) // POINT.itemsize, data.index(numbers))
+                points[name][7] = change(points[name][7])
+            bag.write(f'/dragon/{topic}', bytes(data), scene.run.start_ns, 1)
+    found = compared(tmp_path / 'a.mcap', scene)
+    assert (found.other_kernel is None) == (features is None)
+    assert (found.passed, found.close) == ((True, 1) if close and features else (False, 0))

@@ -16,6 +16,7 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.configuration import folder as configuration_folder
 from dragon_ros.core.batches import states
+from dragon_ros.core.errors import shown
 from dragon_ros.core.flags import Effect, effects_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
@@ -292,6 +293,22 @@ def test_a_bag_of_0_2_0_with_every_effect_is_read_and_keeps_the_promise(capsys):
     assert (code, values['problem_count'], values['first_contact']['benches']) == (0, 0, [0, 15])
     every = encoders(Scene(effects=effects_of(values['scene']['effects'])))
     assert {row['topic'] for row in values['topics']} == {f'/dragon/{name}' for name in ('track', 'scene', *every)}
+
+
+def test_a_bag_made_with_another_kernel_keeps_the_promise_on_every_topic_and_check_says_why_bits_differ(
+        capsys, tmp_path):
+    features = np.show_config(mode='dicts').get('SIMD Extensions', {}).get('found', [])
+    if not features:
+        pytest.skip('numpy uses no feature of this CPU that can be disabled')
+    path, names = tmp_path / 'other.mcap', ', '.join((~Effect.CLOCK).names)
+    subprocess.run([sys.executable, '-m', 'dragon_ros', 'simulate', *SCENE, '--set', f'effects=[{names}]', '--output',
+                    path], env=os.environ | {'NPY_DISABLE_CPU_FEATURES': ' '.join(features)}, check=True,
+                   stderr=subprocess.DEVNULL)
+    code, out, _ = run(capsys, 'inspect', path, '--check')
+    assert code == 0, out
+    assert 'keep the promise of tier exact with other bits' in out
+    assert ', 0 are not' in out
+    assert f"made with another kernel: cpu_features fewer, here {shown(' '.join(features))}" in out
 
 
 def test_check_of_a_bag_of_another_version_still_tells_values_beyond_the_promise(capsys, tmp_path):

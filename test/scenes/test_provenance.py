@@ -10,7 +10,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.decode import MessageError, read_string
 from dragon_ros.scenes.load import load_scene, strangers_scene
-from dragon_ros.scenes.provenance import run_metadata, scene_file
+from dragon_ros.scenes.provenance import kernels, other_kernel, run_metadata, scene_file
 
 SCENES = [Scene(), Scene(Dragon(benches=7), run=Run(1.5, 3, 1000), accuracy=1e-6, effects=Effect.NONE)]
 
@@ -24,7 +24,19 @@ def test_a_scene_file_with_its_origin_makes_the_same_scene_again(tmp_path, scene
     about = yaml.safe_load(text)['about']
     assert about['dragon_ros'] == __version__
     assert about['numpy'] == np.__version__
+    assert {key: about[key] for key in kernels()} == kernels()
     assert about['frame_id'] == 'dragon'
+
+
+def test_another_kernel_is_one_of_which_numpy_or_kernels_are_recorded_and_are_others():
+    made = run_metadata(scene_file(SCENES[1]), SCENES[1], {})
+    assert other_kernel(made) is None
+    assert other_kernel({}) is None
+    blas, _, kernel = made['about.blas'].rpartition(' ')
+    assert other_kernel(made | {'about.numpy': '1.2', 'about.blas': f'{blas} Z80'}) == (
+        f"numpy '1.2', here {np.__version__!r}; blas 'Z80', here {kernel!r}")
+    features = made['about.cpu_features']
+    assert other_kernel(made | {'about.cpu_features': f'{features} MMX2'}) == "cpu_features 'MMX2', here fewer"
 
 
 def test_metadata_has_scene_tier_effects_versions_and_recorder_as_text():

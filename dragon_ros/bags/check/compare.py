@@ -1,8 +1,8 @@
 """Compare a bag with the model tick by tick: bit for bit, or to the promise of its tier where bits differ.
 
 Last bits may differ between machines, and between versions of this software. Handles, benches and velocities are then
-held to twice the promise of the tier: each side may be off by it. In a bag of another version so is everything that is
-computed from them.
+held to twice the promise of the tier: each side may be off by it. In a bag of another version, or made with other
+kernels of BLAS or numpy, so is everything that is computed from them.
 
 Every message of the bag is accounted for: compared, or left unchecked, with the reason.
 """
@@ -12,6 +12,7 @@ from dataclasses import dataclass, field
 from heapq import merge
 from itertools import chain, groupby
 from math import inf
+from typing import Any
 
 import numpy as np
 
@@ -40,7 +41,7 @@ from dragon_ros.messages.decode import (
 )
 from dragon_ros.messages.encode import Encode, encoders
 from dragon_ros.messages.markers import track_marker
-from dragon_ros.scenes.provenance import RECORD
+from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
@@ -48,6 +49,7 @@ _MOST_LAST = 128        # ticks at the end of a led run that may lack a topic: a
 _Instant = tuple[int, dict[str, list[bytes]]]
 _SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
 _SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
+_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # of a cloud: handles, coordinates, speeds
 MOST_FAULTS = 1000      # lines that are kept; all are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
@@ -62,12 +64,14 @@ class Comparison:
     ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
     position difference among them. ``fault_count`` counts messages that are missing, extra or different;
     ``missing_count`` those that are missing.
-    ``other_version`` is the version that made the bag, where that is another one: then all topics may be close.
+    ``other_version`` is the version that made the bag, where that is another one, and ``other_kernel`` says which numpy
+    and which kernels did, where those are others: then all topics may be close.
     ``once`` counts messages that are published once a run, and are those of the scene. ``unchecked`` has, by topic, how
     many messages were not compared, and why; ``seen`` how many of each tick's topics were.
     """
 
     other_version: str | None = None
+    other_kernel: str | None = None
     equal: int = 0
     close: int = 0
     worst_m: float = 0.0
@@ -114,6 +118,11 @@ class Comparison:
             self.faults.append(line)
 
     @property
+    def may_all_be_close(self) -> bool:
+        """Whether all topics may differ by the promise: another version or another kernel made the bag."""
+        return self.other_version is not None or self.other_kernel is not None
+
+    @property
     def passed(self) -> bool:
         """Whether all that the run must contain was compared, and equals the model."""
         return not self.fault_count and self.equal + self.close > 0
@@ -126,8 +135,10 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
     A run that ends in a contact has the ticks before ``contact_s``, and then the frame at exactly that time.
     """
-    made_by = bag.metadata(RECORD).get('about.dragon_ros')
-    encode, result = encoders(scene, frame_id), Comparison(None if made_by in (None, __version__) else made_by)
+    made = bag.metadata(RECORD)
+    made_by = made.get('about.dragon_ros')
+    encode = encoders(scene, frame_id)
+    result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
     instants = _instants(bag, namespace, encode)
     if scene.is_led:
         most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that was not killed has whole ticks
@@ -188,7 +199,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
             waiting.clear()
         progress(k)
     for number, frame, found in waiting:
-        trial = Comparison(result.other_version)
+        trial = Comparison(result.other_version, result.other_kernel)
         _compare_tick(trial, scene, {name: encode[name] for name in found}, number, frame, found)
         for line in trial.faults:
             result.fault(line, 1)
@@ -308,7 +319,7 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
         result.missing(name, k, k)
     elif len(found) > 1:
         result.note(name, k, f'is there {len(found)} times')
-    elif (off_m := _off_m(name, wanted, found[0], frame, scene, result.other_version)) <= _allowed_m(frame, scene):
+    elif (off_m := _off_m(name, wanted, found[0], frame, scene, result)) <= _allowed_m(frame, scene):
         result.close += 1
         result.worst_m = max(result.worst_m, off_m)
     else:
@@ -322,13 +333,13 @@ def _allowed_m(frame: Frame, scene: Scene) -> float:
     return 2 * promise_m if promise_m < inf else 0.0
 
 
-def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, other_version: str | None) -> float:
+def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
     """Return how far a message is off in metres; inf where anything but its numbers differs.
 
     Quaternions are scaled by the shortest link, speeds by the promise for speeds (``speed_promise_m_s``).
     """
     if name not in _VIEWS:
-        return _off_by_version_m(name, wanted, found, frame, scene) if other_version else inf
+        return _off_of_others_m(name, wanted, found, frame, scene, result) if result.may_all_be_close else inf
     ours, theirs = bytearray(wanted), bytearray(found)
     try:
         expected, got = _VIEWS[name](ours), _VIEWS[name](theirs)
@@ -345,12 +356,17 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, o
     if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
         return 0.0
     if name == 'velocities':
-        compiled = compile_scene(scene)
-        one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
-                                conditioning(frame.chain), _speed_m_s(frame, scene))
-        return float(np.max(offs[0])) / one * compiled.promise_m if one else inf
+        return _in_metres(float(np.max(offs[0])), frame, scene)
     link_m = float(np.min(scene.dragon.link_lengths_m))
     return max(_farthest_m(off, link_m) for off in offs if off.size)
+
+
+def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
+    """Return the error of a position that is the same part of its promise as an error of a speed is of its own."""
+    compiled = compile_scene(scene)
+    one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
+                            conditioning(frame.chain), _speed_m_s(frame, scene))
+    return off_m_s / one * compiled.promise_m if one else inf if off_m_s else 0.0
 
 
 def _farthest_m(off: Array, link_m: float) -> float:
@@ -363,8 +379,8 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
     return frame.leader.speed_m_s if scene.is_led and frame.leader else scene.head.speed_at_m_s(frame.t_ns / NS)
 
 
-def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene) -> float:
-    """Return how far a message of another version is off in metres; inf where anything but its numbers differs.
+def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
+    """Return how far a message of another version or kernel is off in metres; inf where more than its numbers differs.
 
     Accelerations and tensions are second derivatives of places: an error of these counts 1 / link^2 times the square of
     the leader's speed, and once more for each power of the conditioning that derivatives add. A tension sums what all
@@ -372,14 +388,15 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
     """
     kind = channels()[name].type
     try:
-        expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
+        messages = decode(kind, wanted), decode(kind, found)
     except MessageError:
         return inf
-    if name == _SHOWN:
+    off = _off_of_clouds_m(*messages, frame, scene) if name == 'cloud' else 0.0
+    expected, got = (list(_leaves(message)) for message in messages)
+    if name == _SHOWN and result.other_version:
         return 0.0
     if len(expected) != len(got):
         return inf
-    off = 0.0
     for one, other in zip(expected, got, strict=True):
         if isinstance(one, float) and isinstance(other, float) and abs(other) < _HUGE:
             off = max(off, abs(one - other))
@@ -393,6 +410,32 @@ def _off_by_version_m(name: str, wanted: bytes, found: bytes, frame: Frame, scen
             most = float(np.max(np.abs(frame.tension_n_kg), initial=0.0))
             scale = len(frame.tension_n_kg) * scale + condition * most / link_m
         return off / scale if scale else inf
+    return off
+
+
+def _off_of_clouds_m(wanted: dict[str, Any], found: dict[str, Any], frame: Frame, scene: Scene) -> float:
+    """Return how far the points of a cloud are off in metres, and take them out of both messages.
+
+    Coordinates are float32: two that are rounded from nearly the same number may be one step of it apart.
+    """
+    expected, got = wanted.pop('data'), found.pop('data')
+    if expected.size != got.size:
+        return inf
+    point = np.dtype({'names': [one['name'] for one in wanted['fields']], 'itemsize': wanted['point_step'],
+                      'offsets': [one['offset'] for one in wanted['fields']],
+                      'formats': [_POINT_FIELDS[one['datatype']] for one in wanted['fields']]})
+    off, points, others = 0.0, expected.view(point), got.view(point)
+    for name in point.names or ():
+        one, other = points[name].astype(np.float64), others[name].astype(np.float64)
+        if not np.all(np.abs(other) < _HUGE):
+            return inf
+        apart = np.abs(one - other)
+        if point[name] == np.float32:
+            off = max(off, float(np.max(apart - np.finfo(np.float32).eps * np.abs(one))))
+        elif point[name] == np.float64:
+            off = max(off, _in_metres(float(np.max(apart)), frame, scene))
+        elif np.any(apart):
+            return inf
     return off
 
 
