@@ -48,7 +48,7 @@ def test_middles_bend_in_the_plane_as_they_do_seen_from_either_bench(share):
 
 @pytest.mark.parametrize(('kind', 'start'), [('to the centre', 30.0), ('sway', 14.0), ('coils', 22.0)])
 def test_a_bench_without_overhang_goes_as_far_as_the_handle_that_goes_further(kind, start):
-    track, benches, _ = made_of = made(kind, THIN)
+    made_of = made(kind, THIN)
     piece, ends = interval(made_of, start, start + 1e-3)
     for n in range(BENCHES):
         gone = max(float(abs(one - two)) for one, two in zip(*(corners(end.pose(n)) for end in ends), strict=True))
@@ -67,7 +67,7 @@ def nearest_m(posture, n):
 @pytest.mark.parametrize('start', [0.0, 3.0, 10.0])
 def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_bench(pitch_m, start):
     """With a tiny pitch a link's two handles are equally far out, and its middle is as near as is said."""
-    track, benches, _ = made_of = centred(Dragon(40, 1.0, 1.0, 2e-4, 1e-4), pitch_m, 1.5 / pitch_m)
+    made_of = centred(Dragon(40, 1.0, 1.0, 2e-4, 1e-4), pitch_m, 1.5 / pitch_m)
     piece, ends = interval(made_of, start, start + 1e-6)
     furthest = max(abs(complex(corner)) for corner in corners(ends[0].pose(0)))
     nearest = [nearest_m(ends[0], n) for n in range(40)]
