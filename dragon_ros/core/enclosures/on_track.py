@@ -255,6 +255,8 @@ def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
 
 def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
     """Return one ball or another, number by number."""
+    if not np.any(chosen):
+        return other
     return Ball(np.where(chosen, one.mid, other.mid), np.where(chosen, one.rad, other.rad))
 
 
