@@ -229,7 +229,8 @@ def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tupl
     sizes = sizes.of(a.lead)
     circle, one, two = beyond(a, b, sizes), a.apart, b.apart
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
-    low = np.maximum(np.maximum(one, two) - _way(a, b, sizes) - off[:, None], circle)
+    low = np.maximum(np.maximum(one, two) - _way(a, b, sizes), _straight(a, b, sizes)) - off[:, None]
+    low = np.maximum(low, circle)
     there = np.arange(2, circle.shape[1] + 2) <= behind[:, None]
     row, other = np.nonzero(there & (low < np.maximum(_SETTLED * np.minimum(one, two), _SURE * sizes.error_m)))
     room = np.ones(behind.size)
@@ -303,6 +304,23 @@ def levers(sizes: Sizes) -> Floats:
     overhang = sizes.half_length_m - 0.5 * sizes.links_m + sizes.half_width_m
     out: Floats = 1 + 2 * overhang / np.maximum(sizes.links_m, 1e-12)
     return out
+
+
+def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
+    """Return how far benches (M, K-2) stay behind the leading one along its axis, where the chain is nearly straight.
+
+    The track turns by less than 2 radians for each radian of the polar angle, so no two links between a bench's front
+    handle and another's rear one differ in direction by more than twice what they span together: the turn. The links in
+    between lead away from the leading bench by no less than their lengths times its cosine. Minus infinity where the
+    turn is more than a radian.
+    """
+    off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
+    turn = 2 * np.cumsum(ABOVE * np.maximum(a.delta, b.delta) + 4 * off, axis=1)[:, 2:]
+    overhang = sizes.half_length_m - 0.5 * sizes.links_m
+    between_m = np.cumsum(sizes.links_m[:, 1:-1], axis=1)
+    away = between_m * np.cos(np.minimum(turn, 1.0)) - sizes.half_width_m * turn
+    out: Floats = away - ABOVE * (overhang[:, :1] + overhang[:, 2:]) - 4 * sizes.error_m
+    return np.where(turn <= 1.0, out, -np.inf)
 
 
 def _turns_back(a: BenchSamples, b: BenchSamples) -> Array:

@@ -12,6 +12,7 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
 from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.broad_phase import candidates
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
@@ -26,6 +27,7 @@ from dragon_ros.core.tracks.segments import BEHIND, Effort
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
 _FLOATS = 1e-13         # of the largest coordinate: what the exact tier promises far out, and keeps near the centre too
 _SLOPE = 1e-6           # to either side, for a slope, of links of 1 m to 2 m: gaps err by 1e-11 m, a slope by 1e-5
+_COARSEST = 0.05        # of the longest bench: where positions err by more, benches cannot be told apart
 _KEPT = 6               # chains: ends of domains and phases are asked for again and again
 _FEW = 12               # chains that are placed sooner one by one than together
 _MANY = 30              # chains for which tables are built, that serve the later ones too
@@ -43,7 +45,7 @@ class SearchDomain:
     """The chains of a scene while its leader goes from ``start_m`` to ``stop_m``; ``states`` counts what is sampled."""
 
     def __init__(self, scene: Scene, travel: RangeOfTravel, sense: int, progress: Callable[[int], object]) -> None:
-        """Take the way on (``sense`` 1) or back (-1) from the start."""
+        """Take the way on (``sense`` 1) or back (-1) from the start. Raises InputError where positions err too much."""
         self.scene, self.dragon, self.sense, self.states = scene, scene.dragon, sense, 0
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
@@ -51,7 +53,11 @@ class SearchDomain:
         self.effort = Effort()
         self.error_m = EXACT.promise_for_m(simulation.size_m)
         self.rounding_m = _FLOATS * simulation.size_m
-        self.unit = min(1.0, float(np.max(self.dragon.bench_lengths_m)))
+        longest_m = float(np.max(self.dragon.bench_lengths_m))
+        if self.error_m > _COARSEST * longest_m:
+            raise InputError(f'track: {simulation.size_m:.3g} m out positions err by up to {self.error_m:.2g} m, the '
+                             f'most to tell benches apart is {_COARSEST * longest_m:.2g} m; take a smaller track')
+        self.unit = min(1.0, longest_m)
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)

@@ -171,9 +171,3 @@ def test_the_speed_of_approach_stands_far_out_where_a_float_is_coarser_than_its_
     here_m = SpiralCurve.of(far.track).length_m - SpiralCurve.of(near.track).length_m + 412.47 * scale
     found = first_contact(replace(far, head=Head(1e4), run=Run(here_m / 1e4)))
     assert found.approach_m_s / 1e4 == pytest.approx(wanted, rel=2e-2)
-
-
-def test_coordinates_at_which_no_bound_is_finite_give_no_warning():
-    found = first_contact(Scene(track=Spiral(1e12), run=Run(0, 100)))
-    assert isinstance(found, Contact)
-    assert found.grazing_m
