@@ -115,7 +115,8 @@ def _topics(contents: Contents, run: Any) -> list[dict[str, Any]]:
         gaps = gaps_of(seen.times_ns, run, channel is None or channel.each_tick)
         out.append({'topic': name, 'type': seen.type, 'messages': seen.messages, 'bytes': seen.size,
                     'rate_hz': gaps.rate_hz, 'first_tick': gaps.first, 'last_tick': gaps.last,
-                    'missing': gaps.missing, 'doubled': gaps.doubled, 'missing_ranges': gaps.ranges})
+                    'missing': gaps.missing, 'doubled': gaps.doubled, 'missing_ranges': gaps.ranges,
+                    'lengths_compared': seen.measured, 'lengths_not_compared_because': seen.unmeasured or None})
     return out
 
 
@@ -261,11 +262,19 @@ def _clearance_lines(found: dict[str, Any]) -> list[str]:
 
 def _integrity_lines(values: dict[str, Any]) -> list[str]:
     lines = [f'  NOT READ: {values["unread"]}'] if 'unread' in values else []
-    lines += [f'  {line}' for line in values['notes']]
+    lines += [f'  {line}' for line in values['notes']] + _length_lines(values['topics'])
     count = values['problem_count']
     lines.append(f'  integrity: {count} problems' if count else '  integrity: every length, index and CRC holds')
     return lines + [f'    {line}' for line in values['problems'][:_SHOWN]] + _more(
         len(values['problems'][:_SHOWN]), count)
+
+
+def _length_lines(topics: list[dict[str, Any]]) -> list[str]:
+    """Say how many messages were compared in length with their types, and why others were not."""
+    compared = sum(row['lengths_compared'] for row in topics)
+    return [f'  lengths: {compared} messages compared with their types',
+            *(f'  lengths not compared: {row["messages"] - row["lengths_compared"]} of {row["topic"]} '
+              f'({row["lengths_not_compared_because"]})' for row in topics if row['lengths_not_compared_because'])]
 
 
 _TEXT: dict[Callable[[Namespace], tuple[dict[str, Any], int]], Callable[[dict[str, Any]], str]] = {

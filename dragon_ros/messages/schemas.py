@@ -37,7 +37,23 @@ def schema_text(name: str) -> str:
 @lru_cache
 def type_hash(name: str) -> str:
     """Return the RIHS01 hash of a message type."""
-    return str(read_own(configuration_folder() / 'schemas' / 'types.yaml').values[name])
+    return str(_types()[name])
+
+
+def is_schema_of(name: str, text: str) -> bool:
+    """Return whether a ros2msg schema is the package's own of that type, but for comments and space."""
+    return name in _types() and _plain(text) == _plain(schema_text(name))
+
+
+@lru_cache
+def _types() -> dict[str, str]:
+    return read_own(configuration_folder() / 'schemas' / 'types.yaml').values
+
+
+def _plain(text: str) -> list[str]:
+    """Return the lines of a schema without comments and space; a line between two types has any length."""
+    lines = (' '.join(line.partition('#')[0].split()) for line in text.splitlines())
+    return ['=' if set(line) == {'='} else line for line in lines if line]
 
 
 @lru_cache

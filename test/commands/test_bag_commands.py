@@ -219,6 +219,16 @@ def test_inspect_names_the_ticks_that_are_missing_and_doubled(capsys, tmp_path, 
     assert 'tick 12: benches is there 2 times' in out
 
 
+def test_inspect_counts_messages_that_their_type_cannot_hold_and_says_how_many_it_compared(capsys, tmp_path, bag):
+    path = changed(bag, tmp_path / 'long.mcap', lambda m: [m.data + bytes(8 * (m.topic == '/dragon/handles'))])
+    code, out, _ = run(capsys, 'inspect', path, '--format', 'json')
+    values = json.loads(out)
+    assert (code, values['problem_count']) == (1, TICKS)
+    assert '/dragon/handles at 412200000000 ns: geometry_msgs/msg/PoseArray: the message ends' in values['problems'][0]
+    assert {row['lengths_compared'] == row['messages'] for row in values['topics']} == {True}
+    assert f'lengths: {3 * TICKS + 2} messages compared with their types' in run(capsys, 'inspect', bag)[1]
+
+
 def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
     rest, other = tmp_path / 'rest.mcap', tmp_path / 'other.mcap'
     scene = ('--scene', 'winding', '--set', 'dragon.benches=3', '--set', 'head.speed_m_s=0', '--set', 'run.stop_s=0.1')

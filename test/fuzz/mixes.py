@@ -28,6 +28,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
+from dragon_ros.messages.schemas import schema_text
 
 SCENE = Scene(dragon=Dragon(3), run=Run(412, 412.1))
 TICKS = 6
@@ -67,7 +68,7 @@ def declared() -> bytes:
     out = b''
     for number, topic in enumerate(_TOPICS, 1):
         row = channels().get(topic.rpartition('/')[2], channels()['clearance'])
-        out += record(3, struct.pack('<H', number) + text(row.type) + text('ros2msg') + text('x'))
+        out += record(3, struct.pack('<H', number) + text(row.type) + text('ros2msg') + text(schema_text(row.type)))
         out += record(4, struct.pack('<HH', number, number) + text(topic) + text('cdr') + text(''))
     return out
 

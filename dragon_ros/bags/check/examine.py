@@ -8,7 +8,7 @@ from pathlib import Path
 
 import numpy as np
 from mcap.opcode import Opcode
-from mcap.records import DataEnd, Header
+from mcap.records import Channel, DataEnd, Header
 
 from dragon_ros.bags.check.capped_log import CappedLog
 from dragon_ros.bags.read.folder import files_of, unlisted
@@ -28,22 +28,30 @@ from dragon_ros.core.errors import InputError
 from dragon_ros.core.limits import CHECKED_TIMES
 from dragon_ros.core.numerics.types import Ints, distinct
 from dragon_ros.core.scene import NS, Run
+from dragon_ros.messages.length import LengthCheck
+from dragon_ros.messages.schemas import is_schema_of
 
 _BLOCK = 2**20
 _MOST_RANGES = 20
 _REGULAR = 0.8      # a topic has ticks if this part of its steps lies within a tenth of the median
 _LEAST = 3
+Checks = dict[int, LengthCheck | str]       # of a file's channels: what checks their lengths, or why nothing does
 
 
 @dataclass
 class TopicSeen:
-    """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order."""
+    """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order.
+
+    Of ``measured`` messages the length was compared with the type; ``unmeasured`` says why of others it was not.
+    """
 
     type: str
     encoding: str
     messages: int = 0
     size: int = 0
     times_ns: 'array[int]' = field(default_factory=lambda: array('Q'))
+    measured: int = 0
+    unmeasured: str = ''
 
 
 @dataclass
@@ -88,8 +96,9 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
     for place in scanned.stray:
         contents.problems.note(file.fault(place.offset, 'the data end there, and other records follow'))
     contents.writers.append(_writer(file))
+    checks: Checks = {}
     for batch in scanned.batches:
-        _survey(contents, scanned, batch)
+        _survey(contents, scanned, batch, checks)
         progress(batch.place.end - batch.place.offset)
     _hold_summary(contents, file, scanned)
     if scanned.data_end:
@@ -106,23 +115,25 @@ def _writer(file: McapFile) -> str:
         return ''
 
 
-def _survey(contents: Contents, index: Index, batch: Batch) -> None:
-    """Count the messages of one batch."""
+def _survey(contents: Contents, index: Index, batch: Batch, checks: Checks) -> None:
+    """Count the messages of one batch, and check their lengths."""
     try:
         if batch.place.opcode == Opcode.CHUNK:
             name = chunk_head(batch.file, batch.place).compression or 'none'
             contents.compressions[name] = contents.compressions.get(name, 0) + 1
-        for row, _ in index.survey(batch):
-            _count(contents, index, row)
+        for row, data in index.survey(batch):
+            if seen := _count(contents, index, row):
+                _measure(contents, index, checks, seen, row, data)
     except BagError as error:
         contents.problems.note(error)
 
 
-def _count(contents: Contents, index: Index, row: StoredMessage) -> None:
+def _count(contents: Contents, index: Index, row: StoredMessage) -> TopicSeen | None:
+    """Count a message; return its topic, or None if its channel is not declared."""
     channel = index.channels.get(row.channel)
     if channel is None:
         contents.problems.note(f'{index.file.path}: a message on channel {row.channel}, which is not declared')
-        return
+        return None
     seen = contents.topics.get(channel.topic)
     if seen is None:
         schema = index.schemas.get(channel.schema_id)
@@ -133,6 +144,33 @@ def _count(contents: Contents, index: Index, row: StoredMessage) -> None:
     if contents.kept_times < CHECKED_TIMES:
         contents.kept_times += 1
         seen.times_ns.append(row.t_ns)
+    return seen
+
+
+def _measure(contents: Contents, index: Index, checks: Checks, seen: TopicSeen, row: StoredMessage,
+             data: bytes) -> None:
+    """Compare the length of a message with its type."""
+    if row.channel not in checks:
+        checks[row.channel] = _check_of(index, index.channels[row.channel])
+    check = checks[row.channel]
+    if isinstance(check, str):
+        seen.unmeasured = check
+        return
+    seen.measured += 1
+    if fault := check.fault(data[row.start:row.end]):
+        contents.problems.note(f'{index.file.path}: {index.channels[row.channel].topic} at {row.t_ns} ns: {fault}')
+
+
+def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
+    """Return what checks the lengths of a channel, or why nothing does."""
+    schema = index.schemas.get(channel.schema_id)
+    if schema is None:
+        return 'no schema'
+    if channel.message_encoding != 'cdr' or schema.encoding != 'ros2msg':
+        return f'{channel.message_encoding or "no encoding"} with a {schema.encoding or "missing"} schema'
+    if not is_schema_of(schema.name, schema.data.decode(errors='replace')):
+        return f'the schema of {schema.name} is not known here'
+    return LengthCheck(schema.name)
 
 
 def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:

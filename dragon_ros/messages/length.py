@@ -1,0 +1,44 @@
+"""Compare the length of each message with what its type holds."""
+import numpy as np
+
+from dragon_ros.core.numerics.types import Array
+from dragon_ros.messages.decode import Layout, MessageError, Reader, layout_of
+from dragon_ros.messages.schemas import fields_of
+
+_ALIGNED = 4        # a message may be padded to a multiple of it
+
+
+class LengthCheck:
+    """Checks messages of one type; one whose strings and sequences are as long as in the one before is not walked."""
+
+    def __init__(self, name: str) -> None:
+        """Take a type of the package."""
+        self._name, self._fields = name, fields_of(name)
+        self._last: tuple[str, Layout, Array, Array] | None = None
+
+    def fault(self, data: bytes) -> str | None:
+        """Return why the bytes are not one whole message; None if they are."""
+        try:
+            end = self._end(Reader(data))
+        except MessageError as error:
+            return f'{self._name}: {error}'
+        if len(data) > end + -end % _ALIGNED:
+            return f'{self._name}: the message ends at byte {end} of {len(data)}'
+        return None
+
+    def _end(self, reader: Reader) -> int:
+        """Return where the message ends. Raises MessageError where the bytes end before it."""
+        if self._last is not None:
+            order, layout, places, words = self._last
+            if order == reader.order and layout.end <= len(reader.data) and np.array_equal(
+                    _words(reader)[places], words):
+                return layout.end
+        layout = layout_of(reader, self._fields)
+        places = np.array(layout.lengths, np.intp) // _ALIGNED
+        self._last = reader.order, layout, places, _words(reader)[places]
+        return layout.end
+
+
+def _words(reader: Reader) -> Array:
+    words: Array = np.frombuffer(reader.data, f'{reader.order}u4', len(reader.data) // _ALIGNED)
+    return words
