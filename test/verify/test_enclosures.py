@@ -1,12 +1,26 @@
 """Each enclosure of the checker holds what it bounds, and a tight case leaves no room for a lost or a swapped term."""
+from fractions import Fraction
+from functools import reduce
+from math import hypot
+
 import pytest
-from flint import arb
-from motions import BENCHES, STEP, SWAY, around, centred, compiled, corners, interval, made
+from flint import acb, arb
+from hypothesis import given
+from hypothesis import strategies as st
+from motions import BENCHES, STEP, SWAY, around, at, centred, compiled, corners, interval, made
+from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.verify.balls import exact
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
+from dragon_ros.verify.balls import above, below, direction, exact, hypot_above, precise, size, up
+from dragon_ros.verify.cover import Way, repeated
+from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.motion import spiral_slopes
-from dragon_ros.verify.ranges import _image
+from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
+from dragon_ros.verify.ranges import _image, ranges
+from dragon_ros.verify.roots import certified
+from dragon_ros.verify.run import Limit, _up_to, _within, never_reaches
+from dragon_ros.verify.segments import Link
 
 THIN = Dragon(BENCHES, 1.9, 1.7, 2e-4, 1e-4)
 HALVES = 150        # of an interval of a radian, until a turning is known to the last bit
@@ -90,3 +104,197 @@ def test_the_range_of_a_handle_holds_where_it_turns_back_and_hardly_more(share):
     assert all(begin <= place.upper() and place.lower() <= end for place in places)
     assert min(float(place - begin) for place in places) < 3e-9
     assert min(float(end - place) for place in places) < 3e-9
+
+
+@pytest.mark.parametrize(('kind', 'low', 'high'), [('to the centre', 3.0, 4.0), ('sway', 15.0, 17.0)])
+def test_ranges_are_those_that_handles_go_through(kind, low, high):
+    track, benches, _ = made(kind, THIN)
+    found = ranges(track, benches, arb(low), arb(high))
+    ends = [at(track, benches, place) for place in (low, high)]
+    assert len(found) == BENCHES
+    for n, (begin, end) in enumerate(found):
+        one, two = (track.distance(posture.place(n)) for posture in ends)
+        assert begin <= one.upper()
+        assert two.lower() <= end
+        assert float(one - begin) < 1e-20
+        assert float(end - two) < 1e-20
+
+
+# Places next to joints
+
+
+@pytest.mark.parametrize('share', [-0.3, 0.0, 0.3])
+def test_a_place_that_may_be_on_either_side_of_a_joint_holds_the_points_of_both(share):
+    """Across the line nothing but the widening holds the arc."""
+    track, _, _ = compiled(THIN, Composite((Line(30.0), Arc(2.0, 90.0)), 8.0))
+    joint, wide = track.joints[0], exact(1e-16)
+    place = track.place_at(joint + wide * exact(share) + arb(0, 1) * wide)
+    point, heading = track.point(place), track.heading(place)
+    for k in range(-10, 11):
+        true = track.place_at((joint + wide * exact(share) + wide * exact(0.099 * k)).mid())
+        assert not true.loose
+        assert point.contains(track.point(true))
+        assert heading.contains(track.heading(true))
+    assert max(float(part.rad()) for part in (point.real, point.imag)) < 8.5e-16
+    assert float(place.loose) < 3e-16
+
+
+@pytest.mark.parametrize('way', [1, -1])
+@pytest.mark.parametrize('share', [0.15, 0.5, 0.85])
+def test_the_next_handle_across_a_joint_is_where_it_is_from_all_places_of_the_one_before(share, way):
+    track, benches, _ = compiled(THIN, SWAY)
+    link, wide = benches.benches[1].link, exact(1e-13)
+    for joint in track.joints[1:-1]:
+        here = (joint - exact(way * share) * link.length).mid()
+        behind = track.next(track.place_at(here + arb(0, 1) * wide), link, way)
+        samples = [track.next(track.place_at((here + wide * exact(0.1 * k)).mid()), link, way) for k in range(-9, 10)]
+        assert all(behind.u.contains(one.u) for one in samples)
+        gone = max(abs(float(one.u - two.u)) for one in samples for two in samples)
+        assert float(behind.u.rad()) < 2 * gone
+
+
+# Roots
+
+
+@pytest.mark.parametrize('error', [0.0, 5e-14, -5e-14, 1e-9, -1e-6])
+def test_a_root_lies_in_its_ball_which_is_hardly_wider_than_the_function(error):
+    found = certified(lambda x: x * x - 2, lambda x: 2 * x, 2**0.5 * (1 + error))
+    assert found.contains(arb(2).sqrt().mid())
+    assert found.overlaps(arb(2).sqrt())
+    assert float(found.rad()) < 1e-24
+    wide = certified(lambda x: x * x - arb(2, 1e-16), lambda x: 2 * x, 2**0.5 * (1 + error))
+    assert wide.contains(arb(2 - 1e-16).sqrt().mid())
+    assert wide.contains((arb(2) + arb(0.99e-16)).sqrt().mid())
+    assert float(wide.rad()) < 1e-16
+
+
+def test_where_there_is_no_root_none_is_found():
+    with pytest.raises(Refused):
+        certified(lambda x: x * x + arb(2.0)**-80, lambda x: 2 * x, 1e-12)
+
+
+# Benches and their separations
+
+
+angles, coordinates, halves = st.floats(-4, 4), st.floats(-5, 5), st.floats(0.01, 3)
+
+
+def posed(at_m, angle, half_length, half_width):
+    """A bench at a place."""
+    axis, middle = direction(exact(angle)), acb(*map(exact, at_m))
+    shape = Bench(Link(exact(half_length), half_length), exact(half_length), exact(half_width))
+    return Pose(shape, middle, axis, complex(middle), complex(axis), 0.0, 0.0)
+
+
+poses = st.builds(posed, st.tuples(coordinates, coordinates), angles, halves, halves)
+
+
+@examples(60)
+@given(poses, poses)
+def test_a_separation_is_how_far_the_nearest_corner_is_beyond_the_edge_line(one, two):
+    rough = about(one, two)
+    for k, axis in enumerate(AXES):
+        own, other = (two, one) if axis.other else (one, two)
+        half = own.shape.half_width if axis.across else own.shape.half_length
+        seen = [(corner - own.middle) * own.axis.conjugate() for corner in corners(other)]
+        beyond = [(corner.imag if axis.across else corner.real) * axis.side - half for corner in seen]
+        nearest = reduce(arb.min, beyond)
+        assert abs(float(separation(one, two, axis) - nearest)) < 1e-30
+        assert abs(rough[k] - float(nearest)) < 1e-13
+    if min(map(abs, rough)) > 1e-12:
+        assert overlap(one, two) == (max(rough) < 0)
+
+
+@examples(30)
+@given(poses, st.floats(0.01, 1))
+def test_no_corner_is_further_from_the_middle_or_from_the_link_than_is_said(pose, share):
+    length, width = float(pose.shape.half_length), float(pose.shape.half_width)
+    bench = Bench(Link(exact(2 * length * share), 2 * length * share), pose.shape.half_length, pose.shape.half_width)
+    assert hypot(length, width) <= bench.arm_m < hypot(length, width) * (1 + 1e-12)
+    corner = hypot(length - length * share, width)
+    assert corner * (1 - 1e-12) <= bench.overhang_m < corner * (1 + 1e-12) + 1e-12
+
+
+# The cover
+
+
+@examples(60)
+@given(st.lists(st.sampled_from([1.0, 2.0]), min_size=1, max_size=12))
+def test_repeated_lengths_are_those_that_stand_there(lengths):
+    text = lengths[::-1]
+    for n, count in enumerate(repeated(lengths)):
+        assert text[:count] == text[n:n + count]
+        assert n + count == len(text) or text[count] != text[n + count]
+
+
+@examples(80)
+@given(st.lists(st.tuples(st.integers(0, 6), st.integers(0, 6)), min_size=1, max_size=5), st.integers(-2, 34),
+       st.integers(0, 9))
+def test_the_bench_with_most_behind_it_is_the_first_that_goes_there(steps, low, length):
+    """Both ends of the benches' ways are in order, from the first bench backwards."""
+    ends = [(30, 33)]
+    for first, last in steps:
+        ends.append((ends[-1][0] - first, max(ends[-1][1] - last, ends[-1][0] - first)))
+    way = Way(0, tuple((bench, (arb(first), arb(last))) for bench, (first, last) in enumerate(ends)))
+    high = low + length
+    there = [bench for bench, (first, last) in enumerate(ends)
+             if (first < high and last > low if low < high else first <= high and last >= low)]
+    assert way.most(arb(low), arb(high)) == (there[0] if there else None)
+    covered = [(float(first), float(last)) for first, last in way.parts]
+    for place in range(-10, 40):
+        assert any(a <= place <= b for a, b in covered) == any(a <= place <= b for a, b in ends)
+
+
+# The end of a run
+
+
+def test_a_link_is_said_to_lock_a_billionth_beyond_the_lock_and_not_before():
+    segment, link = first_link()
+    low, high = 5.0, 16.0
+    for _ in range(60):
+        middle = 0.5 * (low + high)
+        try:
+            segment.span(arb(middle), link)
+            high = middle
+        except Refused:
+            low = middle
+    assert never_reaches(segment, arb(low - 1e-9), link)
+    assert never_reaches(segment, arb(low - 1.0), link)
+    assert not any(never_reaches(segment, arb(high + by), link) for by in (1e-9, 1e-3, 1.0))
+
+
+def test_a_leader_goes_to_the_limits_of_the_model_and_no_further():
+    limits = Limit(arb(-1), 0.0, ''), Limit(arb(3), 0.0, '')
+    inside, outside = (Fraction(0), Fraction(2)), (Fraction(-5), Fraction(7))
+    assert [float(end) for end in _within(inside, limits)] == [0, 2]
+    assert [float(end) for end in _within(outside, limits)] == [-1, 3]
+    assert [float(end) for end in _within(outside, (None, None))] == [-5, 7]
+    assert [float(end) for end in _up_to(inside, arb(3), 1)] == [0, 3]
+    assert [float(end) for end in _up_to(inside, arb(1), 1)] == [0, 2]
+    assert [float(end) for end in _up_to(inside, arb(-1), -1)] == [-1, 2]
+    assert [float(end) for end in _up_to(inside, arb(1), -1)] == [0, 2]
+    assert Fraction(1, 3) < Fraction(above(_within((Fraction(0), Fraction(1, 3)), (None, None))[1]))
+
+
+# Balls
+
+
+@examples(80)
+@given(st.fractions(-1000, 1000), st.fractions(0, 5))
+def test_floats_beside_a_ball_are_on_the_right_side_of_it_and_next_to_it(middle, half):
+    precise(1.0)
+    low, high = middle - half, middle + half
+    ball = exact(low).union(exact(high))
+    near = Fraction(1, 10**14) * abs(middle) + Fraction(1, 10**8) * half + Fraction(1, 10**300)   # a radius has 30 bits
+    most = max(abs(low), abs(high))
+    assert high <= Fraction(above(ball)) <= high + near
+    assert low - near <= Fraction(below(ball)) <= low
+    assert most <= Fraction(size(ball)) <= most + near
+
+
+@examples(40)
+@given(st.floats(1e-9, 1e9), st.floats(1e-9, 1e9))
+def test_sums_of_floats_are_raised_beyond_their_rounding_and_hardly_more(x, y):
+    squares = Fraction(x)**2 + Fraction(y)**2
+    assert squares <= Fraction(hypot_above(x, y))**2 <= squares * (1 + Fraction(1, 10**12))
+    assert Fraction(x) + Fraction(y) < Fraction(up(x + y)) < (Fraction(x) + Fraction(y)) * (1 + Fraction(1, 10**12))
