@@ -15,13 +15,12 @@ from typing import IO, Any, NamedTuple
 
 import pyarrow as pa
 import pyarrow.parquet as pq
-import yaml
 
 from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.scenes.provenance import versions
 from dragon_ros.scenes.yaml import read_document
 from dragon_ros.studies.rows import Row, columns_of
-from dragon_ros.studies.study import Study, study_of
+from dragon_ros.studies.study import Study, as_text, study_of
 
 STUDY_FILE, ROWS, LOCK = 'study.yaml', 'rows', '.lock'
 BLOCK = 16_384      # rows of a joined part
@@ -222,7 +221,7 @@ def _check_same(folder: Path, study: Study) -> None:
 
 def _write_study(folder: Path, study: Study) -> None:
     """Write the study file with the versions that make its rows."""
-    text = yaml.safe_dump({**study.values, 'about': versions()}, sort_keys=False)
+    text = as_text({**study.values, 'about': versions()})
     temporary = folder / f'{STUDY_FILE}.tmp'
     try:
         temporary.write_text(text, encoding='utf-8')

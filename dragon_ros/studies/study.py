@@ -218,7 +218,7 @@ class Study:
     @cached_property
     def text(self) -> str:
         """The study as a study file."""
-        return yaml.safe_dump(self.values, sort_keys=False)
+        return as_text(self.values)
 
     def with_samples(self, samples: int) -> 'Study':
         """Return the study with another number of samples. Raises FieldError for a grid."""
@@ -226,6 +226,12 @@ class Study:
             raise FieldError('samples', samples, f'a grid has its own number, {self.samples}',
                              'change the steps in its file')
         return replace(self, samples=samples)
+
+
+def as_text(values: Values) -> str:
+    """Return values as YAML, by libyaml where PyYAML has it."""
+    text: str = yaml.dump(values, Dumper=getattr(yaml, 'CSafeDumper', yaml.SafeDumper), sort_keys=False)
+    return text
 
 
 def target_of(scene: Values, key: str) -> tuple[str, Values]:

@@ -6,15 +6,7 @@ import pytest
 pytest.importorskip('scipy')
 pytest.importorskip('pyarrow')
 
-QUICK = """
-set: {dragon: {benches: 3}}
-vary:
-  dragon.width_m: {uniform: [0.2, 0.4]}
-  track.pitch_m: {from: 0.5, to: 0.6}
-design: random
-samples: 12
-ask: [lock]
-"""
+from slow_study import QUICK
 
 
 @pytest.fixture(scope='session')

@@ -11,3 +11,13 @@ design: random
 samples: 48
 ask: [contact, lock]
 """
+# Rows of a millisecond.
+QUICK = """
+set: {dragon: {benches: 3}}
+vary:
+  dragon.width_m: {uniform: [0.2, 0.4]}
+  track.pitch_m: {from: 0.5, to: 0.6}
+design: random
+samples: 12
+ask: [lock]
+"""

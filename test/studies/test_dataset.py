@@ -1,12 +1,21 @@
 """A data set has each part whole or not at all, whatever kills its writer, and goes on where it was."""
+import os
+import subprocess
+import sys
+from pathlib import Path
+
 import pytest
 from pyarrow import parquet
+from slow_study import QUICK
 from small_disk import small_disk
 
+from dragon_ros.__main__ import main
 from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.studies import dataset
 from dragon_ros.studies.dataset import open_set, part_of, writing
 from dragon_ros.studies.rows import rows_of
+
+ROOT = Path(__file__).parents[2]
 
 
 @pytest.fixture
@@ -95,6 +104,22 @@ def test_two_processes_never_write_one_data_set(study, tmp_path):
     with writing(tmp_path, study()), pytest.raises(InputError, match='another process writes'), \
             writing(tmp_path, study()):
         pass
+
+
+def test_a_second_study_in_one_folder_is_refused_in_one_line(study, tmp_path, capsys):
+    (tmp_path / 'study.yaml').write_text(QUICK)
+    with writing(tmp_path / 'data', study()):
+        assert main(['study', str(tmp_path / 'study.yaml'), '--output', str(tmp_path / 'data')]) == 2
+    (line,) = capsys.readouterr().err.splitlines()
+    assert 'another process writes this study; wait for it, or give another --output' in line
+
+
+def test_a_study_killed_before_any_change_of_a_file_goes_on_and_has_each_row_once(tmp_path):
+    path = Path(__file__).with_name('killed_writer.py')
+    done = subprocess.run([sys.executable, str(path), str(tmp_path)], capture_output=True, text=True, check=False,
+                          env={**os.environ, 'PYTHONPATH': os.pathsep.join((str(ROOT), str(path.parent)))})
+    assert done.returncode == 0, done.stderr
+    assert int(done.stdout) >= 20
 
 
 def test_a_part_that_is_none_is_named(study, fill, tmp_path):

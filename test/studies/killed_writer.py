@@ -1,0 +1,90 @@
+"""Write a study in a child that is killed before its n-th change of a file, for every n, and go on in another.
+
+``python killed_writer.py FOLDER`` prints how many kills there were; it ends with an error if a row is lost or doubled.
+"""
+import os
+import signal
+import sys
+from pathlib import Path
+
+from slow_study import QUICK
+
+from dragon_ros.scenes.yaml import parse_document
+from dragon_ros.studies import dataset
+from dragon_ros.studies.rows import rows_of
+from dragon_ros.studies.study import study_of
+
+_CHANGES = ('os.rename', 'os.remove', 'os.mkdir')
+
+
+def write(folder: Path) -> None:
+    """Write what is missing, in batches that do not agree with blocks."""
+    study = study_of(parse_document('f.yaml', QUICK), Path())
+    with dataset.writing(folder, study) as data:
+        for first, last in data.missing:
+            for start in range(first, last, 3):
+                stop = min(start + 3, last, start // 8 * 8 + 8)
+                data.write(start, stop, dataset.part_of(study, rows_of(study, range(start, stop))))
+                if stop < min(start + 3, last):
+                    data.write(stop, min(start + 3, last), dataset.part_of(
+                        study, rows_of(study, range(stop, min(start + 3, last)))))
+        data.join_blocks()
+
+
+def kill_at(number: int, folder: Path) -> None:
+    """Kill this process before its change ``number`` of a file in the folder."""
+    left = [number]
+
+    def hook(event: str, arguments: tuple[object, ...]) -> None:
+        opens = event == 'open' and isinstance(arguments[1], str) and 'w' in arguments[1]
+        if (opens or event in _CHANGES) and str(arguments[0]).startswith(str(folder)):
+            left[0] -= 1
+            if left[0] == 0:
+                os.kill(os.getpid(), signal.SIGKILL)
+    sys.addaudithook(hook)
+
+
+def went_on(folder: Path) -> None:
+    """Go on, and compare all rows with those of an undisturbed study."""
+    write(folder)
+    data = dataset.open_set(folder)
+    found = [{**row, 'cpu_s': 0} for row in data.table().to_pylist()]
+    assert found == [{**row, 'cpu_s': 0} for row in rows_of(data.study, range(12))]
+    assert sorted(path.name for path in (folder / 'rows').iterdir()) == [
+        'part-0000000000-0000000008.parquet', 'part-0000000008-0000000012.parquet']
+
+
+def ended(act, *arguments) -> int:
+    """Return the exit code of a child that acts."""
+    child = os.fork()
+    if child == 0:
+        try:
+            act(*arguments)
+        except BaseException as error:  # noqa: BLE001 - the child must not go on as its parent
+            print(repr(error), file=sys.stderr)
+            os._exit(1)
+        os._exit(0)
+    return os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+
+
+def killed(number: int, folder: Path) -> None:
+    """Write until the change ``number``."""
+    kill_at(number, folder)
+    write(folder)
+
+
+def main(folder: Path) -> None:
+    """Kill at every change."""
+    dataset.BLOCK = 8
+    for number in range(1, 1000):
+        each = folder / str(number)
+        code = ended(killed, number, each)
+        if code == 0:
+            print(number - 1)
+            return
+        assert code == -signal.SIGKILL, code
+        assert ended(went_on, each) == 0, f'killed before change {number}'
+
+
+if __name__ == '__main__':
+    main(Path(sys.argv[1]))
