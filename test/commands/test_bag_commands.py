@@ -3,6 +3,7 @@ import csv
 import json
 import os
 import signal
+import struct
 import subprocess
 import sys
 import time
@@ -227,6 +228,16 @@ def test_inspect_counts_messages_that_their_type_cannot_hold_and_says_how_many_i
     assert '/dragon/handles at 412200000000 ns: geometry_msgs/msg/PoseArray: the message ends' in values['problems'][0]
     assert {row['lengths_compared'] == row['messages'] for row in values['topics']} == {True}
     assert f'lengths: {3 * TICKS + 2} messages compared with their types' in run(capsys, 'inspect', bag)[1]
+
+
+def test_a_repair_that_loses_a_message_that_parses_says_how_many_and_exits_with_1(capsys, tmp_path):
+    undeclared = struct.pack('<BQHIQQ', 5, 26, 77, 1, 5, 5) + b'\0\1\0\0'
+    header, end = struct.pack('<BQII', 1, 8, 0, 0), struct.pack('<BQ20x', 2, 20)
+    path = tmp_path / 'undeclared.mcap'
+    path.write_bytes(b'\x89MCAP0\r\n' + header + undeclared + end + b'\x89MCAP0\r\n')
+    code, out, _ = run(capsys, 'inspect', path, '--repair', tmp_path / 'saved.mcap')
+    assert code == 1
+    assert '1 messages parse, 0 of them are saved' in out
 
 
 def test_check_takes_a_speed_of_minus_nothing_for_rest(capsys, tmp_path):
