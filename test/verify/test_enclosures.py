@@ -106,6 +106,18 @@ def test_the_range_of_a_handle_holds_where_it_turns_back_and_hardly_more(share):
     assert min(float(end - place) for place in places) < 3e-9
 
 
+@pytest.mark.parametrize('ends', [(14.8, 15.5), (14.8, 15.0), (14.8, 16.0)])
+def test_a_range_that_is_put_together_from_parts_reaches_from_the_least_place_to_the_greatest(ends):
+    """Parts in which a handle turns back are no wider than a billionth of where it is."""
+    segment, link = first_link()
+    low, high = map(arb, ends)
+    begin, end = _image(segment, low, high, link)
+    most = (low + segment.span(low, link)).max(high + segment.span(high, link))
+    least = turning(segment, 14.5, 15.5, link)[1]
+    assert 0 <= float(least - begin) < 2e-8
+    assert 0 <= float(end - most) < 3e-9
+
+
 @pytest.mark.parametrize(('kind', 'low', 'high'), [('to the centre', 3.0, 4.0), ('sway', 15.0, 17.0)])
 def test_ranges_are_those_that_handles_go_through(kind, low, high):
     track, benches, _ = made(kind, THIN)
