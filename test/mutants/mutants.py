@@ -105,8 +105,8 @@ def operators() -> dict[str, Operator]:
     """Return every operator by its name."""
     found = {name: get_operator(name) for name in operator_names()}
     made = {name: kind() for name, kind in found.items() if not name.startswith(_IGNORED) and not kind.arguments()}
-    made = {name: one for name, one in made.items()
-            if 'ReplaceBinaryOperator' not in name or name.partition('Operator_')[2] in _SLIPS}
+    made = {name: one for name, one in made.items() if not name.endswith(('_Is', '_IsNot'))
+            and ('ReplaceBinaryOperator' not in name or name.partition('Operator_')[2] in _SLIPS)}
     return {**made, 'dragon/Scaled': Scaled(), 'dragon/Swapped': Swapped()}
 
 
