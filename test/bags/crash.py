@@ -31,10 +31,11 @@ from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.bags.write.writer import BagOptions, BagWriter
 from dragon_ros.core.errors import InputError
+from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 
 FORMS = ('file', 'folder', 'parts')
-_TOPICS = ('/dragon/handles', '/dragon/benches')
+_TOPICS = ('/dragon/scene', '/other/scene')
 _BEGINS, _FLUSH_EVERY, _SIZES = 'begins', 7, (40, 1200, 70_000)
 
 
@@ -49,16 +50,16 @@ class Kill(NamedTuple):
 
 
 def payload(n: int) -> bytes:
-    """Return message ``n``: its number, and bytes that compress badly."""
-    return n.to_bytes(8, 'little') + random.Random(n).randbytes(_SIZES[n % len(_SIZES)])
+    """Return message ``n``: a string that begins with its number, and goes on with text that compresses badly."""
+    return string_message(f'{n:08d}' + random.Random(n).randbytes(_SIZES[n % len(_SIZES)]).hex())
 
 
 def write_until_killed(path: Path, compression: str, parts: bool) -> None:
     """Write messages, flush now and then, and say after each flush how many messages that makes."""
     options = BagOptions(compression, split_size_mb=0.3 if parts else None)
     with BagWriter(path, options=options) as bag:
-        for topic, name in zip(_TOPICS, ('handles', 'benches'), strict=True):
-            bag.add_channel(topic, channels()[name])
+        for topic in _TOPICS:
+            bag.add_channel(topic, channels()['scene'])
         print(_BEGINS, flush=True)
         for n in range(10**9):
             bag.write(_TOPICS[n % 2], payload(n), n, n + 1)

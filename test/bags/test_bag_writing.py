@@ -21,6 +21,7 @@ from dragon_ros.core.errors import DiskError, InputError, MissingError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
+from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.messages.schemas import schema_text, type_hash
@@ -326,13 +327,13 @@ def test_a_folder_that_vanishes_between_two_parts_is_noticed_in_words(tmp_path, 
 def test_a_file_that_is_truncated_during_recording_is_noticed_and_ends_whole(tmp_path, left):
     path = tmp_path / 'a.mcap'
     bag = BagWriter(path, options=BagOptions('none'))
-    bag.add_channel('/x', channels()['clearance'])
+    bag.add_channel('/x', channels()['scene'])
     for k in range(20):
-        bag.write('/x', bytes(100), k, k + 1)
+        bag.write('/x', string_message('x' * 91), k, k + 1)
         bag.flush()
     with path.open('r+b') as file:
         file.truncate(left)
-    bag.write('/x', bytes(100), 20, 21)
+    bag.write('/x', string_message('x' * 91), 20, 21)
     with pytest.raises(DiskError, match=f'truncated to {left} bytes by another program'):
         bag.flush()
     bag.close()
