@@ -3,9 +3,12 @@
 ``./dragon docs`` renews them all; with ``--check`` it changes nothing and fails if one is stale.
 """
 import argparse
+import dataclasses
+import inspect
 import re
 import sys
 from collections.abc import Callable, Iterable
+from functools import cached_property
 from math import inf
 from pathlib import Path
 from typing import Any
@@ -13,6 +16,7 @@ from typing import Any
 ROOT = Path(__file__).resolve().parents[1]
 sys.path.insert(0, str(ROOT))
 
+import dragon_ros as dr  # noqa: E402
 from dragon_ros import configuration  # noqa: E402
 from dragon_ros.configuration import scene_names  # noqa: E402
 from dragon_ros.core import limits as budgets  # noqa: E402
@@ -27,9 +31,11 @@ from dragon_ros.scenes.load import PARTS  # noqa: E402
 from dragon_ros.scenes.schema import scene_schema  # noqa: E402
 from dragon_ros.verify import reading  # noqa: E402
 
-DOCUMENTS = (ROOT / 'README.md', ROOT / 'docs' / 'reference.md', ROOT / 'docs' / 'limits.md')
+DOCUMENTS = (ROOT / 'README.md', *(ROOT / 'docs' / f'{name}.md' for name in ('reference', 'limits', 'api')))
 _MARKED = re.compile(r'(<!-- table (\w+) -->\n).*?(<!-- end -->)', re.DOTALL)
 _GONE = '-'
+# How versions of numpy write the type of an array of floats.
+_FLOATS = re.compile(r'ndarray\[(?:tuple\[Any, \.\.\.\]|Any), dtype\[float64\]\]')
 
 
 def main(argv: list[str]) -> int:
@@ -191,9 +197,82 @@ def _amount(value: float, unit: str) -> str:
     return f'{value:,g} {unit}' if isinstance(value, float) else f'{value:,} {unit}'
 
 
+def api() -> str:
+    """Return the public names of ``import dragon_ros as dr``: functions, then classes, each from its docstring."""
+    public = {name: getattr(dr, name) for name in dr.__all__}
+    of_functions = [_function(f'dr.{name}', one) for name, one in public.items() if inspect.isfunction(one)]
+    instances = [_class(f'dr.{name}', type(one)) for name, one in public.items()
+                 if not inspect.isclass(one) and not inspect.isfunction(one)]
+    of_classes = [_class(f'dr.{name}', one) for name, one in public.items() if inspect.isclass(one)]
+    return '\n\n'.join([*of_functions, *instances, *of_classes])
+
+
+def _function(name: str, function: Callable[..., Any], level: str = '##') -> str:
+    signature = inspect.signature(function)
+    kept = [_shown(one) for key, one in signature.parameters.items() if key != 'self']
+    text = str(signature.replace(parameters=kept, return_annotation=_bare(signature.return_annotation)))
+    return f'{level} `{name}`\n\n```text\n{name}{_wrapped(text)}\n```\n\n{_prose(function)}'
+
+
+def _shown(one: inspect.Parameter) -> inspect.Parameter:
+    """Return a parameter with its types in short; a function as its default is shown as three dots."""
+    default = _Text('...') if inspect.isfunction(one.default) else one.default
+    return one.replace(annotation=_bare(one.annotation), default=default)
+
+
+def _bare(annotation: Any) -> Any:
+    """Return an annotation without the quotes of a forward reference and without the modules of its types."""
+    if annotation is inspect.Parameter.empty:
+        return annotation
+    text = annotation if isinstance(annotation, str) else inspect.formatannotation(annotation)
+    return _Text(_FLOATS.sub('ndarray', re.sub(r"[\w.]+\.(?=[A-Za-z_])|'", '', text)))
+
+
+class _Text(str):
+    """A text that is shown without quotes."""
+
+    __slots__ = ()
+
+    def __repr__(self) -> str:
+        return str(self)
+
+
+def _wrapped(text: str, width: int = 100) -> str:
+    """Break a long signature after the comma that ends each parameter."""
+    if len(text) <= width:
+        return text
+    return re.sub(r', (?=\*?\*?\w+[:=,]|\*,)', ',\n    ', text).replace('(', '(\n    ', 1)
+
+
+def _class(name: str, one: type) -> str:
+    """Return a class: what it is, its public base, its fields, properties and methods."""
+    bases = [base.__name__ for base in one.__bases__ if base.__name__ in dr.__all__]
+    lines = [f'## `{name}`', _prose(one)]
+    if bases:
+        lines.append(f'A kind of {", ".join(f"`dr.{base}`" for base in bases)}.')
+    if dataclasses.is_dataclass(one):
+        fields = (f'`{field.name}` ({_bare(field.type)})' for field in dataclasses.fields(one)
+                  if not field.name.startswith('_') and field.name != 'simulation')
+        if listed := ', '.join(fields):
+            lines.append(f'Fields: {listed}.')
+    members = {key: value for key, value in vars(one).items() if not key.startswith('_')}
+    properties = [f'- `{key}`: {_prose(value)}' for key, value in members.items()
+                  if isinstance(value, (property, cached_property))]
+    if properties:
+        lines.append('\n'.join(properties))
+    lines += [_function(f'{name}.{key}', value.__func__ if isinstance(value, staticmethod) else value, '###')
+              for key, value in members.items() if inspect.isfunction(getattr(value, '__func__', value))]
+    return '\n\n'.join(lines)
+
+
+def _prose(one: Any) -> str:
+    """Return the docstring of an object as Markdown."""
+    return (inspect.getdoc(one) or '').replace('``', '`')
+
+
 TABLES: dict[str, Callable[[], str]] = {
     'executables': executables, 'topic_names': topic_names, 'topics': topics, 'qualities': qualities,
-    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits,
+    'scenes': scenes, 'keys': keys, 'effects': effects, 'tiers': tiers, 'limits': limits, 'api': api,
     'sim': lambda: parameters(params.SIM), 'monitor': lambda: parameters(params.MONITOR),
     'replay': lambda: parameters(params.REPLAY)}
 
