@@ -6,7 +6,7 @@ from importlib.util import find_spec
 
 import numpy as np
 import pytest
-from hypothesis import HealthCheck, settings
+from hypothesis import HealthCheck, Phase, settings
 
 
 def pytest_addoption(parser):
@@ -70,6 +70,9 @@ settings.register_profile('repeatable', derandomize=True, deadline=None, databas
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
 # By hand, and after changes of what a property is about: ten times as many as in each run of the tests.
 settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
+# For mutants (test/mutants), of which the first example that fails says enough.
+settings.register_profile('first', settings.get_profile('repeatable'), report_multiple_bugs=False,
+                          phases=(Phase.explicit, Phase.generate))
 settings.load_profile('repeatable')
 
 

@@ -1,29 +1,37 @@
 """Mutate a room of the package and run its tests: ``./dragon mutants ROOM --sample 40 --seed 1``.
 
-Cosmic Ray makes the mutants: another operator, another number, another branch. One at a time is written into a copy of
-the checkout, and the tests that reach its line run there, the quickest first, until one fails. A mutant that cannot be
+Cosmic Ray makes the mutants: another operator, another number, another branch. One at a time is written into a copy
+of the checkout, and the tests that reach its line run there, the quickest first, until one fails. They run in a fork
+of this process, which has the libraries loaded, so a mutant costs a second and its tests. A mutant that cannot be
 imported is not counted, since any test finds it. Tests marked ``snapshot``, which compare with an earlier output, are
 left out: only a property, a reference, a bound or an independent decoder counts.
 
 Results are kept as they come, in ``.venv/mutants``: the same command goes on after Ctrl-C, and Ctrl-C loses one mutant.
+``--again`` tries what survived once more, after a test was added.
 """
 import argparse
+import importlib
+import importlib.util
 import json
 import os
 import random
+import resource
 import shutil
 import signal
 import sqlite3
 import subprocess
 import sys
-from collections import defaultdict
-from collections.abc import Iterator
+import time
+import traceback
+from collections import Counter, defaultdict
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import asdict, dataclass
 from hashlib import sha256
 from pathlib import Path
-from xml.etree import ElementTree
 
 import parso
+import pytest
 from cosmic_ray.ast import ast_nodes, get_ast
 from cosmic_ray.mutating import mutate_code
 from cosmic_ray.operators.operator import Operator
@@ -53,9 +61,15 @@ _IGNORED = ('core/VariableInserter', 'core/VariableReplacer', 'core/NoOp', 'core
 _BOTH_WAYS = (('min', 'max'), ('minimum', 'maximum'), ('floor', 'ceil'), ('any', 'all'), ('sin', 'cos'),
               ('AHEAD', 'BEHIND'), ('first', 'last'), ('low', 'high'))
 _OTHER = {**dict(_BOTH_WAYS), **{b: a for a, b in _BOTH_WAYS}, 'inf': '0.0', 'abs': 'float'}
-_SLACK = 4.0        # times what its tests take without a mutant, and
-_START_S = 20.0     # s for Python and imports: then a mutant counts as found, for a loop that does not end
-_MOST_S = 150.0     # s of tests for one mutant, the quickest first
+# Loaded before the forks. None of them imports the package.
+_LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'scipy.optimize', 'scipy.integrate', 'yaml',
+           'matplotlib.figure', 'coverage')
+_UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
+_SLACK = 4.0        # times the processor time that its tests take without a mutant, and
+_START_S = 20.0     # s of it for imports: then a mutant counts as found, for a loop that does not end
+_WAITED = 8.0       # times these, by the clock, for a mutant that waits for ever
+_MOST_S = 60.0      # s of tests for one mutant, the quickest first
+_ALIVE = ('survived', 'unreached')
 
 
 class Swapped(Operator):
@@ -127,12 +141,12 @@ def mutants_of(path: str, source: str, known: dict[str, Operator]) -> Iterator[M
                 number += 1
 
 
-def copied() -> Path:
+def copied(room: str) -> Path:
     """Return a fresh copy of the checkout's files."""
-    tree = ROOT / '.venv' / 'mutants' / 'tree'
-    shutil.rmtree(tree, ignore_errors=True)
+    tree = ROOT / '.venv' / 'mutants' / f'tree-{room}'
     listed = subprocess.run(['git', 'ls-files', '--cached', '--others', '--exclude-standard'], cwd=ROOT, check=True,
                             capture_output=True, text=True).stdout.splitlines()
+    shutil.rmtree(tree, ignore_errors=True)
     for name in listed:
         if (ROOT / name).is_file():
             (tree / name).parent.mkdir(parents=True, exist_ok=True)
@@ -140,59 +154,129 @@ def copied() -> Path:
     return tree
 
 
-def pytest(tree: Path, *arguments: str, seconds: float | None = None, quiet: bool = True) -> int | None:
-    """Return the exit code of the tests in a copy, None where they took too long."""
-    command = [sys.executable, '-m', 'pytest', '-q', '-m', 'not snapshot', '-p', 'no:cacheprovider', *arguments]
-    environment = os.environ | {'PYTHONPATH': str(tree), 'PYTHONDONTWRITEBYTECODE': '1'}
-    environment.pop('PYTHONPYCACHEPREFIX', None)
-    stream = subprocess.DEVNULL if quiet else None
-    with subprocess.Popen(command, cwd=tree, env=environment, stdout=stream, stderr=stream,
-                          start_new_session=True) as process:
+@dataclass(eq=False)
+class Order:
+    """A plugin of pytest that keeps some tests, in their order, and remembers the one that failed."""
+
+    tests: list[str]
+    failed: str = ''
+
+    @pytest.hookimpl(trylast=True)
+    def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
+        place = {name: number for number, name in enumerate(self.tests)}
+        items[:] = sorted((one for one in items if one.nodeid in place), key=lambda one: place[one.nodeid])
+
+    def pytest_runtest_logreport(self, report: pytest.TestReport | pytest.CollectReport) -> None:
+        if report.failed:
+            self.failed = self.failed or report.nodeid
+
+    pytest_collectreport = pytest_runtest_logreport
+
+
+class Lines:
+    """A plugin of pytest that keeps, for each test, its processor time and the lines that it runs."""
+
+    def __init__(self, sources: list[Path]) -> None:
+        from coverage import Coverage
+        self.times = dict[str, float]()
+        self._coverage = Coverage(data_file=None, include=[str(path) for path in sources], config_file=False)
+        self._coverage.start()
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        self._coverage.switch_context(item.nodeid)
+        started = time.process_time()
+        out = yield
+        self.times[item.nodeid] = time.process_time() - started
+        self._coverage.switch_context('')
+        return out
+
+    def lines(self, tree: Path) -> dict[str, dict[int, list[str]]]:
+        """Return the tests that run each line of each file."""
+        self._coverage.stop()
+        found, out = self._coverage.get_data(), dict[str, dict[int, list[str]]]()
+        for path in found.measured_files():
+            rows = {line: sorted(filter(None, names)) for line, names in found.contexts_by_lineno(path).items()}
+            out[str(Path(path).relative_to(tree))] = {line: names for line, names in rows.items() if names}
+        return out
+
+
+def forked(tree: Path, work: Callable[[], object], seconds: float = 3600.0) -> tuple[bool, object]:
+    """Do work in a fork of this process whose package is that of the tree; return whether it ended, and its answer."""
+    answer = tree / 'answer.json'
+    answer.unlink(missing_ok=True)
+    child = os.fork()
+    if not child:
         try:
-            return process.wait(seconds)
-        except subprocess.TimeoutExpired:
-            return None
+            os.setsid()
+            sys.path[:] = [str(tree), *(path for path in sys.path if path not in ('', str(ROOT)))]
+            os.environ['PYTHONPATH'] = str(tree)
+            os.chdir(tree)
+            resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
+            quiet = os.open(tree / 'output.txt', os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
+            os.dup2(quiet, 1)
+            os.dup2(quiet, 2)
+            answer.write_text(json.dumps(work()))
+        except Exception:   # noqa: BLE001 - a fork must not go on as its parent
+            traceback.print_exc()
         finally:
-            if process.poll() is None:
-                os.killpg(process.pid, signal.SIGKILL)
+            sys.stderr.flush()
+            os._exit(0)
+    ended_s = time.monotonic() + _WAITED * seconds
+    try:
+        while not os.waitpid(child, os.WNOHANG)[0]:
+            if time.monotonic() > ended_s:
+                break
+            time.sleep(0.02)
+    finally:
+        with suppress(ProcessLookupError):
+            os.killpg(child, signal.SIGKILL)
+    return answer.exists(), json.loads(answer.read_text()) if answer.exists() else None
+
+
+def run(arguments: list[str], plugin: object) -> int:
+    """Run pytest in this process, without the plugins that nothing here needs."""
+    unused = [part for name in _UNUSED for part in ('-p', f'no:{name}')]
+    loaded = ('-W', 'ignore::pytest.PytestAssertRewriteWarning')      # hypothesis, before pytest could rewrite it
+    return int(pytest.main(['-q', '--tb=short', '-m', 'not snapshot', *loaded, *unused, *arguments], [plugin]))
 
 
 def reached(tree: Path, room: str, folder: Path) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
-    """Return which tests run which lines, and how long each test takes, from one run without a mutant."""
-    sources, tests = ROOMS[room]
-    key = sha256(b''.join(path.read_bytes() for part in (*sources, *tests) for path in files(ROOT, part))).hexdigest()
-    kept = folder / f'{room}-{key[:16]}.json'
-    if not kept.exists():
-        report, data = folder / 'times.xml', folder / 'coverage'
-        for old in folder.glob('coverage*'):
-            old.unlink()
-        settings = folder / 'settings.ini'
-        settings.write_text(f'[run]\ndata_file = {data}\nsource = dragon_ros\n')
-        code = pytest(tree, '--numprocesses=logical', '--cov=dragon_ros', f'--cov-config={settings}', '--cov-report=',
-                      '--cov-context=test', f'--junit-xml={report}', '-o', 'junit_family=xunit1', *tests, quiet=False)
-        if code != 0:
-            raise SystemExit(f'mutants: the tests of {room} fail without any mutant, see above')
-        kept.write_text(json.dumps([lines_of(tree, data), times_of(report)]))
-    lines, times = json.loads(kept.read_text())
-    return {path: {int(line): names for line, names in rows.items()} for path, rows in lines.items()}, times
+    """Return which tests run which lines, and how long each test takes, from one run without a mutant.
+
+    What is known of a file of tests is kept until that file or the room changes.
+    """
+    parts, tests = ROOMS[room]
+    sources = [path for part in parts for path in files(ROOT, part)]
+    key = sha256(b''.join(path.read_bytes() for path in sources))
+    lines, times = defaultdict[str, dict[int, list[str]]](lambda: defaultdict(list)), dict[str, float]()
+    for file in tqdm([path for test in tests for path in files(ROOT, test) if path.name.startswith('test_')],
+                     unit='files', desc='lines'):
+        known = key.copy()
+        known.update(file.read_bytes())
+        kept = folder / f'{file.stem}-{known.hexdigest()[:16]}.json'
+        if not kept.exists():
+            kept.write_text(json.dumps(lines_of(tree, str(file.relative_to(ROOT)), [tree / path.relative_to(ROOT)
+                                                                                   for path in sources])))
+        rows, taken = json.loads(kept.read_text())
+        times |= taken
+        for path, by_line in rows.items():
+            for line, names in by_line.items():
+                lines[path][int(line)] += names
+    return {path: dict(rows) for path, rows in lines.items()}, times
 
 
-def lines_of(tree: Path, data: Path) -> dict[str, dict[int, list[str]]]:
-    """Return the tests that run each line of each file, from the data of coverage."""
-    from coverage import CoverageData
-    found = CoverageData(str(data))
-    found.read()
-    out = dict[str, dict[int, list[str]]]()
-    for path in found.measured_files():
-        rows = {line: sorted({name.rpartition('|')[0] for name in names if name})
-                for line, names in found.contexts_by_lineno(path).items()}
-        out[str(Path(path).relative_to(tree))] = {line: names for line, names in rows.items() if names}
-    return out
+def lines_of(tree: Path, file: str, sources: list[Path]) -> tuple[dict[str, dict[int, list[str]]], dict[str, float]]:
+    """Return what each test of a file runs in the sources, and its processor time."""
+    def work() -> object:
+        plugin = Lines(sources)
+        code = run([file], plugin)
+        return code, plugin.lines(tree), plugin.times
 
-
-def times_of(report: Path) -> dict[str, float]:
-    """Return how many seconds each test takes, by its name alone."""
-    return {case.attrib['name']: float(case.attrib['time']) for case in ElementTree.parse(report).iter('testcase')}
+    _, (code, lines, times) = forked(tree, work)
+    if code not in (pytest.ExitCode.OK, pytest.ExitCode.NO_TESTS_COLLECTED):
+        raise SystemExit(f'mutants: {file} fails without any mutant, see {tree / "output.txt"}')
+    return lines, times
 
 
 def files(root: Path, part: str) -> list[Path]:
@@ -201,39 +285,62 @@ def files(root: Path, part: str) -> list[Path]:
     return sorted(path.rglob('*.py')) if path.is_dir() else [path]
 
 
-def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float]) -> tuple[list[str], float]:
-    """Return the tests that reach a mutant, the quickest first, and how long they take without it."""
+def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float],
+           found: dict[str, int]) -> tuple[list[str], float]:
+    """Return the tests that reach a mutant, and how long they take without it.
+
+    Those that found a mutant of this file before come first, then the quickest.
+    """
     rows = lines.get(mutant.path, {})
     at_import = mutant.line not in rows         # a constant: whatever runs in its file may use it
-    names = {name for group in rows.values() for name in group} if at_import else rows[mutant.line]
-    timed = sorted((times.get(name.partition('::')[2], 0.1), name) for name in names if '\n' not in name)
+    names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
     out, total = [], 0.0
-    for seconds, name in timed:
-        if total + seconds <= _MOST_S or not out:
+    for name in sorted(names, key=lambda name: (times[name] / (1 + 10 * found.get(name, 0)), name)):
+        if total + times[name] <= _MOST_S or not out:
             out.append(name)
-            total += seconds
+            total += times[name]
     return out, total
 
 
-def tried(tree: Path, mutant: Mutant, tests: list[str], seconds: float, known: dict[str, Operator]) -> str:
-    """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant."""
+@contextmanager
+def written(tree: Path, mutant: Mutant, known: dict[str, Operator]) -> Iterator[None]:
+    """Write a mutant into a copy, for as long as the block lasts."""
     path = tree / mutant.path
     source = path.read_text()
+    cached = Path(importlib.util.cache_from_source(str(path)))
     try:
+        cached.unlink(missing_ok=True)
         path.write_text(mutate_code(source, known[mutant.operator], mutant.occurrence))
-        module = mutant.path.removesuffix('.py').replace('/', '.')
-        done = subprocess.run([sys.executable, '-c', f'import {module}'], cwd=tree, capture_output=True, check=False,
-                              env=os.environ | {'PYTHONPATH': str(tree), 'PYTHONDONTWRITEBYTECODE': '1'})
-        if done.returncode:
-            return 'incompetent'
-        if not tests:
-            return 'unreached'
-        listed = tree / 'tests.txt'
-        listed.write_text('\n'.join(tests))
-        code = pytest(tree, '-x', '-n0', f'@{listed}', seconds=_START_S + _SLACK * seconds)
-        return 'survived' if code == 0 else 'caught'
+        yield
     finally:
         path.write_text(source)
+
+
+def tried(tree: Path, mutant: Mutant, tests: list[str], seconds: float, known: dict[str, Operator]) -> tuple[str, str]:
+    """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant, and the test that found it."""
+    def work() -> object:
+        sys.dont_write_bytecode = True
+        importlib.import_module(mutant.path.removesuffix('.py').replace('/', '.'))
+        (tree / 'imported').touch()
+        plugin = Order(tests)
+        code = run(['-x', '--hypothesis-profile=first', *{name.partition('::')[0]: None for name in tests}], plugin)
+        return code, plugin.failed
+
+    (tree / 'imported').unlink(missing_ok=True)
+    with written(tree, mutant, known):
+        ended, answer = forked(tree, work, _START_S + _SLACK * seconds)
+    if not (tree / 'imported').exists():
+        return 'incompetent', ''
+    if not tests:
+        return 'unreached', ''
+    if not ended:
+        return 'caught', 'no end'
+    code, failed = answer
+    if code == pytest.ExitCode.OK:
+        return 'survived', ''
+    if not failed:
+        raise SystemExit(f'mutants: the tests of {mutant} could not be run, see {tree / "output.txt"}')
+    return 'caught', failed
 
 
 def difference(mutant: Mutant, known: dict[str, Operator]) -> str:
@@ -251,6 +358,7 @@ def main(argv: list[str]) -> int:
     options.add_argument('--sample', type=int, default=40, metavar='N', help='how many mutants (%(default)s)')
     options.add_argument('--seed', type=int, default=1, metavar='S', help='which ones (%(default)s)')
     options.add_argument('--list', action='store_true', help='list the sample and try none')
+    options.add_argument('--again', action='store_true', help='try those that survived once more')
     arguments = options.parse_args(argv)
     known, folder = operators(), ROOT / '.venv' / 'mutants'
     folder.mkdir(parents=True, exist_ok=True)
@@ -261,18 +369,20 @@ def main(argv: list[str]) -> int:
         for mutant in sample:
             print(f'{mutant.path}:{mutant.line} {mutant.operator}\n{difference(mutant, known)}', end='')
         return 0
-    tree = copied()
+    for name in _LOADED:
+        importlib.import_module(name)
+    tree = copied(arguments.room)
     lines, times = reached(tree, arguments.room, folder)
     kept = folder / f'{arguments.room}-{arguments.seed}.jsonl'
-    done = {}
-    if kept.exists():
-        rows = [json.loads(line) for line in kept.read_text().splitlines()]
-        done = {Mutant(**row['mutant']): row['outcome'] for row in rows}
+    rows = [json.loads(line) for line in kept.read_text().splitlines()] if kept.exists() else []
+    done = {Mutant(**row['mutant']): (row['outcome'], row['by']) for row in rows}
+    left = [one for one in sample if one not in done or (arguments.again and done[one][0] in _ALIVE)]
     with kept.open('a') as file:
-        for mutant in tqdm([one for one in sample if one not in done], unit='mutants'):
-            done[mutant] = tried(tree, mutant, *chosen(mutant, lines, times), known)
-            print(json.dumps({'mutant': asdict(mutant), 'outcome': done[mutant]}), file=file, flush=True)
-    return told(arguments.room, {one: done[one] for one in sample}, known)
+        for mutant in tqdm(left, unit='mutants'):
+            found = Counter(by for one, (_, by) in done.items() if one.path == mutant.path)
+            done[mutant] = outcome, by = tried(tree, mutant, *chosen(mutant, lines, times, found), known)
+            print(json.dumps({'mutant': asdict(mutant), 'outcome': outcome, 'by': by}), file=file, flush=True)
+    return told(arguments.room, {one: done[one][0] for one in sample}, known)
 
 
 def told(room: str, outcomes: dict[Mutant, str], known: dict[str, Operator]) -> int:
