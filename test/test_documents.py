@@ -62,6 +62,7 @@ SUBSTITUTES = {
                                       'in small, out of docs/pictures'),
     'python3 test/commands/browser.py': (None, 'takes Chromium; test/commands/test_view.py drives it'),
     'pip install': (None, 'reaches for the network'),
+    'jupyter lab': (None, 'it serves until Ctrl-C; test/test_notebooks.py runs the notebooks'),
     'cd ~/ros2_ws': (None, 'takes a ROS 2 install'),
     'rosdep': (None, 'takes a ROS 2 install'),
     'colcon': (None, 'takes a ROS 2 install; test/test_architecture.py builds with colcon where it is'),
