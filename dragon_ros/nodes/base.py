@@ -7,7 +7,7 @@ from rclpy.exceptions import InvalidParameterValueException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
 
-from dragon_ros.core.errors import DragonError, InputError, did_you_mean
+from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
 from dragon_ros.nodes import logs
 from dragon_ros.nodes.params import NAMES, Parameter
 
@@ -41,9 +41,15 @@ def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
 
 
 def check(parameter: Parameter, value: Any) -> None:
-    """Raise InputError where the value is not one of the choices; ROS checks types and ranges."""
+    """Raise InputError where the value is not one of the choices, or just beyond a limit.
+
+    ROS checks types and ranges, but takes what differs from a limit by rounding alone.
+    """
     if parameter.choices and value not in parameter.choices:
-        raise InputError(f'parameter {parameter.name}: {value!r} is not one of {", ".join(parameter.choices)}; '
+        raise InputError(f'parameter {parameter.name}: {shown(value)} is not one of {", ".join(parameter.choices)}; '
+                         f'{parameter.text}')
+    if parameter.low is not None and parameter.high is not None and not parameter.low <= value <= parameter.high:
+        raise InputError(f'parameter {parameter.name}: {value!r} is outside {parameter.low} to {parameter.high}; '
                          f'{parameter.text}')
 
 
@@ -131,6 +137,8 @@ class DragonNode(Node):
     def _on_set(self, given: list[RosParameter]) -> SetParametersResult:
         try:
             for one in given:
+                if not one.name:        # rclpy takes it for a parameter that it knows
+                    raise InputError('a parameter without a name is not set')
                 if one.name in self._table:
                     check(self._table[one.name], one.value)
                     self.refuse(one.name, one.value)

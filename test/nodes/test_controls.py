@@ -1,6 +1,7 @@
 """Control of a running sim: services, live parameters, /clock, and nodes in executors of other programs."""
 import gc
 import json
+import math
 import threading
 import time
 
@@ -8,6 +9,7 @@ import pytest
 
 pytest.importorskip('rclpy')
 
+from controls import Caller, called
 from rcl_interfaces.msg import Parameter, ParameterType, ParameterValue
 from rcl_interfaces.srv import DescribeParameters, GetParameters, SetParameters
 from rosgraph_msgs.msg import Clock
@@ -153,7 +155,8 @@ REFUSED = [
     ('time_scale', 0.0, 'start sim with time_scale:=0.0'), ('time_scale', -1.0, 'range'),
     ('time_scale', float('nan'), 'range'), ('time_scale', 'fast', 'type'), ('step_ticks', 0, 'range'),
     ('step_ticks', 1.5, 'type'), ('at_end', 'explode', 'not one of stop, hold, loop'),
-    ('seek_s', -2.0, 'range'),
+    ('seek_s', -2.0, 'range'), ('at_end', 'x' * 70_000, '...xxx'),
+    ('time_scale', math.nextafter(1e6, math.inf), 'is outside 0.0 to 1000000.0'),
     ('seek_s', 399.0, 'the run goes from 400 s to 413 s'), ('seek_s', 414.0, 'the run goes from 400 s to 413 s')]
 
 
@@ -181,6 +184,19 @@ def test_a_running_sim_takes_both_ends_of_every_live_parameter_and_plays_on(paus
     assert paused.call('resume')[0]
     node.until(lambda: paused.stamps[-1:] == [413 * 10**9])
     assert paused.process.stop() == 0, paused.process.text
+
+
+def test_any_call_and_any_value_of_any_parameter_is_answered_as_the_table_says(start, domain):
+    sim = start('sim', '--scene', 'unwinding', '--ros-args', '-p', 'discovery_s:=0.0', '-p', 'at_end:=hold')
+    caller = Caller(seed=1)
+    try:
+        while called(caller.counts) < 120:
+            caller.any_call()
+    finally:
+        caller.close()
+    assert not caller.faults
+    assert min(caller.counts['taken'], caller.counts['refused']) > 2
+    assert sim.running
 
 
 def test_parameters_are_described_with_type_range_text_and_whether_they_are_live(start, node):

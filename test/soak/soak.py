@@ -1,8 +1,9 @@
 """A soak: a live dragon for many minutes, while recorders are killed and stalled, monitors restarted, bags replayed.
 
-Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60``. It says each minute where it
-is, and at the end what was lost, how far stamps drifted from the clock, and how memory grew; the exit code is 1 where
-a tick was lost.
+Started by hand, never by the tests: ``./dragon python test/soak/soak.py --minutes 60 --controls 2``. It says each
+minute where it is, and at the end what was lost, what differs from the model, how far stamps drifted from the clock,
+and how memory grew; the exit code is 1 where a tick was lost or differs. With controls the dragon is paused, stepped,
+sent back by some seconds, and its speed changed: ticks repeat, none is skipped.
 """
 import argparse
 import json
@@ -20,6 +21,9 @@ import numpy as np
 from dragon_ros.bags.check.repair import repair
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.dds_domain import free_domain, local_environment
+from dragon_ros.core.step import tick
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
 
 RATE_HZ = 100
 _EVERY_S = 5.0          # between two acts, and between two looks at the memory
@@ -44,11 +48,14 @@ class Soak:
 
     def start(self, name: str, *arguments: object, domain: int | None = None) -> subprocess.Popen[bytes]:
         """Start an executable; what it says goes to a file."""
+        return self.run(name, ['-m', 'dragon_ros', name, *map(str, arguments)], domain)
+
+    def run(self, name: str, arguments: list[str], domain: int | None = None) -> subprocess.Popen[bytes]:
+        """Start Python with arguments; what it says goes to a file."""
         environment = {**local_environment(domain or self.domain), 'PYTHONUNBUFFERED': '1'}
         with (self.folder / f'{name}.log').open('ab') as log:
-            self.started.append(subprocess.Popen(
-                [sys.executable, '-m', 'dragon_ros', name, *map(str, arguments)], env=environment,
-                stdin=subprocess.DEVNULL, stdout=log, stderr=log))
+            self.started.append(subprocess.Popen([sys.executable, *arguments], env=environment,
+                                                 stdin=subprocess.DEVNULL, stdout=log, stderr=log))
         return self.started[-1]
 
     def end(self) -> None:
@@ -79,14 +86,16 @@ def ended(process: subprocess.Popen[bytes], number: int = signal.SIGINT) -> int:
     return process.wait(timeout=60)
 
 
-def soak(run: Soak, minutes: float, seed: int) -> None:
-    """Run one; it ends when the dragon does, which on a busy machine lags behind the clock."""
+def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
+    """Run one; without controls it ends when the dragon does, which on a busy machine lags behind the clock."""
     folder, rng = run.folder, random.Random(seed)
     whole = run.start('record', '--output', folder / 'whole', '--split-duration-s', 300)
     monitor, extra = run.start('monitor'), run.start('record', '--output', folder / 'extra_0.mcap')
     stop_s = 60 * minutes
-    sim = run.start('sim', '--scene', 'unwinding', '--set', f'run.stop_s={stop_s}', '--set', f'run.rate_hz={RATE_HZ}',
-                    '--ros-args', '-p', 'wait_subscribers:=[handles=3,benches=3,scene=2]')
+    sim = run.start('sim', *set_of(minutes, controls_s), '--ros-args', '-p',
+                    'wait_subscribers:=[handles=3,benches=3,scene=2]')
+    controls = controls_s and run.run('controls', [str(Path(__file__).parents[1] / 'nodes/controls.py'), '--harmless',
+                                                   '--each-s', str(controls_s), '--seed', str(seed)])
     until = time.monotonic() + stop_s
     acts = 0
     while time.monotonic() < until - 2 * _EVERY_S and sim.poll() is None:
@@ -128,10 +137,23 @@ def soak(run: Soak, minutes: float, seed: int) -> None:
             print(f'{(time.monotonic() - run.began_s) / 60:.0f} of {minutes:g} minutes: {run.counts}, '
                   f'{len(run.faults)} faults, {({name: seen[-1][1] for name, seen in run.memory_mb.items()})} MB',
                   file=sys.stderr, flush=True)
+    if controls:
+        if ended(controls):
+            run.faults.append('answers to controls were wrong: controls.log')
+        said = json.loads((folder / 'controls.log').read_text().splitlines()[-1])
+        run.count('controls', said['controls'])
+        run.count('calls of services and parameters', said['calls'])
+        sim.send_signal(signal.SIGINT)
     sim.wait(timeout=stop_s + 120)
     for process in extra, monitor:
         ended(process)
     run.count('exit code of the recorder', whole.wait(timeout=120))
+
+
+def set_of(minutes: float, controls_s: float) -> list[str]:
+    """Return the scene as options: with controls it is ended by a signal, and must be long enough."""
+    return ['--scene', 'unwinding', '--set', f'run.stop_s={60 * minutes * (2 if controls_s else 1)}',
+            '--set', f'run.rate_hz={RATE_HZ}']
 
 
 def waited_for(bag: Path) -> bool:
@@ -175,8 +197,8 @@ def stamps_in(bag: BagReader) -> Stamps:
 
 
 def holes(stamps: Stamps) -> int:
-    """Return how many ticks are missing between the first and the last."""
-    return int(np.sum(np.round(np.diff(stamps) * RATE_HZ / _NS) - 1))
+    """Return how many ticks are missing between the first and the last; any may come more than once."""
+    return int(np.sum(np.round(np.diff(np.unique(stamps)) * RATE_HZ / _NS) - 1))
 
 
 def mind_holes(run: Soak, whose: str, stamps: Stamps) -> None:
@@ -185,8 +207,21 @@ def mind_holes(run: Soak, whose: str, stamps: Stamps) -> None:
         run.faults.append(f'{whose} lacks {missing} ticks between its first and its last')
 
 
-def results(run: Soak) -> dict[str, object]:
-    """Return what was lost, how stamps drifted, and how memory grew."""
+def differing(run: Soak, options: list[str]) -> int:
+    """Return how many messages of handles and benches in the bag of the whole run are not those of the model."""
+    scene = load_scene(options[1], options[3::2])
+    encode, last_k, frame, different = encoders(scene), -1, None, 0
+    with BagReader(run.folder / 'whole') as reader:
+        for message in reader.messages(['/dragon/handles', '/dragon/benches']):
+            k = scene.run.tick_at(message.t_ns)
+            frame = tick(scene, k) if frame is None or k != last_k else frame
+            last_k = k
+            different += bytes(encode[message.topic.rpartition('/')[2]](frame)) != message.data
+    return different
+
+
+def results(run: Soak, options: list[str]) -> dict[str, object]:
+    """Return what was lost, what differs from the model, how stamps drifted, and how memory grew."""
     with BagReader(run.folder / 'whole') as reader:
         rows = np.array([(m.t_ns, m.publish_ns) for m in reader.messages(['/dragon/handles'])], dtype=np.int64)
         account = reader.metadata('dragon_ros.received')
@@ -198,7 +233,8 @@ def results(run: Soak) -> dict[str, object]:
         t_s, mb = np.array([row for row in seen if row[0] >= min(_SETTLED_S, seen[-1][0] / 2)]).T
         growth[name] = {'at_first_mb': round(float(mb[0]), 1), 'at_last_mb': round(float(mb[-1]), 1),
                         'kb_a_minute': round(float(np.polyfit(t_s / 60, mb * 1000, 1)[0]), 1)}
-    return {'ticks': len(rows), 'missing_ticks': missing, 'account': account.get('complete'),
+    return {'ticks': len(np.unique(rows[:, 0])), 'messages of handles': len(rows), 'missing_ticks': missing,
+            'messages unlike the model': differing(run, options), 'account': account.get('complete'),
             'drift_ms': round(float(np.median(off_ms[-tenth:]) - np.median(off_ms[:tenth])), 3),
             'late_ms_99th_percentile': round(float(np.quantile(off_ms - np.min(off_ms), 0.99)), 3),
             'late_ms_worst': round(float(np.max(off_ms) - np.min(off_ms)), 3), 'memory': growth, **run.counts,
@@ -210,17 +246,19 @@ def main(argv: list[str]) -> int:
     options = argparse.ArgumentParser(description=(__doc__ or '').split('\n')[0])
     options.add_argument('--minutes', type=float, default=60.0, help='how long (60)')
     options.add_argument('--folder', type=Path, default=Path('soak'), help='for bags and logs; it must not exist')
-    options.add_argument('--seed', type=int, default=1, help='of the lengths of the stalls (1)')
+    options.add_argument('--seed', type=int, default=1, help='of the lengths of the stalls, and of the controls (1)')
+    options.add_argument('--controls', type=float, default=0.0, metavar='S',
+                         help='seconds between two controls of the sim (0: none)')
     arguments = options.parse_args(argv)
     arguments.folder.mkdir(parents=True)
     run = Soak(arguments.folder)
     try:
-        soak(run, arguments.minutes, arguments.seed)
+        soak(run, arguments.minutes, arguments.seed, arguments.controls)
     finally:
         run.end()
-    found = results(run)
+    found = results(run, set_of(arguments.minutes, arguments.controls))
     print(json.dumps(found, indent=1))
-    return int(bool(found['missing_ticks'] or found['faults']))
+    return int(bool(found['missing_ticks'] or found['messages unlike the model'] or found['faults']))
 
 
 if __name__ == '__main__':
