@@ -13,7 +13,10 @@ from dragon_ros.core.limits import SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
-from dragon_ros.messages.decode import MessageError, Reader, Status, read_diagnostics
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import MessageError, Status, decode, read_diagnostics, read_stamp_ns
+
+_STAMPED = 'clearance/stamped'
 
 
 def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust: bool = False) -> dict[str, Any]:
@@ -84,12 +87,16 @@ class Clearance:
 
 
 def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
-    """Return the clearance over time from its topic, or from ``looks`` ticks (0: all) where there is none."""
+    """Return the clearance over time from its topic with stamps, or from ``looks`` ticks (0: all) without that topic.
+
+    The topic ``clearance`` alone has no stamps: in a bag of an earlier version, or of another recorder, its values may
+    stand at the time of another tick.
+    """
     counts = {topic.name: topic.messages for topic in bag.topics}
     ticks = counts.get(f'{namespace}/handles', 0)
-    if counts.get(f'{namespace}/clearance'):
-        rows = [(m.t_ns / NS, float(Reader(m.data).array('d', 1)[0])) for m in bag.messages([f'{namespace}/clearance'])]
-        return _of(rows, 'clearance', len(rows), ticks)
+    if counts.get(f'{namespace}/{_STAMPED}'):
+        rows = [_stamped(m.data) for m in bag.messages([f'{namespace}/{_STAMPED}'])]
+        return _of(rows, _STAMPED, len(rows), ticks)
     seen = _every(bag, namespace, ticks) if looks == 0 or looks >= ticks else _some(bag, namespace, looks)
     rows, examined, near = [], 0, NearPairs()
     for frame in seen:
@@ -97,6 +104,12 @@ def clearance_in(bag: BagReader, namespace: str, looks: int) -> Clearance:
         if frame.benches is not None:
             rows.append((frame.t_ns / NS, near.look(frame.handles_m, frame.benches).clearance_m))
     return _of(rows, 'benches', examined, ticks)
+
+
+def _stamped(data: bytes) -> tuple[float, float]:
+    """Return time and clearance of a message."""
+    gap_m, *_ = decode(channels()[_STAMPED].type, data)['vector'].tolist()
+    return read_stamp_ns(data) / NS, gap_m
 
 
 def _of(rows: list[tuple[float, float]], source: str, looks: int, ticks: int) -> Clearance:

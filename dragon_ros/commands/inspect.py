@@ -253,7 +253,7 @@ def _clearance_lines(found: dict[str, Any]) -> list[str]:
     if not rows:
         return [f'  smallest clearance: none ({examined} examined)']
     t_s, gap = min(rows, key=lambda row: row[1])
-    where = 'from the topic clearance' if found['source'] == 'clearance' else f'{examined} examined'
+    where = f'from the topic {found["source"]}' if found['source'] != 'benches' else f'{examined} examined'
     size = max(1, -(-len(rows) // _STEPS))
     parts = [min(rows[n:n + size], key=lambda row: row[1]) for n in range(0, len(rows), size)]
     over_time = ', '.join(f'{gap * 1e3:.3f} at {t:g} s' for t, gap in parts)

@@ -3,6 +3,7 @@
 It is written by hand for speed: a MarkerArray of 223 benches decodes in 0.21 ms, by a general library in 17.5. Every
 reader checks lengths before it reads, and raises MessageError with the offset where the bytes are truncated.
 """
+import re
 import struct
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
@@ -19,6 +20,8 @@ from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
 _MOST_LISTS = 2         # markers of a message that shows all benches in lists: faces and edges
 _SMALLEST_MARKER = 180
+_HEALTH_BYTES = 65_536      # a monitor's have some hundred
+_SECONDS = re.compile(r'([0-9]{1,10})\.([0-9]{9})')
 _MARKER_BYTES, _RUN_BYTES = 200, 4096       # memory of a marker in columns, and of the layout of a run, at most
 
 
@@ -215,6 +218,19 @@ def read_diagnostics(data: bytes) -> list[Status]:
     """Return the statuses of a diagnostic_msgs/DiagnosticArray."""
     return [Status(row['level'], row['name'], row['message'], {pair['key']: pair['value'] for pair in row['values']})
             for row in decode('diagnostic_msgs/msg/DiagnosticArray', data)['status']]
+
+
+def examined_ns(data: bytes, dragon: str) -> int | None:
+    """Return the time of the tick that a monitor's health is about, of a dragon by its namespace; None for all else."""
+    try:
+        statuses = read_diagnostics(data) if len(data) <= _HEALTH_BYTES else []
+    except MessageError:        # a recorder stores it as it is
+        return None
+    for status in statuses:
+        found = _SECONDS.fullmatch(status.values.get('t_s', ''))
+        if found and status.name == f'{dragon}: clearance':
+            return int(found[1]) * NS + int(found[2])
+    return None
 
 
 def read_string(data: bytes) -> str:

@@ -40,6 +40,14 @@ def clearance_marker(report: Report) -> bytes:
     return single_marker(report.observation.t_ns, report.observation.frame_id, spec)
 
 
+def stamped_clearance(report: Report) -> bytes:
+    """Return the clearance of a tick with its stamp: x of a geometry_msgs/Vector3Stamped."""
+    writer = Writer()
+    writer.header(report.observation.frame_id, report.observation.t_ns)
+    writer.put('d', report.clearance_m, 0.0, 0.0)
+    return bytes(writer.finish())
+
+
 def vector_of(report: Report) -> bytes:
     """Return the shortest vector between the closest benches as a geometry_msgs/Vector3Stamped; it needs some."""
     assert report.closest

@@ -76,8 +76,9 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
                DiagnosticStatus.WARN: f'benches {pair} are {report.clearance_m:.6f} m apart',
                DiagnosticStatus.ERROR: f'{report.count} pairs in contact, the deepest is {pair}'}[level]
     return _status(level, name, message, {
-        't_s': f'{report.observation.t_ns / NS:.9f}', 'clearance_m': f'{report.clearance_m:.12f}', 'closest': pair,
-        'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count), 'dropped': str(dropped)}, dragon)
+        't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
+        'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),
+        'dropped': str(dropped)}, dragon)
 
 
 def _status(level: bytes, name: str, message: str, values: Mapping[str, str],

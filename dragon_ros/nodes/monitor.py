@@ -15,7 +15,7 @@ from dragon_ros.core.geometry.tracker import NS, ContactTracker, Report
 from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
-from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, stamped_clearance, vector_of
 from dragon_ros.messages.observation import observation_of, read_handles
 from dragon_ros.messages.synchronizer import Pair, Synchronizer
 from dragon_ros.nodes import contact_messages as messages
@@ -27,8 +27,9 @@ _PARTNER_S = 10.0       # longest wait for the other message of a tick: lost one
 _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
 _REST_S = 5.0             # longest time for what had arrived before a signal: a launched run ends with its source
-_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', 'clearance/marker',
-           '/diagnostics')
+_STAMPED = 'clearance/stamped'
+_TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', _STAMPED,
+           'clearance/marker', '/diagnostics')
 _VECTOR = 'clearance/vector'
 
 
@@ -113,6 +114,8 @@ class Monitor(DragonNode):
         active = self._last is not None and self._last.count > 0
         self._last = report
         self.seen += 1
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: a recorder takes the tick from it
+            self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
         self._publish_vector(report)

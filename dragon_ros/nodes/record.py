@@ -3,6 +3,7 @@ import os
 import resource
 import threading
 import time
+from collections import Counter
 from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
@@ -20,7 +21,7 @@ from dragon_ros.cli import command_line
 from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.messages.channels import Channel, channels
-from dragon_ros.messages.decode import MessageError, read_stamp_ns, read_string, stamp_at_of
+from dragon_ros.messages.decode import MessageError, examined_ns, read_stamp_ns, read_string, stamp_at_of
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
@@ -31,6 +32,7 @@ _IDLE_S = 0.25      # longest wait of messages without a stamp for the next hand
 _COUNT_S = 1.0       # interval between counts of publishers
 _MOST_UNACCOUNTED = 100_000     # messages that wait for a scene to be read; then the recorder waits for it
 _HEALTH = '/diagnostics'
+_MARKS = ('handles', 'clearance/stamped')       # whose stamps are those of what their publisher sends after them
 
 
 class Recorder(DragonNode):
@@ -41,7 +43,7 @@ class Recorder(DragonNode):
         super().__init__('record')
         self.bag, self.losses = bag, LossAccount()
         self.writer = WriterThread(bag, flush_s, queue_mb)
-        self._simulation = SimulationClock(self._log)
+        self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
         self._unaccounted: list[tuple[str, int, int]] = []      # messages since a scene that is still being read
@@ -63,6 +65,7 @@ class Recorder(DragonNode):
         self._take_scene()
         if now - self._last > _IDLE_S:
             self._simulation.flush(_IDLE_S)
+            self._monitored.flush(_IDLE_S)
         if now - self._counted > _COUNT_S:
             self._counted = now
             self._look_around()
@@ -80,6 +83,7 @@ class Recorder(DragonNode):
         self._take_scene(wait=True)
         self._scenes.close()
         self._simulation.flush()
+        self._monitored.flush(first_ns=self._simulation.first_ns)
         self.writer.stop()
         try:
             with suppress(DiskError):
@@ -93,7 +97,12 @@ class Recorder(DragonNode):
 
     def _is_complete(self, gone: bool) -> bool:
         """Return whether the closed bag has all that was published, as far as anybody can say."""
-        return self.losses.complete(gone) and self.bag.kept >= self.losses.received
+        return self.losses.complete(gone) and not self._unpaired and self.bag.kept >= self.losses.received
+
+    @property
+    def _unpaired(self) -> Counter[str]:
+        """How many messages without a stamp were left out, by topic, since nobody can tell their tick."""
+        return self._simulation.unpaired + self._monitored.unpaired
 
     def _look_around(self) -> None:
         """Look for topics that several publish, of which nobody can say what is missing, and warn of them."""
@@ -116,8 +125,9 @@ class Recorder(DragonNode):
                                       'reader takes them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return how many messages were too large; the account is not complete then."""
+        """Return how many messages were too large, or of an unknown tick; the account is not complete then."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
+        found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         return found | ({'complete': 'false'} if found else {})
 
     def _log_summary(self, gone: bool) -> None:
@@ -132,6 +142,9 @@ class Recorder(DragonNode):
             log.warning(f'the queue was full {writer.waits} times, for {writer.waited_s:.3f} s in all')
         for topic, count in self.bag.left_out.items():
             log.warning(f'{topic}: {count} messages of more than {MESSAGE_BYTES} bytes are left out')
+        for topic, count in self._unpaired.items():
+            log.warning(f'{topic}: {count} messages are left out: they have no stamp, and no stamped message of their '
+                        'publisher says of which tick they are')
         if self.losses.received > self.bag.kept:
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 
@@ -140,7 +153,7 @@ class Recorder(DragonNode):
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
                 'queue waited_s': f'{writer.waited_s:.6f}', 'slowest write_s': f'{writer.slowest_write_s:.6f}',
-                'before the first tick': str(self._simulation.left_out),
+                'before the first tick': str(self._simulation.left_out + self._monitored.left_out),
                 'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
 
     def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
@@ -157,22 +170,26 @@ class Recorder(DragonNode):
         shared = channel.name.startswith('/')      # published by all nodes of the graph, and stamped with wall time
         once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, whatever its stamp
         stamp_at = None if shared or once else stamp_at_of(channel.type)
-        handles, scene = channel.name == 'handles', channel.name == 'scene'
+        handles, scene, health = (channel.name == name for name in ('handles', 'scene', _HEALTH))
+        watched = self._monitored if channel.publisher == 'monitor' and not shared else self._simulation
+        dragon, marks = self.get_namespace().strip('/'), channel.name in _MARKS
 
         def callback(data: bytes, info: dict[str, int]) -> None:
             self._last = self._last if shared else time.monotonic()
             self._seen = self._seen or handles
             source_ns, sequence = info['source_timestamp'], info['publication_sequence_number'] or 0
             try:
-                if stamp_at is None:
-                    self._simulation.unstamped(topic, data, source_ns, sequence, channel.latched)
+                t_ns = examined_ns(data, dragon) if health else None if stamp_at is None else read_stamp_ns(
+                    data[:4] + data[stamp_at:stamp_at + 8])
+                if t_ns is None:
+                    watched.unstamped(topic, data, source_ns, sequence, channel.latched, not (shared or once))
                     if scene:
                         self._learn(read_string(data))
                     return
-                t_ns = read_stamp_ns(data[:4] + data[stamp_at:stamp_at + 8])
-                if handles:     # first the messages of the tick before, to keep the bag in order
+                if handles:
                     self.losses.stamp(t_ns)
-                    self._simulation.mark(source_ns, t_ns)
+                if marks:       # first the messages of the tick before, to keep the bag in order
+                    watched.mark(source_ns, t_ns, sequence)
                 self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:
                 self.get_logger().warning(f'{topic}: message not recorded: {error}', throttle_duration_sec=1.0)

@@ -54,3 +54,48 @@ def test_what_waits_for_the_first_tick_is_bounded_in_bytes_too():
         clock.unstamped('v', large, n, n, latched=n % 2 == 0)
     assert sum(len(held.data) for held in clock._held) <= HELD_BYTES
     assert clock.left_out == 12 - HELD_BYTES // 2**24
+
+
+def test_after_a_lost_tick_nobody_can_tell_whose_a_message_is_and_it_is_counted():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    clock.mark(10, 100, 1)
+    clock.unstamped('v', b'1', 11, 1)
+    clock.unstamped('d', b'of none', 12, 1, exact=False)
+    clock.unstamped('v', b'2 or 3', 31, 3)      # 21 is the tick of number 2, which was lost
+    clock.mark(30, 300, 3)
+    clock.mark(40, 400, 4)
+    assert out == [(b'of none', 100), (b'2 or 3', 300)]
+    assert clock.unpaired == {'v': 1}
+
+
+def test_another_publisher_that_numbers_anew_is_no_loss():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    clock.mark(10, 100, 5)
+    clock.unstamped('v', b'5', 11, 5)
+    clock.mark(20, 0, 1)
+    assert (out, clock.unpaired) == ([(b'5', 100)], {})
+
+
+def test_a_topic_has_one_message_a_tick_and_the_next_waits_for_its_own():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    clock.mark(10, 100, 1)
+    for n in (1, 2):
+        clock.unstamped('v', b'%d' % n, 10 * n + 1, n)
+    clock.flush(age_s=1e-9)
+    assert out == [(b'1', 100)]
+    clock.mark(20, 200, 2)
+    clock.unstamped('v', b'3', 31, 3)
+    clock.flush()
+    assert (out, clock.unpaired) == ([(b'1', 100), (b'2', 200)], {'v': 1})
+
+
+def test_without_any_tick_what_is_latched_is_of_the_first_of_the_run_and_the_rest_of_none():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    clock.unstamped('active', b'no', 5, 1, latched=True)
+    clock.unstamped('clearance', b'', 6, 1)
+    clock.flush(first_ns=100)
+    assert (out, clock.unpaired) == ([(b'no', 100)], {'clearance': 1})

@@ -21,7 +21,7 @@ from dragon_ros.core.errors import shown
 from dragon_ros.core.flags import Effect, effects_of
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
-from dragon_ros.messages.cdr import PoseArrayTemplate, string_message
+from dragon_ros.messages.cdr import PoseArrayTemplate, Writer, float64_of, string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_marker_array, read_multi_array, read_pose_array
 from dragon_ros.messages.encode import encoders
@@ -182,6 +182,25 @@ def test_the_dragon_of_a_bag_is_named_with_or_without_its_slash_and_one_that_is_
     code, out, err = run(capsys, name, bag, *options, '--namespace', 'left')
     assert (code, out) == (2, '')
     assert '1 dragon (/dragon); none in --namespace left' in err
+
+
+def test_a_clearance_is_taken_from_the_bag_only_with_the_stamp_of_its_tick(capsys, tmp_path):
+    """At wall times, as others record, and with a topic without stamps that an earlier version logged late."""
+    with BagWriter(tmp_path / 'a.mcap') as out:
+        for name in ('handles', 'clearance', 'clearance/stamped'):
+            out.add_channel(f'/dragon/{name}', channels()[name])
+        for n, gap_m in enumerate((0.25, 0.125)):
+            writer = Writer()
+            writer.header('dragon', 10**9 * n)
+            writer.put('d', gap_m, 0.0, 0.0)
+            out.write('/dragon/clearance', float64_of(-1.0), 50 * 10**9, n)
+            out.write('/dragon/clearance/stamped', bytes(writer.finish()), 50 * 10**9 + n, n)
+        handles = PoseArrayTemplate(3, 'dragon').encode(0, np.eye(3, 2), np.eye(2))
+        out.write('/dragon/handles', handles, 50 * 10**9, 1)
+    found = json.loads(run(capsys, 'inspect', tmp_path / 'a.mcap', '--format', 'json')[1])['clearance']
+    assert (found['source'], found['t_s'], found['gap_m']) == ('clearance/stamped', [0.0, 1.0], [0.25, 0.125])
+    assert '125.000000 mm at 1.000000000 s (from the topic clearance/stamped)' in run(
+        capsys, 'inspect', tmp_path / 'a.mcap')[1]
 
 
 def test_inspect_examines_no_more_ticks_than_requested(capsys, bag):

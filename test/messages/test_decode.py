@@ -16,6 +16,7 @@ from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import (
     MessageError,
     decode,
+    examined_ns,
     read_diagnostics,
     read_marker_array,
     read_multi_array,
@@ -214,6 +215,20 @@ def test_diagnostics_are_read_as_the_monitor_writes_them():
     row = DiagnosticStatus(level=b'\2', name='n', message='a message', values=[KeyValue(key='k', value='v')])
     (status,) = read_diagnostics(serialization.serialize_message(DiagnosticArray(status=[row])))
     assert (status.level, status.name, status.message, status.values) == (2, 'n', 'a message', {'k': 'v'})
+
+
+def test_the_health_of_a_dragon_has_the_time_of_its_tick_and_all_else_has_none():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
+
+    def of(t_s, name='red: clearance', more=0):
+        rows = [DiagnosticStatus(name='battery')] * (1 + more) + [
+            DiagnosticStatus(name=name, values=[KeyValue(key='t_s', value=t_s)])]
+        return examined_ns(bytes(serialization.serialize_message(DiagnosticArray(status=rows))), 'red')
+    assert of('2147483647.000000001') == 2147483647 * 10**9 + 1
+    assert [of('soon'), of('1.5'), of('-1.000000000'), of('1.000000000', name='blue: clearance')] == [None] * 4
+    assert of('1.000000000', more=9999) is None         # no monitor writes as much
+    assert examined_ns(b'\0\1\0\0', 'red') is None
 
 
 def test_poses_are_views_of_the_bytes():

@@ -5,6 +5,7 @@ import yaml
 
 from dragon_ros import configuration
 from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import stamp_at_of
 
 CLASS = {'Marker': 'visualization_msgs/msg/Marker', 'MarkerArray': 'visualization_msgs/msg/MarkerArray',
          'PoseArray': 'geometry_msgs/msg/PoseArray', 'PointStamped': 'geometry_msgs/msg/PointStamped'}
@@ -30,7 +31,11 @@ def test_foxglove_shows_them_too_with_plots_and_health_and_every_panel_is_laid_o
     assert {topic for topic, row in panels['3D!dragon']['topics'].items() if row['visible']} == SEEN
     rest = [path['value'].split('.')[0] for panel in panels.values() for path in panel.get('paths', [])]
     rest += [panel['topicToRender'] for panel in panels.values() if 'topicToRender' in panel]
-    assert set(rest) == {'/dragon/clearance', '/dragon/velocities', '/dragon/collision', '/diagnostics'}
+    assert set(rest) == {'/dragon/clearance/stamped', '/dragon/velocities', '/dragon/collision', '/diagnostics'}
+    stamped = {path['value'].split('.')[0]: path['timestampMethod'] == 'headerStamp'
+               for panel in panels.values() for path in panel.get('paths', [])}
+    assert stamped == {name: stamp_at_of(channels()[name.removeprefix('/dragon/')].type) is not None
+                       for name in stamped}
 
     def leaves(part):
         return {part} if isinstance(part, str) else leaves(part['first']) | leaves(part['second'])

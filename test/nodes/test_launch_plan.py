@@ -1,14 +1,20 @@
 """What dragon.launch.py starts, with or without the launch library; the processes are real."""
+import struct
+from dataclasses import replace
+
 import pytest
 
 pytest.importorskip('rclpy')
 
+from dragon_ros.bags.read.frames import frames
+from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
+from dragon_ros.messages.decode import read_diagnostics
 from dragon_ros.messages.encode import encoders
 from dragon_ros.nodes.launch_plan import plan
 from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
@@ -99,3 +105,46 @@ def test_what_cannot_be_read_is_left_to_the_node_that_says_why():
 def test_an_argument_that_is_no_number_is_named(name):
     with pytest.raises(InputError, match=f'launch argument {name}:=abc'):
         planned(**{name: 'abc'})
+
+
+WATCHED = 'clearance', 'clearance/stamped', 'collision', 'collision/active', 'collision/point'
+
+
+def said(path, dragon):
+    """Return what a monitor said in a bag, by topic as (time, message), and its health as (time, t_s)."""
+    found = {name: [] for name in (*WATCHED, '/diagnostics')}
+    with BagReader(path) as bag:
+        for message in bag.messages():
+            name = message.topic.removeprefix(f'/{dragon}/')
+            if name in WATCHED:
+                found[name].append((message.t_ns, message.data.replace(dragon.encode(), b'___')))
+            elif name == '/diagnostics':
+                found[name].extend(
+                    (message.t_ns, status.values['t_s']) for status in read_diagnostics(message.data)
+                    if status.name == f'{dragon}: clearance' and 't_s' in status.values)
+    return found
+
+
+def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launched, watched, tmp_path):
+    """A monitor lags behind what is published as fast as possible; its values are those of real time all the same."""
+    (tmp_path / 'short.yaml').write_text('run: {start_s: 412.2, stop_s: 412.7}\n')
+    ran = {}
+    for dragon, given in {
+            'one': {'time_scale': '1.0'}, 'two': {'time_scale': '0.0'},
+            'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():
+        what = planned(**{'scene': str(tmp_path / 'short.yaml'), 'namespace': dragon, 'frame_id': dragon,
+                          'record': f'{dragon}.mcap', 'at_end': 'stop', **given})
+        ran[dragon] = launched(replace(what, source=replace(
+            what.source, parameters={**what.source.parameters, 'discovery_s': 1.0})))
+    for nodes in ran.values():
+        assert nodes['record'].end() == 0, nodes['record'].text
+    live, quick, again = (said(tmp_path / f'{dragon}.mcap', dragon) for dragon in ran)
+    assert {name: live[name] for name in WATCHED} == {name: quick[name] for name in WATCHED}
+    assert live['clearance'] == again['clearance']
+    with BagReader(tmp_path / 'two.mcap') as bag:
+        assert [(frame.t_ns, frame.clearance_m) for frame in frames(bag, '/two')] == [
+            (t_ns, struct.unpack('<4xd', data)[0]) for t_ns, data in quick['clearance']]
+    assert [t_ns for t_ns, _ in quick['collision/active']] == [SCENE.run.time_ns(0), SCENE.run.time_ns(14)]
+    for one in (live, quick, again):
+        assert one['/diagnostics']
+        assert [f'{t_ns / 1e9:.9f}' for t_ns, _ in one['/diagnostics']] == [t_s for _, t_s in one['/diagnostics']]

@@ -1,10 +1,12 @@
 """Simulation time for every recorded message, even without a stamp of its own.
 
-A message with a stamp is logged at that time. One without (velocities, clearance) belongs to the tick whose handles
-were the last published before it, by the publishers' source times, since topics overtake each other in transit.
+A message with a stamp is logged at that time. One without belongs to the tick whose stamped message its publisher sent
+last before it, by source times, since topics overtake each other in transit: for a sim the handles (velocities follow),
+for a monitor, which lags behind the sim, the stamped clearance. What cannot be paired so is left out and counted.
 """
 import time
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Callable
 from typing import NamedTuple
 
@@ -20,59 +22,107 @@ class _Held(NamedTuple):
     data: bytes
     sequence: int
     latched: bool
+    exact: bool
     since_s: float
 
 
+class _Mark(NamedTuple):
+    t_ns: int
+    sequence: int
+    source_ns: int
+
+
 class SimulationClock:
-    """Holds messages without a stamp back until their tick is known."""
+    """Holds messages of a publisher without a stamp back until their tick is known."""
 
     def __init__(self, write: Write) -> None:
         """``write(topic, data, t_ns, sequence, source_ns)`` receives every message once."""
         self._write = write
         self._sources: list[int] = []
-        self._stamps: list[int] = []
+        self._marks: list[_Mark] = []
         self._held: list[_Held] = []
         self._held_bytes = 0
-        self.left_out = 0       # messages from before the first tick
+        self._last: dict[str, _Mark] = {}       # by topic, the tick of its last message
+        self.first_ns: int | None = None        # time of the first tick
+        self.left_out = 0                       # messages from before the first tick
+        self.unpaired: Counter[str] = Counter()     # messages whose tick nobody can tell, by topic
 
-    def mark(self, source_ns: int, t_ns: int) -> None:
-        """Record that the handles of ``t_ns`` were published at ``source_ns``."""
+    def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
+        """Record that the stamped message of the tick at ``t_ns`` was published at ``source_ns``, with this number."""
         at = bisect_right(self._sources, source_ns)
         self._sources.insert(at, source_ns)
-        self._stamps.insert(at, t_ns)
-        if len(self._sources) > 2 * _KEEP:
-            del self._sources[:_KEEP], self._stamps[:_KEEP]
+        self._marks.insert(at, _Mark(t_ns, sequence, source_ns))
+        self.first_ns = t_ns if self.first_ns is None else self.first_ns
+        if len(self._marks) > 2 * _KEEP:
+            del self._sources[:_KEEP], self._marks[:_KEEP]
         self._release(lambda held: held.source_ns < self._sources[-1])
 
-    def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int, latched: bool = False) -> None:
+    def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int, latched: bool = False,
+                  exact: bool = True) -> None:
         """Log a message without a stamp as soon as its tick is known.
 
-        Of messages from before the first tick only latched ones are kept, logged at that tick.
+        Of messages from before the first tick only latched ones are kept, logged at that tick. What is not ``exact`` is
+        of no tick, and logged at the last one before it.
         """
-        self._held.append(_Held(source_ns, topic, data, sequence, latched, time.monotonic()))
+        self._held.append(_Held(source_ns, topic, data, sequence, latched, exact, time.monotonic()))
         self._held_bytes += len(data)
-        while not self._sources and (len(self._held) > _KEEP or self._held_bytes > HELD_BYTES):
+        while not self._marks and (len(self._held) > _KEEP or self._held_bytes > HELD_BYTES):
             # The wait for a run may be long.
             left = self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
             self._held_bytes -= len(left.data)
             self.left_out += 1
         self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
 
-    def flush(self, age_s: float = 0.0) -> None:
-        """Log what has waited for at least ``age_s``: without newer handles it belongs to the last tick."""
-        before_s = time.monotonic() - age_s
-        self._release(lambda held: held.since_s <= before_s and (age_s == 0 or bool(self._sources)))
+    def flush(self, age_s: float = 0.0, first_ns: int | None = None) -> None:
+        """Log what has waited for at least ``age_s``: without a newer tick it belongs to the last one.
 
-    def _release(self, known: Callable[[_Held], bool]) -> None:
-        """Log the held messages whose tick is known; those from before the first tick are omitted."""
-        ready = [held for held in self._held if known(held)]
-        if ready:
-            self._held = [held for held in self._held if not known(held)]
-            self._held_bytes = sum(len(held.data) for held in self._held)
-        for held in ready:
-            at = bisect_right(self._sources, held.source_ns) - 1
-            if at < 0 and self._sources and not held.latched:
-                self.left_out += 1
+        At the end, with an age of 0, latched messages are logged though there is no tick: at ``first_ns`` if given.
+        """
+        before_s = time.monotonic() - age_s
+        self._release(lambda held: held.since_s <= before_s and (age_s == 0 or (
+            bool(self._marks) and not self._is_second(held, self._marks[-1]))), first_ns)
+
+    def _release(self, known: Callable[[_Held], bool], first_ns: int | None = None) -> None:
+        """Log the held messages whose tick is known, and count those without one."""
+        waiting, self._held = self._held, []
+        for held in waiting:
+            if not known(held):
+                self._held.append(held)
                 continue
-            t_ns = self._stamps[max(at, 0)] if self._sources else held.source_ns
-            self._write(held.topic, held.data, t_ns, held.sequence, held.source_ns)
+            self._held_bytes -= len(held.data)
+            t_ns = self._time_of(held, first_ns)
+            if t_ns is not None:
+                self._write(held.topic, held.data, t_ns, held.sequence, held.source_ns)
+
+    def _time_of(self, held: _Held, first_ns: int | None) -> int | None:
+        """Return the time of a message; None, counted, where it has none."""
+        at = bisect_right(self._sources, held.source_ns) - 1
+        if at < 0:
+            return self._early_time_of(held, first_ns)
+        mark = self._marks[at]
+        if held.exact and (self._is_gap(at) or self._is_second(held, mark)):
+            self.unpaired[held.topic] += 1
+            return None
+        self._last[held.topic] = mark
+        return mark.t_ns
+
+    def _early_time_of(self, held: _Held, first_ns: int | None) -> int | None:
+        """Return the time of a message from before the first tick."""
+        if held.latched or not (held.exact or self._marks):
+            return self._marks[0].t_ns if self._marks else held.source_ns if first_ns is None else first_ns
+        if self._marks:
+            self.left_out += 1
+        else:
+            self.unpaired[held.topic] += 1
+        return None
+
+    def _is_gap(self, at: int) -> bool:
+        """Return whether the stamped message of a tick after this one was lost: what follows may be of either."""
+        if at + 1 == len(self._marks):
+            return False
+        here, there = self._marks[at].sequence, self._marks[at + 1].sequence
+        return bool(here and there) and there not in (here + 1, 1)
+
+    def _is_second(self, held: _Held, mark: _Mark) -> bool:
+        """Return whether its topic has a message of that tick already: then this one is of a later tick."""
+        return held.exact and not held.latched and self._last.get(held.topic) == mark
