@@ -3,8 +3,8 @@ import json
 
 import pytest
 
-from dragon_ros.commands.certificate import as_values
 from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.scenes.certificate import as_values
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove
 from dragon_ros.verify.reading import claims_of

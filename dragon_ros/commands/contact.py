@@ -1,6 +1,5 @@
 """``contact``: the first contact of a scene."""
 import json
-import sys
 import time
 from argparse import Namespace
 from collections.abc import Callable
@@ -83,7 +82,7 @@ def _run(arguments: Namespace) -> int:
                                   'gap_m': miss.gap_m} for miss in near.nearest]
         values['near_misses_count'] = near.count
     if arguments.certificate:
-        from dragon_ros.commands import certificate
+        from dragon_ros.scenes import certificate
         command_line.write_output(arguments.certificate, json.dumps(certificate.as_values(scene, found)))
     command_line.write_output(arguments.output, _FORMATS[arguments.format](values))
     return command_line.OK
@@ -112,9 +111,9 @@ def _scene_of(arguments: Namespace) -> 'Scene':
 def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> int:
     """Check a certificate in a process that knows nothing of the solver; its progress and errors go to stderr."""
     import subprocess
-    given = [] if effort is None else [f'--effort={effort}']
-    done = subprocess.run([sys.executable, '-m', 'dragon_ros.verify', certificate_file, *given],
-                          stdout=subprocess.PIPE, text=True, check=False)
+
+    from dragon_ros.commands.checker import command
+    done = subprocess.run(command(str(certificate_file), effort), stdout=subprocess.PIPE, text=True, check=False)
     if done.stdout:
         command_line.write_output(output, done.stdout.rstrip('\n'))
     return done.returncode

@@ -8,11 +8,11 @@ from typing import Any
 
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands import certificate
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.search.family import FamilyProof, first_contact_within
+from dragon_ros.scenes import certificate
 
 
 def run(scene: Scene, arguments: Namespace) -> int:

@@ -4,17 +4,19 @@ from dataclasses import dataclass
 from math import isfinite
 from typing import Any
 
-from dragon_ros.bags.read.frames import BagFrame, frames
+from dragon_ros.bags.read.frames import BagFrame, claimed_contact, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
+from dragon_ros.commands.checker import prove
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.near_pairs import NearPairs
-from dragon_ros.core.limits import SEARCH_WORK, SEARCHED_BENCHES
+from dragon_ros.core.limits import PROOF_S, SEARCH_WORK, SEARCHED_BENCHES
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import MessageError, Status, decode, read_diagnostics, read_stamp_ns
+from dragon_ros.scenes.certificate import of_claim
 
 _STAMPED = 'clearance/stamped'
 
@@ -54,6 +56,25 @@ def searched(scene: Scene, trust: bool) -> Contact | NoContact:
                 raise InputError(f'to search the scene for contacts takes more than {states} states of {benches} '
                                  'benches; give --trust')
         return first_contact(scene, spend)
+
+
+def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) -> tuple[float | None, str | None]:
+    """Return when a run ends in its contact (None: it has none), and the sentence that proves it if a search may not.
+
+    Beyond the budgets of a search the claim in the bag counts if the checker proves it. Raises InputError.
+    """
+    try:
+        found = searched(scene, trust)
+    except InputError as error:
+        claim = claimed_contact(bag, namespace)
+        if claim is None:
+            raise
+        try:
+            said = prove(of_claim(scene, claim), PROOF_S)
+        except InputError as why:
+            raise InputError(f'{bag.path}: {why}; {error}') from None
+        return (None if claim['t_s'] is None else float(claim['t_s'])), said
+    return (found.t_s if isinstance(found, Contact) else None), None
 
 
 def _reported(bag: BagReader, topic: str) -> dict[str, Any] | None:

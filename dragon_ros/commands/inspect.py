@@ -21,11 +21,10 @@ from dragon_ros.bags.read.mcap import BagError
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.contacts_in_bag import clearance_in, first_contact_in, searched
+from dragon_ros.commands.contacts_in_bag import clearance_in, end_in_contact, first_contact_in
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS
-from dragon_ros.core.search.certificate import Contact
 from dragon_ros.messages.channels import channel_of
 from dragon_ros.scenes.load import scene_values
 from dragon_ros.scenes.provenance import RECORD
@@ -128,14 +127,13 @@ def _check(arguments: Namespace) -> tuple[dict[str, Any], int]:
         if scene is None:
             raise BagError(f'{arguments.bag}: does not contain its scene (metadata record {RECORD}, key scene, or the '
                            'topic scene); it cannot be recomputed')
-        contact = None
+        contact_s, proof = None, None
         if ends_in_contact(bag, namespace) and not scene.is_led:
-            contact = searched(scene, arguments.trust)
+            contact_s, proof = end_in_contact(bag, namespace, scene, arguments.trust)
         with Progress('check', 'ticks', compile_scene(scene).last_tick + 1) as bar:
-            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id,
-                                       contact.t_s if isinstance(contact, Contact) else None)
+            found = compare_with_model(bag, scene, namespace, lambda k: bar.reach(k + 1), frame_id, contact_s)
     code = command_line.OK if found.passed else command_line.FAILED
-    return _verdict(arguments.bag, found, compile_scene(scene).tier.name), code
+    return {**_verdict(arguments.bag, found, compile_scene(scene).tier.name), 'end_proved': proof}, code
 
 
 def _verdict(path: Path, found: 'Comparison', tier: str) -> dict[str, Any]:
@@ -182,6 +180,8 @@ def _check_text(values: dict[str, Any]) -> str:
     line += f', {values["fault_count"] - missing} are not' + (f'; {missing} are missing' if missing else '')
     lines = [line] + [f'  {fault}' for fault in values['faults'][:_SHOWN]]
     lines += _more(len(values['faults'][:_SHOWN]), len(values['faults']))
+    if values['end_proved']:
+        lines.append(f'  its end is proved by the certificate in the bag: {values["end_proved"]}')
     if values['once']:
         lines.append(f'  scene and track: {values["once"]} messages are those of the scene')
     return '\n'.join([*lines, *(f'  unchecked: {row["messages"]} of {name} ({row["reason"]})'

@@ -17,6 +17,7 @@ SCENE_BENCHES = 20_000
 SCENE_TICKS = 10_000_000
 SEARCHED_BENCHES = 2000
 SEARCH_WORK = 50_000_000
+PROOF_S = 60.0
 
 # Bags
 CHUNK_BYTES = 128 * MB
@@ -64,8 +65,10 @@ LIMITS = (
     Limit('SCENE_BENCHES', 'the benches of a scene from a stranger', 'benches', 'not computed without `--trust`'),
     Limit('SCENE_TICKS', 'the ticks of a scene from a stranger', 'ticks', 'not computed without `--trust`'),
     Limit('SEARCHED_BENCHES', 'the benches of such a scene whose first contact is searched', 'benches',
-          'reported as unknown without `--trust`; a run that ends in its contact is not checked'),
+          'reported as unknown without `--trust`; `inspect --check` asks the certificate in the bag'),
     Limit('SEARCH_WORK', 'the work of that search', 'states times benches', 'given up without `--trust`'),
+    Limit('PROOF_S', 'how long the checker takes for the certificate in a bag', 'seconds',
+          'ended; a run that ends in its contact is not checked without `--trust`'),
     Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside of chunks', 'bytes',
           'refused; a recorder leaves such a message out, counts it and names its topic'),
     Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'refused'),

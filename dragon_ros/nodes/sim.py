@@ -13,7 +13,7 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
-from dragon_ros.core.search.certificate import Contact
+from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
@@ -27,8 +27,9 @@ from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import Commands, LedFrames
 from dragon_ros.nodes.params import SIM
 from dragon_ros.nodes.tf_publisher import TfPublisher
+from dragon_ros.scenes.certificate import claim_of
 from dragon_ros.scenes.load import load_scene
-from dragon_ros.scenes.provenance import scene_file
+from dragon_ros.scenes.provenance import CLAIM, scene_file
 
 
 class Broadcast:
@@ -67,7 +68,8 @@ class Sim(DragonNode):
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting
-        contact = None if self.scene.is_led else _contact(self.scene, value['on_contact'], interrupted)
+        found = None if self.scene.is_led else _searched(self.scene, value['on_contact'], interrupted)
+        contact = found if isinstance(found, Contact) else None
         if (contact or self.scene.is_led) and value['on_contact'] == 'hold':
             self.set_parameters([RosParameter('at_end', value='hold')])
         self._lossless = value['time_scale'] == 0
@@ -81,8 +83,7 @@ class Sim(DragonNode):
         self.topic_publishers['track'] = self._publisher('track')
         self.topic_publishers['track'].publish(track_marker(self.scene, value['frame_id']))
         self.topic_publishers['scene'] = self._publisher('scene')
-        self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, {
-            name: value[name] for name in ('frame_id', 'on_contact')})))
+        self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, _about(value, found))))
         self._frames.frames.prepare()
         gate = publisher_queue.StartGate(self.topic_publishers, value['wait_subscribers'], value['discovery_s'])
         self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
@@ -126,13 +127,19 @@ class Sim(DragonNode):
             yield TfPublisher(self, self.setting['frame_id']).publish
 
 
-def _contact(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | None:
-    """Return the contact to act on, if any. Raises InterruptedError where ``interrupted()`` becomes true."""
+def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | NoContact | None:
+    """Return the first contact, if it is acted on. Raises InterruptedError where ``interrupted()`` becomes true."""
     def go_on(_: int) -> None:
         if interrupted():
             raise InterruptedError
-    found = None if act == 'continue' else first_contact(scene, go_on)
-    return found if isinstance(found, Contact) else None
+    return None if act == 'continue' else first_contact(scene, go_on)
+
+
+def _about(value: dict[str, Any], found: Contact | NoContact | None) -> dict[str, Any]:
+    """Return what the published scene says about the run: also its first contact, if it is to end there."""
+    about = {name: value[name] for name in ('frame_id', 'on_contact')}
+    claim = None if found is None else claim_of(found)
+    return about if claim is None else {**about, CLAIM: claim}
 
 
 def _scene_of(value: dict[str, Any]) -> Scene:

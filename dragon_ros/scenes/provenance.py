@@ -20,6 +20,7 @@ from dragon_ros.version import __version__
 
 RECORD = 'dragon_ros'
 ATTACHMENT = 'scene.yaml'
+CLAIM = 'first_contact'     # key of ``about``, where the run ends in its contact: what its certificate claims
 # What OpenBLAS calls the function that names the kernel it runs: as built by distributions, and in wheels of numpy.
 _CORE_NAMES = ('openblas_get_corename', 'openblas_get_corename64_', 'scipy_openblas_get_corename64_',
                'scipy_openblas_get_corename')

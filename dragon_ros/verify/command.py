@@ -14,7 +14,7 @@ _FIRST_S, _EVERY_S = 1.0, 1.0       # of progress
 def main(argv: list[str] | None = None) -> int:
     """Check a certificate: print what it proves and return 0, or say in a line why it is refused and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
-    parser.add_argument('certificate', type=Path, help='a file that `contact --certificate` wrote')
+    parser.add_argument('certificate', type=Path, help='a file that `contact --certificate` wrote; - is standard input')
     parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',
                         help='spend so many times the usual budget before giving up (%(default)s)')
     arguments = parser.parse_args(argv)

@@ -5,6 +5,7 @@ and so is a key that might claim something that nobody checks.
 """
 import json
 import re
+import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
@@ -149,9 +150,9 @@ class FamilyClaims:
 
 
 def read(path: Path) -> Claims | FamilyClaims:
-    """Return what a certificate file says. Raises Refused."""
+    """Return what a certificate file says; ``-`` is standard input. Raises Refused."""
     try:
-        with path.open('rb') as file:
+        with sys.stdin.buffer if str(path) == '-' else path.open('rb') as file:
             data = file.read(MOST_BYTES + 1)
     except OSError as error:
         raise Refused(f'it cannot be read: {error.strerror}') from None

@@ -182,8 +182,8 @@ def study(folder: Path) -> Target:
 
 def certificate(folder: Path) -> Target:
     """Certificates, for the checker that stands alone."""
-    from dragon_ros.commands.certificate import as_values
     from dragon_ros.core.search.first_contact import first_contact
+    from dragon_ros.scenes.certificate import as_values
     from dragon_ros.verify.errors import Refused
     from dragon_ros.verify.proof import prove
     from dragon_ros.verify.reading import claims_of

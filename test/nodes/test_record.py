@@ -16,6 +16,7 @@ from zstandard import ZstdError
 from dragon_ros.__main__ import main
 from dragon_ros.bags.check.compare import compare_with_model
 from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.commands import contacts_in_bag
 from dragon_ros.core.scene import Run
 from dragon_ros.messages.cdr import Writer, stamp_of
 from dragon_ros.scenes.load import load_scene, strangers_scene
@@ -124,7 +125,8 @@ def test_a_bag_alone_makes_its_run_again(start, tmp_path):
 
 
 @pytest.mark.parametrize('on_contact', ['stop', 'hold'])
-def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(start, tmp_path, capsys, on_contact):
+def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(start, tmp_path, capsys, monkeypatch,
+                                                                              on_contact):
     record = start('record', '--output', tmp_path / 'a.mcap')
     publisher = start('sim', '--scene', 'first_contact', '--set', 'run.start_s=412.3', '--ros-args', '-p', READERS,
                       '-p', f'on_contact:={on_contact}', '-p', 'time_scale:=0.0')
@@ -135,6 +137,9 @@ def test_a_bag_of_a_run_that_ends_in_its_contact_is_checked_to_its_last_frame(st
     assert record.end() == 0, record.text
     assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0
     assert f'{3 * 10} messages are bit for bit those of the model, 0 are not' in capsys.readouterr().out
+    monkeypatch.setattr(contacts_in_bag, 'SEARCHED_BENCHES', 222)
+    assert main(['inspect', str(tmp_path / 'a.mcap'), '--check']) == 0      # by its certificate
+    assert 'the contact at 412.47383768211' in capsys.readouterr().out
 
 
 @pytest.mark.parametrize('how', ['full', 'limit', 'gone'])

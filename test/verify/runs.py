@@ -13,13 +13,13 @@ from collections import Counter
 from itertools import count, islice
 from pathlib import Path
 
-from dragon_ros.commands.certificate import as_values
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes.certificate import as_values
 
 
 class Draw:

@@ -7,13 +7,13 @@ import pytest
 from certificates import proved, written
 from runs import certificates
 
-from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Interval, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene, scene_of, scene_values
 from dragon_ros.scenes.yaml import Document
 

@@ -9,13 +9,13 @@ from hypothesis import settings
 from properties import USUAL
 from random_scenes import random_scene
 
-from dragon_ros.commands.certificate import as_values
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.certificate import as_values
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
 

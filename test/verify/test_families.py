@@ -9,11 +9,11 @@ from certificates import proved, refusal
 from flint import arb
 
 from dragon_ros.commands import contact
-from dragon_ros.commands.certificate import family_values
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.family import first_contact_within
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.certificate import family_values
 from dragon_ros.verify.family import _Pair
 
 SMALL = Scene(dragon=Dragon(30), track=Spiral(0.55, 7.0), run=Run(start_s=40.0))

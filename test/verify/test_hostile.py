@@ -11,8 +11,8 @@ from hypothesis import example, given
 from hypothesis import strategies as st
 from properties import examples
 
-from dragon_ros.commands import certificate
 from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.proof import prove

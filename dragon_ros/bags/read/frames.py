@@ -26,7 +26,7 @@ from dragon_ros.messages.decode import (
 )
 from dragon_ros.messages.observation import ShownBenches, observation_of, read_handles
 from dragon_ros.scenes.load import ABOUT, strangers_scene
-from dragon_ros.scenes.provenance import ATTACHMENT, RECORD
+from dragon_ros.scenes.provenance import ATTACHMENT, CLAIM, RECORD
 from dragon_ros.scenes.yaml import parse_document
 
 _TOPICS = ('handles', 'benches', 'velocities')
@@ -95,6 +95,11 @@ def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
 def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
     """Return whether the run in a bag was to end in its first contact, as its scene says."""
     return _about(bag, namespace).get('on_contact') in ('hold', 'stop')
+
+
+def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
+    """Return what the scene in a bag claims of the run's first contact, as it stands there; None if nothing."""
+    return _about(bag, namespace).get(CLAIM)
 
 
 def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:

@@ -8,7 +8,6 @@ from certificates import proved, refusal
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.enclosures.on_spiral import bounds
@@ -25,6 +24,7 @@ from dragon_ros.core.step import state
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.scenes import certificate
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)

@@ -12,7 +12,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from properties import examples
 
-from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, has_same_links_behind
 from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -28,6 +27,7 @@ from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.search.search_domain import SearchDomain
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
+from dragon_ros.scenes import certificate
 
 LOOP = Composite((Line(5.0), Arc(3.0, 720.0)))
 BENT = Composite((Line(50.0), Arc(3.0, -200.0), Line(1.0), SpiralArc(1.2, 2, 4.0)), start_m=70.0)

@@ -9,7 +9,6 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 from properties import examples
 
-from dragon_ros.commands import certificate
 from dragon_ros.core.chain.dragon import Group, Mixed
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.enclosures.on_spiral import bounds
@@ -24,6 +23,7 @@ from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
 
 CLASSIC, SPELT = Scene(), Scene(dragon=Mixed((Group(3.41), Group(2.2, 100), Group(2.2, 122))))

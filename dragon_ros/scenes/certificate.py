@@ -1,4 +1,7 @@
-"""Certificates of first contact, written from the solver's proof; ``dragon_ros.verify`` checks them."""
+"""Certificates of first contact, written from the solver's proof; ``dragon_ros.verify`` checks them.
+
+A bag of a run that ends in its first contact carries what its certificate claims, beside its scene.
+"""
 from collections.abc import Sequence
 from math import ceil
 from typing import Any
@@ -23,8 +26,21 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
-    return {'version': _VERSION, 'scene': scene_values(scene), 'contact': _contact(found),
-            'intervals': _rows(proof.intervals)}
+    return _certificate(scene, _contact(found), _rows(proof.intervals))
+
+
+def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
+    """Return what a certificate claims of a run, without its scene and intervals; None where there is none."""
+    return _contact(found) if found.certificate.complete else None
+
+
+def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
+    """Return a claim about a scene as a certificate without intervals, which are hints alone: nothing is believed."""
+    return _certificate(scene, claim, [])
+
+
+def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
+    return {'version': _VERSION, 'scene': scene_values(scene), 'contact': contact, 'intervals': rows}
 
 
 def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:

@@ -1,0 +1,53 @@
+"""The independent checker of certificates, as a process that shares nothing with the solver."""
+import json
+import subprocess
+import sys
+from contextlib import suppress
+from threading import Timer
+from typing import Any
+
+from dragon_ros.core.errors import InputError
+
+_EFFORT = 1000      # times the usual steps: the clock ends a proof here
+
+
+def command(certificate: str, effort: str | None = None) -> list[str]:
+    """Return the command that checks a certificate file (``-`` is standard input)."""
+    given = [] if effort is None else [f'--effort={effort}']
+    return [sys.executable, '-m', 'dragon_ros.verify', certificate, *given]
+
+
+def prove(values: Any, most_s: float) -> str:
+    """Return the sentence that a certificate proves within a time. Raises InputError where it does not."""
+    try:
+        text = json.dumps(values)
+    except (TypeError, ValueError):
+        raise InputError('its certificate is refused: it is none') from None
+    with subprocess.Popen(command('-', str(_EFFORT)), stdin=subprocess.PIPE, stdout=subprocess.PIPE,
+                          stderr=subprocess.PIPE, text=True) as process:
+        end = Timer(most_s, process.kill)
+        end.start()
+        try:
+            why = _told(process, text)
+            said = process.stdout.read() if process.stdout else ''
+        finally:
+            end.cancel()
+            process.kill()
+    if said:
+        return said.removeprefix('-: ').rstrip('\n')
+    raise InputError(f'its certificate is {why}' if why else f'its certificate was not proved within {most_s:g} s')
+
+
+def _told(process: subprocess.Popen[str], text: str) -> str:
+    """Give the checker a certificate, show its progress on a terminal, and return why it refuses, if it does."""
+    assert process.stdin is not None
+    assert process.stderr is not None
+    with suppress(BrokenPipeError), process.stdin as file:
+        file.write(text)
+    why = ''
+    for line in process.stderr:
+        if line.startswith('-: '):
+            why = line.removeprefix('-: ').rstrip('\n')
+        elif sys.stderr.isatty():
+            print(line.rstrip('\n'), end='\r', file=sys.stderr, flush=True)
+    return why
