@@ -10,7 +10,6 @@ from dragon_ros.core.chain.chain import Chain, chain_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.cost.baselines import SIMPLE, Solver, chain_by, cosine_rule
 
 
@@ -28,7 +27,7 @@ def by_brentq(theta: float, chord: float) -> float:
 
 def euler_steps(scene: Scene, step_s: float) -> tuple[Chain, Callable[[Chain], Chain]]:
     """Return the exact chain at 0 s and a function that advances all handles by one explicit Euler step."""
-    start = compile_scene(scene).model.march((0.0, 0.0), Effort())
+    start = compile_scene(scene).model.march((0.0, 0.0))
     b = scene.spiral.b_m
 
     def advance(chain: Chain) -> Chain:

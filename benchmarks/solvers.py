@@ -11,7 +11,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tracks.composite import Place
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.cost.baselines import by_newton
 
 ChainSolver = Callable[[Scene, Place], Chain]
@@ -58,7 +58,7 @@ class PlainChain(Chain):
 def _march(scene: Scene, head: Place) -> Chain:
     """Place one handle after the other."""
     model = compile_scene(scene).model
-    return marched(model.track, model.links_m, head, model.direction, Effort())
+    return marched(model.track, model.links_m, head, model.direction)
 
 
 def _table(scene: Scene, head: Place) -> Chain:

@@ -31,7 +31,7 @@ from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.tiers import EXACT, PAPER, Tier, tier_for
 from dragon_ros.core.tracks.composite import Track, least_radius_m, track_of
 from dragon_ros.core.tracks.polyline import SAG_M, polyline
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
 _LAST_FLOAT = 1.7976931348623157e308    # a time that is no end
@@ -116,9 +116,9 @@ class Model:
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
-    def march(self, gone_m: tuple[float, float], effort: Effort) -> Chain:
-        """Return the chain by forward placement alone, at an effort of its own."""
-        return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction, effort)
+    def march(self, gone_m: tuple[float, float]) -> Chain:
+        """Return the chain by forward placement alone."""
+        return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
         """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
@@ -166,8 +166,8 @@ class Model:
     def _stands(self, gone_m: float, blocks: tuple[Block, ...]) -> bool:
         """Return whether links find their places, alone and among many."""
         try:
-            forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND, Effort())
-            forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND, Effort())
+            forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND)
+            forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND)
         except ChainLockError:
             return False
         return True

@@ -14,7 +14,6 @@ from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 
 CLASSIC = Scene()
@@ -120,7 +119,7 @@ def test_a_model_places_what_the_scene_places():
     assert model.place(gone).p.tobytes() == state(scene, 100.0).p.tobytes()
     np.testing.assert_allclose(model.place_many((np.array([200.0]), np.zeros(1))).p[0], state(scene, 100.0).p, rtol=0,
                                atol=1e-13)
-    np.testing.assert_allclose(model.march(gone, Effort()).p, state(scene, 100.0).p, rtol=0, atol=1e-13)
+    np.testing.assert_allclose(model.march(gone).p, state(scene, 100.0).p, rtol=0, atol=1e-13)
     with pytest.raises(TrackEndError):
         model.place((1000.0, 0.0))
 

@@ -14,10 +14,10 @@ from dragon_ros.core.chain.forward import Handles, blocks_of, forward, forward_m
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 
-class Part(Protocol):
+class PlacedLinks(Protocol):
     """Some ``links`` of a chain behind handle ``start`` from the leader, as one solver placed them."""
 
     @property
@@ -66,7 +66,7 @@ class Chain:
     evaluations: int
     track: Track
     direction: int
-    parts: tuple[Part, ...]
+    parts: tuple[PlacedLinks, ...]
 
     def __repr__(self) -> str:
         """Name the size and the solver; the arrays would fill screens."""
@@ -145,7 +145,7 @@ class Chain:
         """What ``u`` misses."""
         return self.places[2]
 
-    def slice_of(self, part: Part) -> slice:
+    def slice_of(self, part: PlacedLinks) -> slice:
         """Return where the handles of a part are among those of the chain."""
         start = part.start if self.direction == BEHIND else self.links_m.size - part.start - part.links
         return slice(start, start + part.links + 1)
@@ -261,26 +261,26 @@ class MarchedLink(NamedTuple):
         return speed
 
 
-def marched(track: Track, links_m: Floats, leader: Place, direction: int, effort: Effort) -> Chain:
+def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
     """Return the chain of a leader by forward placement: of the head (``direction`` BEHIND), or of the tail.
 
     Raises as ``forward``.
     """
     blocks = blocks_of(links_m, direction)
     one = np.array([leader.segment]), np.array([leader.u.hi]), np.array([leader.u.lo])
-    if len(track.segments) == 1 and (found := together(track, blocks, one, direction, effort)):
+    if len(track.segments) == 1 and (found := together(track, blocks, one, direction)):
         (segment, u, lo), spent = found
         return chain_of(track, links_m, direction, (segment[:, 0], u[:, 0], lo[:, 0]), spent)
-    handles = forward(track, blocks, leader, direction, effort)
+    handles = forward(track, blocks, leader, direction)
     return chain_of(track, links_m, direction, arrays_of(handles), handles.evaluations)
 
 
-def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int, effort: Effort) -> Chain:
+def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
     """Return the chains of many leaders in one, as ``marched`` does for one, to the last digits.
 
     Links are those of all (N,), or of each (M, N), as ``forward_many`` allows it.
     """
-    rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction, effort)
+    rows, spent = forward_many(track, blocks_of(links_m, direction), leaders, direction)
     return chain_of(track, links_m, direction, (rows[0].T, rows[1].T, rows[2].T), spent)
 
 

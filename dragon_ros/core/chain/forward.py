@@ -16,7 +16,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, distinct
 from dragon_ros.core.tracks.chord import TIGHT, corrections
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort, Past, SpiralSegment
+from dragon_ros.core.tracks.segments import BEHIND, Past, SpiralSegment
 
 FEWEST_ROWS = 8        # of handles that are placed all at once
 _AT_ONCE = 2**14        # handles, so that what is between fits the cache
@@ -57,7 +57,7 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
     return tuple(Block(start, stop, each[start]) for start, stop in pairwise(ends))
 
 
-def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int, effort: Effort) -> Handles:
+def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
     """Return the handles of blocks of links from a leader on, the leader first.
 
     Raises ChainLockError where a link finds no place near a spiral's centre, TrackEndError where there is no track.
@@ -68,7 +68,7 @@ def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: i
         i = block.start
         while i < block.stop:
             k, u = segments[-1], DoubleDouble(us[-1], lows[-1])
-            highs, los, more = track.segments[k].march(u, (block.stop - i, block.link_m), direction, effort,
+            highs, los, more = track.segments[k].march(u, (block.stop - i, block.link_m), direction,
                                                        track.edge(k, block.link_m, direction))
             segments += [k] * len(highs)
             us += highs
@@ -79,7 +79,7 @@ def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: i
                 u = DoubleDouble(us[-1], lows[-1])
                 if direction == BEHIND and k == 0 and track.from_afar:
                     raise locked(track, i, u.hi, block.link_m)
-                (k, u), more = track.across(Place(k, u), block.link_m, direction, effort.newton)
+                (k, u), more = track.across(Place(k, u), block.link_m, direction)
                 segments.append(k)
                 us.append(u.hi)
                 lows.append(u.lo)
@@ -99,7 +99,7 @@ def locked(track: Track, link: int, theta: float, link_m: float) -> ChainLockErr
         link=link, radius_m=radius, theta_rad=theta)
 
 
-def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int, effort: Effort,
+def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and evaluations.
 
@@ -107,14 +107,14 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     first segment that winds in from afar. With ``settle``, which may put each row in order, rows end where the track
     does. Raises as ``forward`` does.
     """
-    if not settle and (found := together(track, blocks, leaders, direction, effort)):
+    if not settle and (found := together(track, blocks, leaders, direction)):
         return found
     rows, spent = [leaders], 0
     for block in blocks:
         past: list[Floats] = []
         for i in range(block.start, block.stop):
             try:
-                following, square, more = next_places(track, rows[-1], block.link_m, direction, effort,
+                following, square, more = next_places(track, rows[-1], block.link_m, direction,
                                                       Past(*past) if len(past) == 3 else None)
             except ChainLockError as error:
                 theta = error.fields['theta_rad']
@@ -130,14 +130,13 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
     return _stacked(rows), spent
 
 
-def together(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int,
-             effort: Effort) -> tuple[Places, int] | None:
+def together(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int] | None:
     """Return ``forward_many`` by a solver for all handles together; None where they have to be placed row by row.
 
-    It serves behind leaders on a spiral from afar, for the exact tier, unless handles almost turn back.
+    It serves behind leaders on a spiral from afar, unless handles almost turn back.
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
-    if direction != BEHIND or not spiral or np.any(number) or not blocks or effort.newton > TIGHT:
+    if direction != BEHIND or not spiral or np.any(number) or not blocks:
         return None
     links_m = np.concatenate([np.broadcast_to(block.link_m, (block.stop - block.start, np.size(block.link_m)))
                               for block in blocks])
@@ -217,7 +216,7 @@ def _stacked(rows: list[Places]) -> Places:
     return segment, u, lo
 
 
-def next_places(track: Track, places: Places, chord_m: float, direction: int, effort: Effort,
+def next_places(track: Track, places: Places, chord_m: float, direction: int,
                 past: Past | None = None) -> tuple[Places, Floats | None, int]:
     """Return the next places behind or ahead of many, what a predictor keeps of them, and evaluations.
 
@@ -229,21 +228,21 @@ def next_places(track: Track, places: Places, chord_m: float, direction: int, ef
         return places, None, 0
     numbers = track.present(number)
     if len(numbers) == 1:
-        return _next_on_one(track, numbers[0], places, chord_m, direction, effort, past)
+        return _next_on_one(track, numbers[0], places, chord_m, direction, past)
     number, u, lo, spent = number.copy(), u.copy(), lo.copy(), 0
     for k in numbers:
         on = np.flatnonzero(places[0] == k)
-        found, _, more = _next_on_one(track, k, (number[on], u[on], lo[on]), chord_m, direction, effort, None)
+        found, _, more = _next_on_one(track, k, (number[on], u[on], lo[on]), chord_m, direction, None)
         number[on], u[on], lo[on] = found
         spent += more
     return (number, u, lo), None, spent
 
 
-def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction: int, effort: Effort,
+def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction: int,
                  past: Past | None) -> tuple[Places, Floats | None, int]:
     """Return ``next_places`` of places on one segment."""
     segment, (number, u, lo), edge = track.segments[k], places, track.edge(k, chord_m, direction)
-    shift, spent = segment.shifts(u, chord_m, direction, effort.newton, past)
+    shift, spent = segment.shifts(u, chord_m, direction, past)
     if edge == inf:         # outwards without end: all stay
         return (number, *plus(u, lo, shift)), segment.squares(u, shift), spent
     found = np.isfinite(shift)
@@ -252,6 +251,5 @@ def _next_on_one(track: Track, k: int, places: Places, chord_m: float, direction
     if np.all(stays):
         return (number, high, low), segment.squares(u, shift), spent
     over, number = np.flatnonzero(~stays), number.copy()
-    (number[over], high[over], low[over]), more = track.across_many(k, (u[over], lo[over]), chord_m, direction,
-                                                                    effort.newton)
+    (number[over], high[over], low[over]), more = track.across_many(k, (u[over], lo[over]), chord_m, direction)
     return (number, high, low), None, spent + more

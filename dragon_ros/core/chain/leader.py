@@ -11,7 +11,7 @@ from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Leader:
 
     def _last(self, leader: Place, direction: int) -> Place:
         """Return the place of the last handle behind, or ahead of, a place."""
-        return forward(self.track, blocks_of(self.links_m, direction), leader, direction, Effort()).place(-1)
+        return forward(self.track, blocks_of(self.links_m, direction), leader, direction).place(-1)
 
     @cached_property
     def _origin_m(self) -> tuple[float, float]:

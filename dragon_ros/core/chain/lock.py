@@ -9,7 +9,7 @@ from itertools import accumulate, pairwise
 from math import cos, inf, pi, sin, sqrt, ulp
 
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.tracks.chord import TIGHT, chord_of, first_guess, first_peak, step
+from dragon_ros.core.tracks.chord import chord_of, first_guess, first_peak, step
 
 _NO_TURN = 4.0  # no link turns back with its front handle this far beyond its chord: it spans below 60 degrees there
 
@@ -75,7 +75,7 @@ def _handle(theta: float, chords: Sequence[float]) -> float:
 
 def follower(theta: float, chord: float) -> float:
     """Return the polar angle of the next handle; infinite where there is none."""
-    return theta + step(theta, chord, first_guess(theta, chord), TIGHT)[0] if theta < inf else inf
+    return theta + step(theta, chord, first_guess(theta, chord))[0] if theta < inf else inf
 
 
 def _rear(theta: float, chord: float) -> float:
@@ -150,7 +150,7 @@ def turns(chord: float) -> list[float]:
 
 def _inwards(theta: float, chord: float) -> float:
     """Return a number that is above 0 where a link's rear handle follows its front handle inwards."""
-    delta = step(theta, chord, first_guess(theta, chord), TIGHT)[0]
+    delta = step(theta, chord, first_guess(theta, chord))[0]
     if delta == inf:
         return -inf
     s = sin(0.5 * delta)

@@ -24,7 +24,7 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.gradients import Graded, Vector, polar, variables
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.tracks.chord import TIGHT, first_guesses, steps
+from dragon_ros.core.tracks.chord import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 _WIDER = 2.0**-30       # of a span: Newton in floats is nearer, and balls (2^-36) can tell
@@ -78,7 +78,7 @@ def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: floa
 
 
 def _proved_span(theta: Floats, chord: Floats, factor: float, sense: int) -> Floats:
-    span: Floats = factor * steps(theta, chord, first_guesses(theta, chord), TIGHT)[0]
+    span: Floats = factor * steps(theta, chord, first_guesses(theta, chord))[0]
     place, delta = between(theta, theta), between(span, span)
     excess = delta.squared() * 0.5 + place * (place + delta) * delta.versine() - between(chord, chord).squared() * 0.5
     if not np.all(sense * excess.mid >= excess.rad) or np.any(span > np.pi):

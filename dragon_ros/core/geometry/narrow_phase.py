@@ -16,7 +16,7 @@ from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 _COMPLEX = np.array([1, 1j])
 _AT_ONCE = 512  # places, so that what is between fits the cache
@@ -58,14 +58,14 @@ def joined(samples: list[BenchSamples]) -> BenchSamples:
     return BenchSamples(*(np.concatenate([getattr(each, name) for each in samples]) for name in _FIELDS))
 
 
-def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats, lead: Ints,
-               effort: Effort) -> BenchSamples:
+def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats,
+               lead: Ints) -> BenchSamples:
     """Return the samples of leading benches at places (M,), of links for all (K,) or for each (M, K).
 
     ``half_m`` are half lengths (M or 1, K) and half widths (M, 1), or one for all.
     """
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
-    chain = marched_many(track, links_m, leaders, BEHIND, effort)
+    chain = marched_many(track, links_m, leaders, BEHIND)
     z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
     # Far out an angle has too few digits for what a link spans: with its low part it has.
     delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
@@ -124,7 +124,6 @@ class BenchSampler:
     dragon: AnyDragon
     leads: tuple[int, ...]
     follow: int
-    effort: Effort
     progress: Callable[[int], object]
     error_m: float
 
@@ -138,7 +137,7 @@ class BenchSampler:
         self.progress(theta.size)
         size = self.sizes.of(lead)
         links_m = size.links_m[0] if len(self.leads) == 1 else size.links_m
-        return samples_of(self.track, links_m, (size.half_length_m, size.half_width_m), theta, lead, self.effort)
+        return samples_of(self.track, links_m, (size.half_length_m, size.half_width_m), theta, lead)
 
     @property
     def b_m(self) -> float:

@@ -42,7 +42,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, divisible, run
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
@@ -50,7 +50,6 @@ _AT_ONCE = 512      # intervals
 _FIRST, _PARTS = 32, 6      # into which the first intervals are cut, and later ones: fewer take more rounds
 _SAME = 1e-13       # of a distance along the track: nearer places are the same
 _MOST = 200_000     # benches that are placed
-_TOLERANCE = 1e-9   # of Newton's last step: its square is below what floats keep
 
 
 @dataclass(frozen=True)
@@ -274,10 +273,9 @@ class SweptBench:
     def _rears(self, fronts: Places) -> Places:
         """Return the rear handles; at a lock itself one by one, where the chord is longest."""
         try:
-            return next_places(self.track, fronts, self.link_m, BEHIND, Effort(_TOLERANCE))[0]
+            return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
-            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND, _TOLERANCE)[0]
-                     for front in zip(*fronts, strict=True)]
+            rears = [self.track.next(Place.of(*front), self.link_m, BEHIND)[0] for front in zip(*fronts, strict=True)]
             u: Floats = np.array([place.u for place in rears])
             return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
@@ -361,7 +359,7 @@ class HandleRanges:
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:
         """Return the chain when the leader has gone so far."""
-        return self._model.march(gone_m, Effort())
+        return self._model.march(gone_m)
 
     def when_s(self, handle: int, along_m: float) -> float:
         """Return a time at which a handle is at a distance along the track."""
@@ -394,5 +392,5 @@ class HandleRanges:
         """Return the distance of a handle along the track when the leader has gone so far."""
         leader = self._model.leader
         links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)
-        chain = marched(leader.track, links, leader.place(gone_m), leader.direction, Effort())
+        chain = marched(leader.track, links, leader.place(gone_m), leader.direction)
         return float(self.track.distances(chain.segment, chain.u)[index])

@@ -299,7 +299,7 @@ class BodyBenches:
 
 def _sampler(domain: SearchDomain, leads: tuple[int, ...]) -> BenchSampler:
     """Return what samples leading benches with all that follow."""
-    return BenchSampler(domain.track, domain.dragon, leads, domain.dragon.benches - min(leads), domain.effort,
+    return BenchSampler(domain.track, domain.dragon, leads, domain.dragon.benches - min(leads),
                         domain.count, domain.error_m)
 
 

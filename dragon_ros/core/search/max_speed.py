@@ -38,14 +38,13 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.driver import Boxes, divisible, run
 from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 _SPACING_M = 0.1        # of the leader's way, of the first intervals
 _PARTS = 4              # into which an interval is cut
 _AT_ONCE = 128          # intervals
 _SAME = 1e-12           # speeds within this, in parts, are the same
 _APART_M = 1e-9         # before the segment that winds in ends: to its end itself rounding could tell either way
-_PRECISE = Effort(1e-8)     # a Newton step whose square is below what floats keep
 _MOST = 2_000_000       # intervals of the first cut
 _BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (see ``min_pitch``)
 _SURE = 1.98            # curvature times link below which a link spans an arc that turns by less than pi (2 would do)
@@ -217,7 +216,7 @@ class _Speeding:
         self._tell(times_s.size)
         leader, gone = self._leader, self._scene.head.travelled_m(times_s)
         links = leader.links_m[:self._links(float(np.max(gone[0])))]
-        chains = marched_many(leader.track, links, leader.places(gone), leader.direction, _PRECISE)
+        chains = marched_many(leader.track, links, leader.places(gone), leader.direction)
         return states_of(chains, gone[0], leader.direction)
 
     def _note(self, log: Floats, times_s: Floats) -> None:

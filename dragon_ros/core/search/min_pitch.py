@@ -40,7 +40,7 @@ from dragon_ros.core.search.driver import Boxes, run
 from dragon_ros.core.search.first_contact import first_contact, head_passes
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
@@ -240,7 +240,6 @@ class _Descending:
         self._best = self._limit = 2 * pi / floor_m     # scales: of the contact, and up to which all is clear
         self._done = 0
         size_m = task.widest_m(task.largest_m, 1)
-        self._effort = Effort()
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # both benches may be off
 
     def run(self) -> tuple[float, float]:
@@ -318,7 +317,7 @@ class _Descending:
         around = 2 * pi * (float(np.max(radius_m)) + 2 * pi / float(np.min(scale)))
         link = max(float(dragon.link_lengths_m[-1]), 1e-3 * around)
         follow = min(dragon.benches - self.first, 8 + ceil(1.2 * around / link))
-        return windings(dragon, self.first, follow, radius_m, scale, self._effort)
+        return windings(dragon, self.first, follow, radius_m, scale)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
         """Return how far corners of benches can sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
@@ -370,8 +369,7 @@ class _Descending:
                 self.touch = float(radius_m[n]), 2 * pi / float(scale[n]), int(np.argmin(gap[n])) + 2
 
 
-def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats,
-             effort: Effort) -> BenchSamples:
+def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats) -> BenchSamples:
     """Place ``follow`` benches behind radii (M,) on spirals of the given scales, in units of b; the first is ``first``.
 
     Raises ChainLockError where a link finds no place.
@@ -379,7 +377,7 @@ def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale
     size, benches = scale[:, None], slice(first, first + follow)
     half = 0.5 * size * dragon.bench_lengths_m[benches], 0.5 * size * dragon.width_m
     return samples_of(_UNIT, size * dragon.link_lengths_m[benches], half, scale * radius_m,
-                      np.zeros(scale.size, dtype=np.int64), effort)
+                      np.zeros(scale.size, dtype=np.int64))
 
 
 def separations(dragon: AnyDragon, first: int, winding: BenchSamples, scale: Floats) -> Floats:

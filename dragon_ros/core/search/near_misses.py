@@ -156,7 +156,7 @@ def _of_class(domain: SearchDomain, part: LeadingBenches, proof: Sequence[Interv
 
         def gaps_at(places: Floats, pairs: Ints, behind: int = behind) -> Floats:
             leaders = np.zeros(places.size, dtype=np.int64), places, np.zeros_like(places)
-            chain = marched_many(domain.track, links_m[lead:lead + behind], leaders, BEHIND, domain.effort)
+            chain = marched_many(domain.track, links_m[lead:lead + behind], leaders, BEHIND)
             return _gaps(chain, domain, lead, pairs)
 
         pairs = np.stack((np.full(behind - 2, lead), lead + 2 + np.arange(behind - 2)), axis=1)

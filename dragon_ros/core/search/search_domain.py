@@ -22,7 +22,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
 _FLOATS = 1e-13         # of the largest coordinate: what the exact tier promises far out, and keeps near the centre too
@@ -50,7 +50,6 @@ class SearchDomain:
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
         self._travel, self._tell = travel, progress
-        self.effort = Effort()
         self.error_m = EXACT.promise_for_m(simulation.size_m)
         self.rounding_m = _FLOATS * simulation.size_m
         longest_m = float(np.max(self.dragon.bench_lengths_m))
@@ -79,7 +78,7 @@ class SearchDomain:
         """Return all handles when the leader has gone so far; the last few are kept."""
         if gone_m not in self._kept:
             self._kept = dict([*self._kept.items()][1 - _KEPT:])
-            self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0), self.effort)
+            self._kept[gone_m] = self.simulation.model.march((gone_m, 0.0))
         return self._kept[gone_m]
 
     def chains(self, gone_m: Floats) -> Chain:
@@ -89,8 +88,7 @@ class SearchDomain:
         gone = gone_m, np.zeros_like(gone_m)
         if gone_m.size > _MANY and self.simulation.tier is EXACT:       # ``error_m`` is that tier's promise
             return self.simulation.model.place_many(gone)
-        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction,
-                            self.effort)
+        return marched_many(self.track, self.dragon.link_lengths_m, self.leader.places(gone), self.leader.direction)
 
     def benches(self, gone_m: float) -> Benches:
         """Return all benches when the leader has gone so far."""
@@ -130,7 +128,7 @@ class SearchDomain:
         """Return the gap of a pair at a place; no more handles are placed than from the leader to the pair."""
         first, last = (0, pair[1] + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
         chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
-                         self.leader.direction, self.effort)
+                         self.leader.direction)
         half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
         centre = 0.5 * (chain.p[:-1] + chain.p[1:])
         benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))

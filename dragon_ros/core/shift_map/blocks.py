@@ -7,14 +7,13 @@ from typing import Any, NamedTuple
 
 import numpy as np
 
-from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, Part, arrays_of, join
+from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, join
 from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
-from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # links, below which marching is faster than a table
 _MOST_MAPS = 4          # shift maps of one dragon: of the lengths of its longest blocks
@@ -23,10 +22,10 @@ _FARTHEST = 1e300       # a coordinate that no place has: none was found
 _TRIES = 8              # links of a block that are marched in search of its table
 
 
-class _Step(NamedTuple):
+class _NextPlace(NamedTuple):
     """What finds the next place on a segment, between which coordinates it is on that one, and what gives points."""
 
-    next: Callable[[DoubleDouble, float, int, float], tuple[DoubleDouble, int]]
+    next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
     high: float
     at: Callable[[float, float], complex]
@@ -178,18 +177,18 @@ class Placement:
         return not np.all(self.links_m)
 
     @cached_property
-    def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_Step]], ...]:
+    def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
         """The blocks as ``place`` reads them: from which handle to which, the link, its shift map, steps by segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
-    def _step(self, k: int, link_m: float) -> _Step:
+    def _step(self, k: int, link_m: float) -> _NextPlace:
         """Return what finds the next place on a segment, and between which coordinates it is on it."""
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
         low, high = (-inf, min(edge, _FARTHEST)) if outwards else (max(edge, -_FARTHEST), inf)
-        return _Step(segment.next, low, high, segment.at)
+        return _NextPlace(segment.next, low, high, segment.at)
 
     @cached_property
     def _lead(self) -> tuple[float, int, ShiftMap] | None:
@@ -211,7 +210,7 @@ class Placement:
             link_m, stop, shift = self._lead
             spot = shift.spot_behind(leader, link_m)
             led = self._tabulated(flat, 0, stop, spot, leader) if spot else None
-        parts: list[Part] = [led] if led else []
+        parts: list[PlacedLinks] = [led] if led else []
         if not led or led.links < count:
             spent = self._place_rest(flat, leader, led, parts)
         p = flat.reshape(-1, 2)
@@ -220,7 +219,7 @@ class Placement:
         p.setflags(write=False)
         return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
 
-    def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[Part]) -> int:
+    def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
         """Add the parts that follow, block by block, and return evaluations.
 
         Each part fills in its handles from its first on; a table those of a whole block, its last handle included.
@@ -228,7 +227,7 @@ class Placement:
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
         if led:
             begin, here, filled = led.links, led.end(direction), True
-        part: Part
+        part: PlacedLinks
         for i, stop, link_m, shift, steps in self._plan:
             i, tries = max(i, begin), _TRIES if shift else 0
             while i < stop:
@@ -245,7 +244,7 @@ class Placement:
                     part = MarchedLink(i, here, there, 'march' if shift else '')
                     here, i, spent, filled, tries = there, i + 1, spent + more, False, tries - 1
                 else:                   # the rest of the block
-                    handles = forward(self.track, (Block(i, stop, link_m),), here, direction, Effort())
+                    handles = forward(self.track, (Block(i, stop, link_m),), here, direction)
                     rows, first = arrays_of(handles), 2 * (i if direction < 0 else count - stop)
                     part = MarchedLinks(i, rows, 'march' if shift else '')
                     flat[first:first + 2 * (stop - i) + 2] = self.track.points(*rows)[::-direction].reshape(-1)
@@ -256,15 +255,15 @@ class Placement:
             flat[at], flat[at + 1] = z.real, z.imag
         return spent
 
-    def _next(self, step: _Step, here: Place, i: int, link_m: float) -> tuple[Place, int]:
+    def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
         """Return the place of the next handle, and evaluations: ``forward`` for one link, without its lists.
 
         Live ticks march single links only, and have no time for those.
         """
-        following, spent = step.next(here[1], link_m, self.direction, TIGHT)
+        following, spent = step.next(here[1], link_m, self.direction)
         if step.low <= following[0] <= step.high:
             return Place(here[0], following), spent
-        handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction, Effort())
+        handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction)
         return handles.place(1), spent + handles.evaluations
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
@@ -289,7 +288,7 @@ class Placement:
 
         ``out`` (S, N+1, 2) takes the handles, if it is given.
         """
-        parts: list[Part] = []
+        parts: list[PlacedLinks] = []
         places, spent = leaders, 0
         for block, shift in self.blocks:
             part, more = self._states(block, places, shift)
@@ -299,19 +298,19 @@ class Placement:
                 places = part.end() if isinstance(part, TabulatedStates) else _last(part.places())
         return self._chains(parts, spent, np.empty((leaders[0].size, self.links_m.size + 1, 2)) if out is None else out)
 
-    def _states(self, block: Block, places: Places, shift: ShiftMap | None) -> tuple[Part, int]:
+    def _states(self, block: Block, places: Places, shift: ShiftMap | None) -> tuple[PlacedLinks, int]:
         count = block.stop - block.start
         spots = shift.spots(places) if shift else None
         if spots is not None and all(self._reaches(one, count) for _, one in spots):
             return TabulatedStates(block.start, count, tuple(spots), self.direction), 0
-        rows, spent = forward_many(self.track, (block,), places, self.direction, Effort())
+        rows, spent = forward_many(self.track, (block,), places, self.direction)
         return MarchedLinks(block.start, (rows[0].T, rows[1].T, rows[2].T), 'march' if shift else ''), spent
 
     def _reaches(self, spots: Spots, count: int) -> bool:
         last = spots.row - self.direction * count
         return bool(np.all((last >= 0) & (last < spots.tile.table.rows)))
 
-    def _chains(self, parts: list[Part], spent: int, out: Floats) -> Chain:
+    def _chains(self, parts: list[PlacedLinks], spent: int, out: Floats) -> Chain:
         p = out.view()      # read-only below, and ``out`` is not
         chain = Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
         for part in parts:

@@ -13,9 +13,9 @@ from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_
 from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
-from dragon_ros.core.tracks.chord import TIGHT, reach_m
+from dragon_ros.core.tracks.chord import reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort, Segment, SpiralSegment
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, SpiralSegment
 
 NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in three
 _MOST_STEPS = 40_000        # from joints to their places in the span
@@ -81,7 +81,7 @@ class Stretch:
 
 
 @dataclass(frozen=True)
-class _Part:
+class _SpanPart:
     """A part of the span: its segment, and its ends there, the foremost first."""
 
     segment: int
@@ -113,7 +113,7 @@ class _Pushed:
 
 
 @dataclass(frozen=True)
-class _Rows:
+class _RowSeries:
     """Series of R rows of S parts: of coordinates less ``origin`` (S, K, R), places and motions (S, K, 2 R)."""
 
     segment: Ints                     # (R, S)
@@ -156,9 +156,9 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
     return front
 
 
-def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Part]:
+def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_SpanPart]:
     """Return the parts of the span behind ``front``: it is cut at every place that a joint is whole links behind of."""
-    rear = track.next(front, link_m, BEHIND, TIGHT)[0]
+    rear = track.next(front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
@@ -179,32 +179,32 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Return a place moved ahead, link by link, into the span that ends at ``back_m``."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
     if sure > 0:        # links, each on an arc that is no longer than that
-        place = forward(track, (Block(0, sure, link_m),), place, AHEAD, Effort()).place(-1)
+        place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
     while track.distance_of(place)[0] <= back_m:
-        place = track.next(place, link_m, AHEAD, TIGHT)[0]
+        place = track.next(place, link_m, AHEAD)[0]
     return place
 
 
-def _part(track: Track, fore: Place, rear: Place) -> _Part:
+def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
     """Return the part between two places, with the one segment that it is on."""
     middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
     k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
     segment = track.segments[k]
     ends = (fore.u if fore.segment == k else (segment.last, 0.0), rear.u if rear.segment == k else (segment.first, 0.0))
-    return _Part(k, *(np.array(end) for end in ends))
+    return _SpanPart(k, *(np.array(end) for end in ends))
 
 
-def _thirds(part: _Part) -> list[_Part]:
+def _thirds(part: _SpanPart) -> list[_SpanPart]:
     """Return three parts for one: halves need another round more often, which costs more than a third part."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
-    return [_Part(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
+    return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
 
 
-def _built(track: Track, link_m: float, parts: list[_Part], count: int, stretch: Stretch,
+def _built(track: Track, link_m: float, parts: list[_SpanPart], count: int, stretch: Stretch,
            series_m: Callable[[Floats], Floats]) -> Table | None:
     """Return the table, once all series end; parts whose do not are cut in three."""
-    pieces: list[tuple[_Part, _Pushed | None, float]] = [(part, None, inf) for part in parts]   # and left of the whole
+    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(part, None, inf) for part in parts]    # and what is left
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
@@ -237,7 +237,7 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
     return np.stack([one.inverses[key] for one in pushed])
 
 
-def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list[_Pushed]:
+def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> list[_Pushed]:
     """Push the nodes of parts back through ``count`` rows, as far as there is track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
     rows = segment.shape[0]
@@ -257,7 +257,7 @@ def _series(track: Track, link_m: float, parts: list[_Part], count: int) -> list
 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
-                      series_m: Callable[[Floats], Floats]) -> _Rows:
+                      series_m: Callable[[Floats], Floats]) -> _RowSeries:
     """Return the rows that all parts have."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
@@ -268,13 +268,13 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
     origin = np.stack([one.origin[:, :rows] for one in pushed], axis=-1)
-    return _Rows(np.stack([one.segment[:rows] for one in pushed], axis=1), (origin[0], origin[1]), leading,
+    return _RowSeries(np.stack([one.segment[:rows] for one in pushed], axis=1), (origin[0], origin[1]), leading,
                  series_m(size_m), np.stack([one.coordinates[:, :rows] for one in pushed]),
                  *(np.stack([getattr(one, name)[:, :rows].reshape(NODES, -1) for one in pushed])
                    for name in ('places', 'motions')))
 
 
-def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tuple[Ints, Floats, Floats]:
+def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> tuple[Ints, Floats, Floats]:
     """Return the segments (R, S) and coordinates (R, S, K) as (hi, lo) of the nodes in all rows."""
     nodes: Floats = np.array([part.nodes() for part in parts])
     numbers: Ints = np.repeat([part.segment for part in parts], NODES)
@@ -289,7 +289,7 @@ def _pushed(track: Track, link_m: float, parts: list[_Part], count: int) -> tupl
         found = None if k is None else _along(track.segments[k], link_m, (segment, u, lo), many)
         if found is None:
             block = (Block(0, many, link_m),)
-            (segment, u, lo), _ = forward_many(track, block, (segment, u, lo), BEHIND, Effort(), settle)
+            (segment, u, lo), _ = forward_many(track, block, (segment, u, lo), BEHIND, settle)
             found = segment[1:], u[1:], lo[1:]
         rows.append(found)
         if len(found[0]) < many:
@@ -311,7 +311,7 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
     if track.begin_m == -inf:       # what is once on the first segment stays there
         links = min(count, max(1, ceil((track.distance_of(front)[0] - track.joints_m[0]) / link_m) + 2))
     try:
-        fore = forward(track, (Block(0, links, link_m),), front, BEHIND, Effort()).segment
+        fore = forward(track, (Block(0, links, link_m),), front, BEHIND).segment
     except (TrackEndError, ChainLockError):     # before the last row
         return [(None, count - 1)]
     on = [a if a == b else None for a, b in pairwise(fore)] + [0] * (count - links)     # the rearmost is a link behind
@@ -338,7 +338,7 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
         if rows is None and (found := placed(segment, (begin, begin_lo), chords)):
             rows = found[:2]
         return (numbers, rows[0][1:], rows[1][1:]) if rows else None
-    step, _ = segment.shifts(begin[:1], link_m, BEHIND, TIGHT, None)        # on a line or an arc all are alike
+    step, _ = segment.shifts(begin[:1], link_m, BEHIND, None)        # on a line or an arc all are alike
     u, lo = begin, begin_lo
     for part in product(np.arange(1.0, count + 1)[:, None], step[0]):
         u, lo = plus(u, lo, part)
@@ -389,7 +389,7 @@ def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
     return x, middle, scale
 
 
-def _left(rows: _Rows, x: Floats, inverse: Floats, link_m: float) -> Floats:
+def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats:
     """Return about what the series of each part (S,) leave out, in units of the rows' errors: their last terms."""
     half, twice = _half_widths_m(rows) / rows.error_m, np.repeat(rows.error_m, 2)
     last = (rows.places[:, -2:] / twice, link_m * rows.motions[:, -2:] / twice, half * x[:, -2:],
@@ -399,13 +399,13 @@ def _left(rows: _Rows, x: Floats, inverse: Floats, link_m: float) -> Floats:
     return out
 
 
-def _half_widths_m(rows: _Rows) -> Floats:
+def _half_widths_m(rows: _RowSeries) -> Floats:
     """Return about half the length of each part in each row in metres, (S, 1, R)."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
     return out
 
 
-def _table(rows: _Rows, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float) -> Table:
+def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float) -> Table:
     """Return the table with as many terms as any series needs."""
     (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
     parts, twice = rows.segment.shape[1], np.repeat(rows.error_m, 2)

@@ -18,9 +18,9 @@ from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
-from dragon_ros.core.tracks.chord import TIGHT, reach_m
+from dragon_ros.core.tracks.chord import reach_m
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 
 _NOWHERE = -1           # segment of a cell without a chart
 
@@ -80,7 +80,7 @@ def towards_leader(track: Track, place: Place, link_m: float, direction: int) ->
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
-    return tame.next(place, link_m, -direction, TIGHT)[0]
+    return tame.next(place, link_m, -direction)[0]
 
 
 def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction: int,
@@ -100,7 +100,7 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
         return None
     flat: Places = tuple(values[found].reshape(-1) for values in followers)     # type: ignore[assignment]
     try:
-        leaders, _, _ = next_places(tame, flat, link_m, -direction, Effort())
+        leaders, _, _ = next_places(tame, flat, link_m, -direction)
     except (TrackEndError, ChainLockError):
         return None
     return _fitted(track, table, rows, np.flatnonzero(found), leaders, (p[found], motion[found]), max(links_m))

@@ -57,11 +57,11 @@ def next_square(d1: float, d2: float, d3: float) -> float:
     return 3 * (d1 - d2) + d3
 
 
-def step(theta: float, chord: float, guess: float, tolerance: float) -> tuple[float, int]:
+def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
     """Return (smallest delta > 0 with the given chord, evaluations); inf where the chain locks.
 
     ``chord`` is in units of b. Newton's next error is about half the square of its last relative step, so a step
-    below ``tolerance`` leaves an error below tolerance^2 / 2 of the link.
+    below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
     """
     if chord > 2 * theta + pi:
         return _far_step(theta, chord)
@@ -78,13 +78,13 @@ def step(theta: float, chord: float, guess: float, tolerance: float) -> tuple[fl
         delta -= change
         if not 0.0 < delta <= pi:
             break
-        if -tolerance * delta <= change <= tolerance * delta and delta < _TAME_RAD:
+        if -TIGHT * delta <= change <= TIGHT * delta and delta < _TAME_RAD:
             return delta, evaluations
     delta, more = bracketed_newton(lambda d: chord_excess(theta, chord, d), 0.0, pi, guess)
     return delta, evaluations + more
 
 
-def step_in(theta: float, chord: float, guess: float, arc: float, tolerance: float) -> tuple[float, int]:
+def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float, int]:
     """Return (angle to the next place inwards with a chord, in units of b, evaluations); inf where there is none.
 
     From theta to theta - delta the chord obeys c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2), as outwards.
@@ -107,11 +107,11 @@ def step_in(theta: float, chord: float, guess: float, arc: float, tolerance: flo
         delta -= change
         if not 0.0 < delta <= high:
             break
-        if -tolerance * delta <= change <= tolerance * delta:
+        if -TIGHT * delta <= change <= TIGHT * delta:
             return delta, evaluations
     if excess(high)[0] < 0:
         return inf, evaluations + 1
-    delta, more = bracketed_newton(excess, 0.0, high, 0.5 * high, tolerance)
+    delta, more = bracketed_newton(excess, 0.0, high, 0.5 * high, TIGHT)
     return delta, evaluations + 1 + more
 
 
@@ -126,14 +126,14 @@ def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
     return out
 
 
-def steps(theta: Floats, chord: float | Floats, guess: Floats, tolerance: float) -> tuple[Floats, int]:
+def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, int]:
     """Return the smallest delta > 0 for each theta, and evaluations summed over them (see ``step``).
 
     ``chord`` is one for all, or one for each. Raises ChainLockError, with its ``theta_rad``, where any has no place.
     """
     if not np.any(chord):
         return np.zeros_like(theta), 0
-    plain = _plain_steps(theta, chord * chord, guess, tolerance) if theta.size else None
+    plain = _plain_steps(theta, chord * chord, guess) if theta.size else None
     if plain:
         return plain
     delta, spent, square = guess.copy(), 0, chord * chord
@@ -146,20 +146,20 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats, tolerance: float)
         change = 0.5 * (delta * delta + 2 * across * outer * s - square) / np.maximum(phi, 1e-300)
         delta = np.clip(delta - change, 1e-300, pi)
         spent += theta.size
-        wild = (np.abs(change) > tolerance * delta) | (delta >= _TAME_RAD) | (chord > 2 * theta + pi)
+        wild = (np.abs(change) > TIGHT * delta) | (delta >= _TAME_RAD) | (chord > 2 * theta + pi)
         if not np.any(wild & (delta < _TAME_RAD)):
             break
     each = np.broadcast_to(chord, theta.shape)
     for lane in np.flatnonzero(wild):
         one, length = float(theta[lane]), float(each[lane])
-        delta[lane], evaluations = step(one, length, first_guess(one, length), tolerance)
+        delta[lane], evaluations = step(one, length, first_guess(one, length))
         spent += evaluations
         if delta[lane] == inf:
             raise ChainLockError('locked', theta_rad=one)
     return delta, spent
 
 
-def _plain_steps(theta: Floats, square: float | Floats, delta: Floats, tolerance: float) -> tuple[Floats, int] | None:
+def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
     """Return ``steps`` by plain Newton where all settle on short links, the usual case; else None."""
     for evaluations in range(1, _NEWTON_STEPS):
         half = 0.5 * delta
@@ -169,7 +169,7 @@ def _plain_steps(theta: Floats, square: float | Floats, delta: Floats, tolerance
         delta = delta - change
         if not (delta.min() > 0 and delta.max() < _TAME_RAD):
             return None
-        if (np.abs(change) <= tolerance * delta).all():
+        if (np.abs(change) <= TIGHT * delta).all():
             return delta, evaluations * theta.size
     return None
 
@@ -190,7 +190,7 @@ def first_guesses_in(theta: Floats, chord: float) -> Floats:
     return out
 
 
-def steps_in(theta: Floats, chord: float, guess: Floats, arc: float, tolerance: float) -> tuple[Floats, int]:
+def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
     """Return ``step_in`` of many, by Newton, and one by one where that does not settle."""
     if not chord:
         return np.zeros_like(theta), 0
@@ -203,13 +203,13 @@ def steps_in(theta: Floats, chord: float, guess: Floats, arc: float, tolerance: 
             change = (0.5 * (delta * delta - chord * chord) + across * inner * s) / slope
             delta = delta - change
             spent += theta.size
-            if np.all(np.abs(change) <= tolerance * delta):
+            if np.all(np.abs(change) <= TIGHT * delta):
                 break
         high = np.minimum(theta, 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0))))
-        settled = (np.abs(change) <= tolerance * delta) & (slope > 0) & (delta > 0) & (delta <= high)
+        settled = (np.abs(change) <= TIGHT * delta) & (slope > 0) & (delta > 0) & (delta <= high)
     for n in np.flatnonzero(~settled):
         one = float(theta[n])
-        delta[n], evaluations = step_in(one, chord, first_guess_in(one, chord), arc, tolerance)
+        delta[n], evaluations = step_in(one, chord, first_guess_in(one, chord), arc)
         spent += evaluations
     return delta, spent
 

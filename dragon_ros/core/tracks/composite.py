@@ -22,7 +22,7 @@ from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
-from dragon_ros.core.tracks.chord import LARGEST_BEND, first_peak, reach_m
+from dragon_ros.core.tracks.chord import LARGEST_BEND, TIGHT, first_peak, reach_m
 from dragon_ros.core.tracks.s_turn import s_turn_segments
 from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Segment, SpiralSegment, arc_from
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
@@ -194,20 +194,20 @@ class Track:
         before = self.segments[:self.place_at(metres).segment] if self.origins_lo_m else ()
         return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
 
-    def next(self, place: Place, chord_m: float, direction: int, tolerance: float) -> tuple[Place, int]:
+    def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
         """Return the place of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
 
         At a lock itself, where rounding may leave no root, it is where the chord is longest.
         """
         segment, u = self.segments[place.segment], place.u
         edge = self.edge(place.segment, chord_m, direction)
-        following, spent = segment.next(u, chord_m, direction, tolerance)
+        following, spent = segment.next(u, chord_m, direction)
         if min(u.hi, edge) <= following.hi <= max(u.hi, edge) and abs(following.hi) < inf:
             return Place(place.segment, following), spent
         if self.may_lock:
             delta, more = first_peak(u.hi, pi)
             return Place(0, DoubleDouble(*plus(*u, delta))), spent + more
-        found, more = self.across(place, chord_m, direction, tolerance)
+        found, more = self.across(place, chord_m, direction)
         return found, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
@@ -219,7 +219,7 @@ class Track:
         rate = segment.rate(edge)
         return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
 
-    def across(self, place: Place, chord_m: float, direction: int, tolerance: float) -> tuple[Place, int]:
+    def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
         """Return the next place beyond one joint or more, and evaluations. Raises TrackEndError where there is none."""
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(*place.u))
@@ -231,13 +231,13 @@ class Track:
             near, far = segment.last if direction == BEHIND else segment.first, self.edge(k, chord_m, direction)
             longest = float(segment.metres_between(near, far)) if abs(far) < inf else inf
             if gone + longest >= reach or abs(complex(segment.at(far)) - here) >= chord_m:
-                return self._cut(k, here, chord_m, direction, (gone, reach), tolerance)
+                return self._cut(k, here, chord_m, direction, (gone, reach))
             gone += longest
         raise TrackEndError(f'a link of {chord_m:.6g} m finds no track: it begins or ends too close; start the head '
                             'further along, or lengthen the first piece', distance_m=self.distance_of(place)[0])
 
-    def _cut(self, k: int, here: complex, chord_m: float, direction: int, arcs_m: tuple[float, float],
-             tolerance: float) -> tuple[Place, int]:
+    def _cut(self, k: int, here: complex, chord_m: float, direction: int,
+             arcs_m: tuple[float, float]) -> tuple[Place, int]:
         """Return where segment k is at a chord's length from a point; arcs from there to it: to its near end, at most.
 
         Solved for ``most`` more than the way from the near end, so that a step next to the joint is not relative to 0.
@@ -257,7 +257,7 @@ class Track:
             return 0.5 * (link.real * link.real + link.imag * link.imag - chord_m * chord_m), growth
 
         start = base + most * min(max((chord_m - gone) / left, 0.0), 1.0) if left else base
-        x, spent = bracketed_newton(excess, most, base + most, start, tolerance)
+        x, spent = bracketed_newton(excess, most, base + most, start, TIGHT)
         return Place(k, DoubleDouble(*plus(near, 0.0, sense * (x - base)))), spent
 
     @cached_property
@@ -267,8 +267,7 @@ class Track:
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
                            default=0.0)
 
-    def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int,
-                    tolerance: float) -> tuple[Places, int]:
+    def across_many(self, k: int, u: tuple[Floats, Floats], chord_m: float, direction: int) -> tuple[Places, int]:
         """Return ``across`` of many places (hi, lo) on segment k."""
         start, segment, spent = k, self.segments[k], 0
         here = np.asarray(segment.at(*u), dtype=np.complex128)
@@ -287,11 +286,11 @@ class Track:
             if on.size:
                 out[0][on] = k
                 (out[1][on], out[2][on]), evaluations = _cuts(segment, (near, far), here[on], chord_m, direction,
-                                                              (gone[on], reach, self._joint_hair_m), tolerance)
+                                                              (gone[on], reach, self._joint_hair_m))
                 spent += evaluations
             gone, left = gone + longest, left[~hit]
         for n in left[:1]:      # it says what is wrong
-            self.across(Place.of(start, u[0][n], u[1][n]), chord_m, direction, tolerance)
+            self.across(Place.of(start, u[0][n], u[1][n]), chord_m, direction)
         return out, spent
 
     @cached_property
@@ -375,7 +374,7 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
-          arcs_m: tuple[Floats, float, float], tolerance: float) -> tuple[tuple[Floats, Floats], int]:
+          arcs_m: tuple[Floats, float, float]) -> tuple[tuple[Floats, Floats], int]:
     """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton kept in brackets."""
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
@@ -396,7 +395,7 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
         slope = (link.conjugate() * heading).real * segment.rate(u) * sense
         low, high, spent = np.where(value <= 0, x, low), np.where(value >= 0, x, high), spent + x.size
         change = value / np.where(slope > 0, slope, 1e-300)
-        small = np.abs(change) <= tolerance * (most + hair)
+        small = np.abs(change) <= TIGHT * (most + hair)
         newton = small | ((low <= x - change) & (x - change <= high) & (np.abs(change) <= 0.5 * last))
         following = np.clip(np.where(newton, x - change, low + 0.5 * (high - low)), low, high)
         last, x = np.abs(following - x), following

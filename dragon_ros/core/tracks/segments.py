@@ -14,7 +14,6 @@ import numpy as np
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.chord import (
-    TIGHT,
     arc_span,
     first_guess,
     first_guess_in,
@@ -31,16 +30,6 @@ from dragon_ros.core.tracks.spiral import TINY, SpiralCurve, arc_between
 
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 BEHIND, AHEAD = -1, 1         # against the head's way, and along it
-
-
-class Effort(NamedTuple):
-    """How hard to work on one link.
-
-    Newton stops at a step below ``newton``, relative to the angle that the link spans: its next error is about half the
-    square.
-    """
-
-    newton: float = TIGHT
 
 
 class Past(NamedTuple):
@@ -118,7 +107,7 @@ class Segment(Protocol):
         """Return a bound on the distance from the origin between two coordinates."""
         ...
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
+    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
         """Return the nearest place at a chord, on this curve however long, and evaluations; infinite if none."""
         ...
 
@@ -126,8 +115,7 @@ class Segment(Protocol):
         """Return the speed of the handle at ``to`` for unit speed at ``u``: both ends of a link on this segment."""
         ...
 
-    def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
-               past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations.
 
         ``past`` helps to predict them. Raises ChainLockError where a link locks.
@@ -138,7 +126,7 @@ class Segment(Protocol):
         """Return what the predictor keeps of changes of coordinates."""
         ...
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int, effort: Effort,
+    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
         """Return the coordinates (hi, lo) of up to ``links`` = (count, chord_m) handles, and evaluations.
 
@@ -201,7 +189,7 @@ class LineSegment:
         """Return a bound on the distance from the origin between two coordinates."""
         return max(abs(complex(self.at(a))), abs(complex(self.at(b))))
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
+    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * chord_m)), 1
 
@@ -209,8 +197,7 @@ class LineSegment:
         """Return 1: both ends of a link have the same speed."""
         return 1.0
 
-    def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
-               past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the changes of many coordinates to the next places."""
         return np.full_like(u, direction * chord_m), 0
 
@@ -218,7 +205,7 @@ class LineSegment:
         """Return nothing of use: all is in closed form."""
         return shift
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int, effort: Effort,
+    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
         """Return the coordinates of up to so many handles."""
         return _equal_shifts(u, links[0], direction * links[1], direction, edge)
@@ -293,7 +280,7 @@ class ArcSegment:
         """Return a bound on the distance from the origin between two coordinates."""
         return abs(self.centre) + self.radius_m
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
+    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
         """Return the place at a chord."""
         return DoubleDouble(*plus(*u, direction * arc_span(self.radius_m, chord_m))), 1
 
@@ -301,8 +288,7 @@ class ArcSegment:
         """Return 1: both ends of a link have the same speed."""
         return 1.0
 
-    def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
-               past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the changes of many coordinates to the next places."""
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
 
@@ -310,7 +296,7 @@ class ArcSegment:
         """Return nothing of use: all is in closed form."""
         return shift
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int, effort: Effort,
+    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
         """Return the coordinates of up to so many handles."""
         return _equal_shifts(u, links[0], direction * arc_span(self.radius_m, links[1]), direction, edge)
@@ -420,15 +406,15 @@ class SpiralSegment:
         """Return a bound on the distance from the origin between two coordinates."""
         return abs(self.centre) + self.curve.b_m * max(a, b)
 
-    def next(self, u: DoubleDouble, chord_m: float, direction: int, tolerance: float) -> tuple[DoubleDouble, int]:
+    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
         """Return the nearest place at a chord: further out, or further in."""
         (theta, low), chord = u, chord_m / self._b_m
         if direction == self.way:
-            delta, spent = step(theta, chord, first_guess(theta, chord), tolerance)
+            delta, spent = step(theta, chord, first_guess(theta, chord))
             more = delta + low              # double_double.plus, written out
             outer = theta + more
             return DoubleDouble(outer, more - (outer - theta)) if delta < inf else _NOWHERE_OUT, spent
-        delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m), tolerance)
+        delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m))
         return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -452,24 +438,22 @@ class SpiralSegment:
         """Return the longest arc that a chord spans on this segment, in units of b."""
         return reach_m(self.bend, chord_m) / self.curve.b_m
 
-    def shifts(self, u: Floats, chord_m: float, direction: int, tolerance: float,
-               past: Past | None) -> tuple[Floats, int]:
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
         """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations."""
         if direction == self.way:
-            return self.shifts_outwards(u, chord_m, tolerance, past)
+            return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         inner = None if ahead is None else u * u - ahead
         guess = (first_guesses_in(u, chord) if inner is None or np.any(inner <= 0) else
                  ahead / (u + np.sqrt(inner)))
-        delta, spent = steps_in(u, chord, guess, self._arc(chord_m), tolerance)
+        delta, spent = steps_in(u, chord, guess, self._arc(chord_m))
         return -delta, spent
 
-    def shifts_outwards(self, u: Floats, chord_m: float | Floats, tolerance: float,
-                        past: Past | None) -> tuple[Floats, int]:
+    def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
         """Return ``shifts`` to places further out, at one chord for all or at one for each."""
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
         guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
-        return steps(u, chord, guess, tolerance)
+        return steps(u, chord, guess)
 
     def reaches_once(self, u: Floats, shift: Floats) -> bool:
         """Return whether chords grow all the way over changes of coordinates of one sign, so that no nearer places are.
@@ -485,21 +469,20 @@ class SpiralSegment:
         out: Floats = np.abs(shift * (2 * u + shift))
         return out
 
-    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int, effort: Effort,
+    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
         """Return the coordinates of up to so many handles (this loop is the hot one: it makes no objects)."""
-        return self._march_out(u, links, effort, edge) if direction == self.way else self._march_in(
-            u, links, effort, edge)
+        return self._march_out(u, links, edge) if direction == self.way else self._march_in(u, links, edge)
 
-    def _march_out(self, u: DoubleDouble, links: tuple[int, float], effort: Effort,
+    def _march_out(self, u: DoubleDouble, links: tuple[int, float],
                    edge: float) -> tuple[list[float], list[float], int]:
-        (theta, low), (count, chord_m), newton = u, links, effort.newton
+        (theta, low), (count, chord_m) = u, links
         highs, lows, spent, chord = list[float](), list[float](), 0, chord_m / self.curve.b_m
         d1 = d2 = d3 = 0.0
         for _ in range(count):
             square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
             guess = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
-            delta, evaluations = step(theta, chord, guess, newton)
+            delta, evaluations = step(theta, chord, guess)
             spent += evaluations
             more = delta + low                  # double_double.plus, written out
             outer = theta + more
@@ -511,8 +494,7 @@ class SpiralSegment:
             lows.append(low)
         return highs, lows, spent
 
-    def _march_in(self, u: DoubleDouble, links: tuple[int, float], effort: Effort,
-                  edge: float) -> tuple[list[float], list[float], int]:
+    def _march_in(self, u: DoubleDouble, links: tuple[int, float], edge: float) -> tuple[list[float], list[float], int]:
         (theta, low), (count, chord_m), b_m = u, links, self.curve.b_m
         highs, lows, spent, chord, arc = list[float](), list[float](), 0, chord_m / b_m, self._arc(chord_m)
         d1 = d2 = d3 = 0.0
@@ -520,7 +502,7 @@ class SpiralSegment:
             square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
             guess = (square / (theta + sqrt(theta * theta - square)) if 0 < square < theta * theta else
                      first_guess_in(theta, chord))
-            delta, evaluations = step_in(theta, chord, guess, arc, effort.newton)
+            delta, evaluations = step_in(theta, chord, guess, arc)
             spent += evaluations
             inner, inner_lo = plus(theta, low, -delta)
             if not inner >= edge:

@@ -4,7 +4,7 @@ import numpy as np
 from mpmath import mp, mpc, mpf
 
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, Effort, LineSegment
+from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment
 
 DIGITS, STEP = 40, mpf(10) ** -10     # differences of second order: off by STEP^2, that is 20 digits
 
@@ -79,7 +79,7 @@ def rates(scene, t_s, segments=None):
     """Return velocities and accelerations (N+1, 2) of a scene's handles, handles on some segments or on their own."""
     with mp.workdps(DIGITS):
         model = compile_scene(scene).model
-        chain = model.march(scene.head.travelled_m(t_s), Effort())
+        chain = model.march(scene.head.travelled_m(t_s))
         segments = chain.segment.tolist() if segments is None else segments
         links = [mpf(float(length)) for length in scene.dragon.link_lengths_m]
         guess = Guess(chain, segments)

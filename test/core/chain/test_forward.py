@@ -14,10 +14,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, track_of
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 
-EFFORT = Effort(1e-8)
 CLASSIC = Scene()
 CLASSIC_TIMES = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 400.0, 412.473837682, 430.0, 432.9179]
 
@@ -56,13 +55,13 @@ def test_chains_that_are_placed_at_once_are_those_placed_link_by_link(pitch, sta
     leaders = track.places_at(np.array([0.0, -further]), np.zeros(2))
     leader = Place.of(*(values[0] for values in leaders))
     try:
-        one_by_one = forward(track, blocks_of(links, BEHIND), leader, BEHIND, EFFORT)
+        one_by_one = forward(track, blocks_of(links, BEHIND), leader, BEHIND)
     except ChainLockError as error:
         with pytest.raises(ChainLockError, match=f'link {error.fields["link"]}'):
-            marched_many(track, links, leaders, BEHIND, EFFORT)
+            marched_many(track, links, leaders, BEHIND)
         return
     size = float(np.max(np.abs(one_by_one.u)))
-    alone, together = marched(track, links, leader, BEHIND, EFFORT), marched_many(track, links, leaders, BEHIND, EFFORT)
+    alone, together = marched(track, links, leader, BEHIND), marched_many(track, links, leaders, BEHIND)
     np.testing.assert_allclose(alone.u, one_by_one.u, rtol=0, atol=1e-12 * size)
     np.testing.assert_allclose(together.u[0], one_by_one.u, rtol=0, atol=1e-12 * size)
     assert np.all(np.diff(together.u) > 0)
@@ -73,10 +72,10 @@ def test_chains_of_any_links_that_are_placed_at_once_are_those_placed_link_by_li
     track = track_of(Spiral(0.55, start))
     leaders = track.places_at(np.array([0.0, -1.5]), np.zeros(2))
     mixed = np.stack((links, links[::-1]))
-    (_, u, lo), _ = forward_many(track, blocks_of(mixed, BEHIND), leaders, BEHIND, EFFORT)
+    (_, u, lo), _ = forward_many(track, blocks_of(mixed, BEHIND), leaders, BEHIND)
     for n in range(2):
         leader = Place.of(*(values[n] for values in leaders))
-        one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND, EFFORT)
+        one_by_one = forward(track, blocks_of(mixed[n], BEHIND), leader, BEHIND)
         off = (u[:, n] - np.array(one_by_one.u)) + (lo[:, n] - np.array(one_by_one.lo))
         assert np.max(np.abs(off)) < 1e-12
 
@@ -86,8 +85,7 @@ def test_only_where_handles_almost_turn_back_are_they_placed_link_by_link():
     blocks = blocks_of(model.links_m, BEHIND)
 
     def served(t_s):
-        return together(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND,
-                        EFFORT) is not None
+        return together(model.track, blocks, model.leader.places((np.array([t_s]), np.zeros(1))), BEHIND) is not None
     assert [served(t_s) for t_s in (*CLASSIC_TIMES[:-2], 425.0)] == [True] * 9
     assert not served(CLASSIC_TIMES[-1])
 
@@ -100,4 +98,4 @@ def test_handles_are_placed_at_once_unless_the_second_moves_on_by_less_than_a_tw
         leader = np.zeros(1, dtype=np.int64), np.array([theta]), np.zeros(1)
         pace = (follower(theta + step, head) - follower(theta - step, head)) / (2 * step)
         if abs(pace - 0.05) > 1e-3:
-            assert (together(track, blocks_of(links, BEHIND), leader, BEHIND, EFFORT) is None) == (pace < 0.05)
+            assert (together(track, blocks_of(links, BEHIND), leader, BEHIND) is None) == (pace < 0.05)

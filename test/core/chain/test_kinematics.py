@@ -18,7 +18,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.step import frame_of, state
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 SHORT = Dragon(9)
@@ -95,7 +94,7 @@ def test_accelerations_agree_with_40_digits_anywhere(dragon, track, law, t_s):
         scene = Scene(dragon, track, law, Run(stop_s=20.0))
         assume(compile_scene(scene).end.t_s > t_s)
         model = compile_scene(scene).model
-        chain = model.march(law.travelled_m(t_s), Effort())
+        chain = model.march(law.travelled_m(t_s))
     except DragonError:
         assume(False)
     speeds = state(scene, t_s).velocities(1.0)
@@ -122,7 +121,7 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
     gone_m = model.leader.gone_m(place)
     assert 0.5 < gone_m < 3.9
     for t_s in (gone_m, 8.0 - gone_m):
-        chain = model.march(law.travelled_m(t_s), Effort())
+        chain = model.march(law.travelled_m(t_s))
         assert abs(track.distances(chain.segment, chain.u)[handle] - track.joints_m[0]) < 1e-12
         at, before, after = (accelerations(scene, t_s + off) for off in (0.0, -1e-7, 1e-7))
         assert np.max(np.abs(at - after)) < 1e-6        # they change by some m/s^2 a second

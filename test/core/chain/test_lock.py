@@ -15,7 +15,6 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.chord import chord_of, first_peak
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 
 CLASSIC = Scene()
@@ -59,7 +58,7 @@ def test_body_links_longer_than_the_heads_may_lock_first():
         state(scene, compile_scene(scene).end.t_s + 1e-6)
     model = compile_scene(scene).model
     with pytest.raises(ChainLockError, match='link 1'):
-        model.march((compile_scene(scene).end.t_s + 1e-6, 0.0), Effort(1e-8))
+        model.march((compile_scene(scene).end.t_s + 1e-6, 0.0))
 
 
 @given(st.integers(2, 12), st.floats(0.6, 4), st.floats(0.6, 3.5), st.floats(0.3, 2), st.floats(2, 20),

@@ -10,11 +10,10 @@ from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.search.max_speed import LawBetween, bounds, states_of
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-EFFORT = Effort(1e-12)
 LINKS = np.array([2.86, *(1.65,) * 12, 0.0, *(1.65,) * 8])
 BENDY = track_of(Composite((Line(50.0), Arc(2.0, 170.0), Line(1.0), Arc(1.5, -100.0), Line(60.0)), start_m=50.0))
 TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, BEHIND), (BENDY, 50.0, BEHIND),
@@ -23,12 +22,11 @@ TRACKS = [(track_of(STurn()), -3.0, BEHIND), (track_of(STurn(ratio=0.6)), 0.0, B
 
 def states(leader, gone_m):
     places = leader.places((gone_m, np.zeros_like(gone_m)))
-    return states_of(marched_many(leader.track, leader.links_m, places, leader.direction, EFFORT), gone_m,
-                     leader.direction)
+    return states_of(marched_many(leader.track, leader.links_m, places, leader.direction), gone_m, leader.direction)
 
 
 def chain_at(leader, gone_m):
-    return marched(leader.track, leader.links_m, leader.place((gone_m, 0.0)), leader.direction, EFFORT)
+    return marched(leader.track, leader.links_m, leader.place((gone_m, 0.0)), leader.direction)
 
 
 def tops(leader, low_m, high_m):

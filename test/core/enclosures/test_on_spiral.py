@@ -15,16 +15,15 @@ from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.geometry.narrow_phase import BenchSampler, beyond
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.tracks.composite import Place, track_of
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 
-EFFORT = Effort()
 COUNT = 24
 
 
 def placed(dragon, theta):
     head = Place(0, DoubleDouble(theta, 0.0))
-    return marched(track_of(Spiral(2 * np.pi)), dragon.link_lengths_m, head, BEHIND, EFFORT)
+    return marched(track_of(Spiral(2 * np.pi)), dragon.link_lengths_m, head, BEHIND)
 
 
 def corners(dragon, theta):
@@ -109,7 +108,7 @@ def test_the_third_handle_turns_back_where_the_second_is_at_its_turning_place():
 
 
 def sampler(dragon, first=1):
-    return BenchSampler(track_of(Spiral()), dragon, (first,), dragon.benches - first, EFFORT, lambda states: None, 0.0)
+    return BenchSampler(track_of(Spiral()), dragon, (first,), dragon.benches - first, lambda states: None, 0.0)
 
 
 @given(st.floats(0.6, 4), st.floats(10, 90), st.floats(0, 2))

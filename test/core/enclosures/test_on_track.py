@@ -8,7 +8,7 @@ from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.enclosures.on_track import enclosed, kinematics, link_states
 from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
@@ -23,7 +23,7 @@ COUNT = 9       # places in each interval, its ends included
 def sampled(leader, gone_m, links_m=LINKS):
     """Chains and the states of their links at places of the leader."""
     places = leader.places((gone_m, np.zeros_like(gone_m)))
-    chain = marched_many(leader.track, links_m, places, leader.direction, Effort(1e-12))
+    chain = marched_many(leader.track, links_m, places, leader.direction)
     along_m, bend = leader.track.distances(chain.segment, chain.u), leader.track.curvatures(chain.segment, chain.u)
     return chain, link_states(along_m, chain.segment, bend, chain.headings, axes_of(chain), chain.leader), along_m
 

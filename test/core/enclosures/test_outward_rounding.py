@@ -14,7 +14,6 @@ from dragon_ros.core.geometry.narrow_phase import line_distance
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
 from dragon_ros.core.search import min_pitch
-from dragon_ros.core.tracks.segments import Effort
 
 LINKS = 12
 
@@ -27,7 +26,7 @@ def boxes(seed):
     radius = least * 10 ** dice.uniform(0, dice.choice((0.3, 5)), 8)
     larger = radius * (1 + 10 ** dice.uniform(-12, -1.5, 8))
     scale = np.full(8, 1.0), 1 + 10 ** dice.uniform(-12, -2, 8)
-    found = [min_pitch.windings(dragon, 0, LINKS, r, s, Effort()) for r in (radius, larger) for s in scale]
+    found = [min_pitch.windings(dragon, 0, LINKS, r, s) for r in (radius, larger) for s in scale]
     return dragon, found, scale
 
 

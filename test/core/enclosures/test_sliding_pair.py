@@ -15,7 +15,7 @@ from dragon_ros.core.enclosures.sliding_pair import (
     least_span,
     separations,
 )
-from dragon_ros.core.tracks.chord import TIGHT, chord_of, first_guess, step
+from dragon_ros.core.tracks.chord import chord_of, first_guess, step
 
 HALF_WIDTH_M, OVERHANG_M = 0.15, 0.275
 shares = st.floats(0, 1)
@@ -31,7 +31,7 @@ def box_of(theta, ahead, size, width):
 
 def bench(theta, angle, chord, scale):
     """The rectangle of a bench in units of b, in the plain way."""
-    delta = step(theta, chord, first_guess(theta, chord), TIGHT)[0]
+    delta = step(theta, chord, first_guess(theta, chord))[0]
     front, rear = theta * np.exp(1j * angle), (theta + delta) * np.exp(1j * (angle + delta))
     u = (front - rear) / abs(front - rear)
     half, over = HALF_WIDTH_M * scale, OVERHANG_M * scale

@@ -21,19 +21,17 @@ from dragon_ros.core.search.certificate import Certificate, Contact, Interval, N
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 from dragon_ros.scenes import certificate
 
 CLASSIC = Scene(solver='march')
 FOUND = first_contact(CLASSIC)
-EFFORT = Effort()
 
 
 def sampler(first=0, follow=60, scene=CLASSIC):
     track = compile_scene(scene).model.track
-    return BenchSampler(track, scene.dragon, (first,), follow, EFFORT, lambda states: None, 0.0)
+    return BenchSampler(track, scene.dragon, (first,), follow, lambda states: None, 0.0)
 
 
 def test_the_classic_run_in_is_proved_with_few_looks():

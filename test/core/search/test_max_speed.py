@@ -16,7 +16,6 @@ from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from hard_cases.truth import design_figures
 
@@ -79,7 +78,7 @@ def check(scene, found, count=200):
     assert leader <= top * (1 + 1e-15)
     assert found.ratio <= found.bound
     t_s = _when(scene, found.gone_m)
-    chain = compile_scene(scene).model.march(scene.head.travelled_m(t_s), Effort())
+    chain = compile_scene(scene).model.march(scene.head.travelled_m(t_s))
     speed = np.hypot(*chain.velocities(1.0)[found.handle])
     assert found.ratio <= speed * (1 + 1e-6 * speed**2)     # a place of the leader to 1e-14 of the run
 

@@ -21,7 +21,6 @@ from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.segments import Effort
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene
@@ -45,7 +44,7 @@ def test_benches_beyond_the_bound_of_all_further_ones_are_there(dragon, theta, w
     try:
         scene = Scene(dragon=dragon, track=Spiral(pitch, 4.0))
         track = compile_scene(scene).model.track
-        sampler = BenchSampler(track, dragon, (0,), dragon.benches, Effort(), lambda states: None, 0.0)
+        sampler = BenchSampler(track, dragon, (0,), dragon.benches, lambda states: None, 0.0)
         views = [sampler.sample(np.array([2 * theta + turned])) for turned in (0.0, way)]
     except ChainLockError:
         assume(False)
@@ -75,7 +74,7 @@ def test_benches_sampled_together_are_as_if_each_were_alone_and_their_bounds_hol
     leads, ends = tuple(range(dragon.benches - 2)), [np.array([n]) for n in (0, 8)]
 
     def sampler(*leads):
-        return BenchSampler(track, dragon, leads, dragon.benches - leads[0], Effort(), lambda states: None, 0.0)
+        return BenchSampler(track, dragon, leads, dragon.benches - leads[0], lambda states: None, 0.0)
 
     try:
         track = compile_scene(Scene(dragon=dragon, track=Spiral(1.6, 4.0))).model.track

@@ -10,15 +10,15 @@ from dragon_ros.core.enclosures.on_spiral import bend
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.search.min_pitch import separations, windings
 from dragon_ros.core.tracks.composite import Place, track_of
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 
-EFFORT, COUNT = Effort(1e-12), 40
+COUNT = 40
 DRAGONS = [Dragon(), Dragon(benches=60, width_m=0.4, head_length_m=1.0), Dragon(head_length_m=6.0)]
 
 
 def winding(radius_m, scale, dragon=DRAGONS[0], first=0):
-    return windings(dragon, first, COUNT, np.asarray(radius_m), np.asarray(scale), EFFORT)
+    return windings(dragon, first, COUNT, np.asarray(radius_m), np.asarray(scale))
 
 
 def bounds(radii, scales, dragon, first):
@@ -57,7 +57,7 @@ def test_a_winding_is_the_chain_that_the_march_places():
     for r, s, middle in zip(radius_m, scale, found.centre, strict=True):
         spiral = Spiral(2 * np.pi / s)
         head = Place(0, DoubleDouble(s * r, 0.0))
-        chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], head, BEHIND, EFFORT)
+        chain = marched(track_of(spiral), Dragon().link_lengths_m[:COUNT], head, BEHIND)
         assert middle / s == pytest.approx(0.5 * (chain.p[1:] + chain.p[:-1]) @ [1, 1j], abs=1e-11)
 
 

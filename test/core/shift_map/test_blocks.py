@@ -25,15 +25,13 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.chord import TIGHT
 from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Effort
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 from hard_cases.dances import dances
 
 CASES = {problem.name: problem for problem in dances()}
 MARCHED = {'turn-joined-handles', 'far-joined'}        # links of no length; coordinates of 16 km
-EFFORT = Effort(1e-8)
 TURNING, UNWINDING = CASES['turning'].scene, CASES['unwinding'].scene
 SHORT = Dragon(12, 2.2, 1.6)
 
@@ -140,9 +138,9 @@ def test_links_across_joints_of_many_places_are_those_of_each(pieces, direction,
     along_m = np.concatenate([[joint_m + past_m for past_m in (-1.7, -0.9, -0.3, -1e-9, 0.0, 1e-9, 0.3, 0.9, 1.7)]
                               for joint_m in track.joints_m])
     places = track.places_at(along_m, np.zeros_like(along_m))
-    found = next_places(track, places, link_m, direction, Effort())[0]
+    found = next_places(track, places, link_m, direction)[0]
     for place, there in zip(zip(*places, strict=True), zip(*found, strict=True), strict=True):
-        one, _ = track.next(Place.of(*place), link_m, direction, TIGHT)
+        one, _ = track.next(Place.of(*place), link_m, direction)
         off_m = np.subtract(track.distance_of(one), track.distance_of(Place.of(*there)))
         assert abs(off_m.sum()) < 1e-12
 
@@ -156,8 +154,7 @@ def test_a_handle_at_a_joint_or_next_to_it_is_where_the_march_puts_it(pieces, jo
     joint = 1 + joint % (len(track.segments) - 1)
     blocks = blocks_of(scene.dragon.link_lengths_m[:handle], AHEAD)
     try:
-        head = forward(track, blocks, Place(joint, DoubleDouble(track.segments[joint].first, 0.0)), AHEAD,
-                       EFFORT).place(-1)
+        head = forward(track, blocks, Place(joint, DoubleDouble(track.segments[joint].first, 0.0)), AHEAD).place(-1)
     except TrackEndError:
         assume(False)
     t_s = track.distance_of(head)[0] + past_m
@@ -175,7 +172,7 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
     metres = high * part if direction == BEHIND else low + part * (high - links.sum() - low)
     place = placement(track, links, direction)
     leader = track.place_at(metres)
-    one, other = place.place(leader), marched(track, links, leader, direction, EFFORT)
+    one, other = place.place(leader), marched(track, links, leader, direction)
     many = place.place_many(track.places_at(np.array([metres]), np.zeros(1)))
     for p, v in ((one.p, one.velocities(1.5)), (many.p[0], many.velocities(1.5)[0])):
         np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
@@ -188,7 +185,7 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
 def test_behind_a_head_on_one_spiral_blocks_are_where_the_march_is(gone_m):
     track, links = spiral_track(Spiral(), 0.0), np.array([2.86, 2.0] + [1.65] * 40 + [1.2] + [0.8] * 40)
     place, head = placement(track, links, BEHIND), track.place_at(gone_m)
-    one, other = place.place(head), marched(track, links, head, BEHIND, EFFORT)
+    one, other = place.place(head), marched(track, links, head, BEHIND)
     assert [len(shift.tiles) for shift in place.maps.values()] == [1, 1]
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(one.velocities(1.0), other.velocities(1.0), rtol=0, atol=3e-13)
@@ -207,7 +204,7 @@ def test_a_scene_of_mixed_benches_has_a_shift_map_for_each_long_block(speed):
 def test_close_to_the_centre_a_mix_is_marched_until_its_table_begins():
     track, links = spiral_track(Spiral(), 0.0), np.array([0.5] + [1.65] * 40)
     place, head = placement(track, links, BEHIND), Place(0, DoubleDouble(13.0, 0.0))
-    chain, other = place.place(head), marched(track, links, head, BEHIND, EFFORT)
+    chain, other = place.place(head), marched(track, links, head, BEHIND)
     assert chain.solver == 'table+march'
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=3e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=1e-12)

@@ -1,7 +1,7 @@
 """One link before a block: a leader's own series put the whole chain into one product, on any track, at either end."""
 import numpy as np
 import pytest
-from test_blocks import EFFORT, TURNING, placement
+from test_blocks import TURNING, placement
 
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Group, Mixed
@@ -11,7 +11,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, spiral_track
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 
 LINKS_M = np.array([2.86] + [1.65] * 222)
@@ -19,7 +19,7 @@ LINKS_M = np.array([2.86] + [1.65] * 222)
 
 def hold(model, gone_m):
     """Hold a model's chain against the march; return its parts."""
-    chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0), Effort())
+    chain, other = model.place((gone_m, 0.0)), model.march((gone_m, 0.0))
     np.testing.assert_allclose(chain.p, other.p, rtol=0, atol=1e-13)
     np.testing.assert_allclose(chain.velocities(1.0), other.velocities(1.0), rtol=0, atol=2e-13)
     for one, two in zip(chain.places, other.places, strict=True):
@@ -65,5 +65,5 @@ def test_at_the_edge_of_a_tile_a_place_has_the_same_bits_from_either_side(tile):
             place_of.place(first)
             seen.add(place_of.place(place).p.tobytes())
         assert len(seen) == 1
-        np.testing.assert_allclose(place_of.place(place).p, marched(track, LINKS_M, place, BEHIND, EFFORT).p,
+        np.testing.assert_allclose(place_of.place(place).p, marched(track, LINKS_M, place, BEHIND).p,
                                    rtol=0, atol=1e-13)

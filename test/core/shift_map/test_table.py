@@ -21,7 +21,7 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import Place
-from dragon_ros.core.tracks.segments import BEHIND, Effort, SpiralSegment
+from dragon_ros.core.tracks.segments import BEHIND, SpiralSegment
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from hard_cases.dances import dances
 from hard_cases.problems import problems
@@ -59,7 +59,7 @@ def test_rows_that_are_found_all_at_once_are_those_found_one_by_one(monkeypatch,
     def checked(segment, link_m, first, count):
         rows = along(segment, link_m, first, count)
         found.append(rows is not None)
-        one_by_one, _ = forward_many(track, (Block(0, count, link_m),), first, BEHIND, Effort())
+        one_by_one, _ = forward_many(track, (Block(0, count, link_m),), first, BEHIND)
         off = (rows[1] - one_by_one[1][1:]) + (rows[2] - one_by_one[2][1:])
         unit_m = segment.curve.b_m if isinstance(segment, SpiralSegment) else abs(segment.rate(0.0))
         assert np.max(np.abs(off)) < 1e-13 * max(1.0, link_m / unit_m)

@@ -8,12 +8,12 @@ from convergence import errors_of, newton_iterates, order_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.tracks.chord import TIGHT, chord_excess, chord_of, first_guess, phi_of, step
+from dragon_ros.core.tracks.chord import chord_excess, chord_of, first_guess, phi_of, step
 
 
 @given(st.floats(0.05, 500), st.floats(0.01, 1000))
 def test_a_step_spans_its_chord_and_is_the_smallest_root(theta, chord):
-    delta, _ = step(theta, chord, first_guess(theta, chord), TIGHT)
+    delta, _ = step(theta, chord, first_guess(theta, chord))
     assume(delta < inf)
     assert chord_of(theta, delta) == pytest.approx(chord, rel=1e-14)
     before = np.linspace(0, delta, 2000)[:-1]
