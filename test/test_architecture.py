@@ -146,7 +146,7 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
 @pytest.mark.parametrize('how', PLANTED)
 @pytest.mark.parametrize(('room', 'other'), [
     ('flags', 'geometry.signed_distance'), ('tracks', 'chain.chain'), ('chain', 'shift_map.table'),
-    ('shift_map', 'model'), ('scene', 'model'), ('scene', 'chain.chain'), ('scene', 'tracks.chord'),
+    ('shift_map', 'model'), ('scene', 'model'), ('scene', 'chain.chain'), ('scene', 'tracks.spiral'),
     ('frame', 'effects.noise'), ('geometry', 'frame'), ('enclosures', 'model'), ('model', 'search.first_contact'),
     ('effects', 'step'), ('step', 'batches'), ('search', 'step'), ('errors', 'checks'), ('paper', 'shift_map.blocks'),
     ('tiers', 'chain.chain'), ('limits', 'errors')])

@@ -13,8 +13,8 @@ from dragon_ros.core.chain.chain import Chain, MarchedLinks
 from dragon_ros.core.errors import ChainLockError, FieldError, TrackEndError
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.tracks.composite import Track
-from dragon_ros.core.tracks.segments import BEHIND, SpiralSegment
-from dragon_ros.core.tracks.spiral import SpiralCurve, tangents
+from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment, tangents
 
 STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
 

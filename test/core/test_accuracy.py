@@ -19,10 +19,9 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import SOLVERS, Run, Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tiers import EXACT, position_promise_m, speed_promise_m_s, tier_for
-from dragon_ros.core.tracks import chord
-from dragon_ros.core.tracks.chord import first_guess
+from dragon_ros.core.tracks import spiral
 from dragon_ros.core.tracks.spec import Spiral
-from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.core.tracks.spiral import SpiralCurve, first_guess
 from hard_cases.dances import dances
 from hard_cases.problems import problems
 from hard_cases.truth import truth
@@ -88,7 +87,7 @@ def test_links_that_are_solved_one_step_less_break_the_exact_promise(monkeypatch
             continue
         assert simulation.end       # found with the step that is asked for
         loose = sqrt(0.5 * 1e3 * EXACT.promise_m / simulation.model.length_m)
-        for module in (chord, forward):
+        for module in (spiral, forward):
             monkeypatch.setattr(module, 'TIGHT', loose)
         if worst_errors(problem, 'exact')[0] > 1:
             broken.append(name)

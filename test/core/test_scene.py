@@ -73,7 +73,7 @@ def test_the_scene_imports_no_solver():
     loaded = [name for name in json.loads(done.stdout) if name.startswith('dragon_ros.core.')]
     solvers = {'chain.forward', 'chain.chain', 'chain.leader', 'chain.lock', 'chain.kinematics', 'shift_map', 'model',
                'step', 'paper', 'tiers', 'contact', 'effects', 'design', 'tracks.composite', 'tracks.segments',
-               'tracks.chord', 'tracks.spiral'}
+               'tracks.spiral'}
     assert not [name for name in loaded if name.removeprefix('dragon_ros.core.') in solvers]
 
 

@@ -13,7 +13,6 @@ from dragon_ros.core.chain import head_law as head_module
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.enclosures import on_spiral
-from dragon_ros.core.geometry import narrow_phase
 from dragon_ros.core.geometry import rectangles as benches_module
 from dragon_ros.core.numerics.double_double import from_turns
 from dragon_ros.core.scene import Run, Scene
@@ -129,8 +128,8 @@ def sizes(patch, length_m, width_m):
     for name, module in list(sys.modules.items()):
         if name.startswith('dragon_ros.core') and getattr(module, 'Benches', None) is true:
             patch.setattr(module, 'Benches', made)
-    sampled = narrow_phase.Sizes
-    patch.setattr(narrow_phase, 'Sizes', lambda b_m, error_m, links_m, half_length_m, half_width_m, longest_m: sampled(
+    sampled = on_spiral.Sizes
+    patch.setattr(on_spiral, 'Sizes', lambda b_m, error_m, links_m, half_length_m, half_width_m, longest_m: sampled(
         b_m, error_m, links_m, half_length_m + length_m, half_width_m + width_m, longest_m))
 
 

@@ -14,9 +14,9 @@ import numpy as np
 from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, distinct
-from dragon_ros.core.tracks.chord import TIGHT, corrections
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND, Past, SpiralSegment
+from dragon_ros.core.tracks.segments import BEHIND, Past
+from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
 FEWEST_ROWS = 8        # of handles that are placed all at once
 _AT_ONCE = 2**14        # handles, so that what is between fits the cache

@@ -1,6 +1,6 @@
 """Where a chain locks: the innermost place of the head from which every link still finds its next handle.
 
-Moving in, the first peak of the chord equation (``chord.first_peak``) sinks; where it meets the link's length the
+Moving in, the first peak of the chord equation (``spiral.first_peak``) sinks; where it meets the link's length the
 smallest root vanishes and the follower's speed goes to infinity.
 """
 from collections.abc import Callable, Sequence
@@ -9,7 +9,7 @@ from itertools import accumulate, pairwise
 from math import cos, inf, pi, sin, sqrt, ulp
 
 from dragon_ros.core.numerics.roots import illinois
-from dragon_ros.core.tracks.chord import chord_of, first_guess, first_peak, step
+from dragon_ros.core.tracks.spiral import chord_of, first_guess, first_peak, step
 
 _NO_TURN = 4.0  # no link turns back with its front handle this far beyond its chord: it spans below 60 degrees there
 

@@ -24,7 +24,7 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.gradients import Graded, Vector, polar, variables
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats
-from dragon_ros.core.tracks.chord import first_guesses, steps
+from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 _WIDER = 2.0**-30       # of a span: Newton in floats is nearer, and balls (2^-36) can tell

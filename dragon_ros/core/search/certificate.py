@@ -1,5 +1,4 @@
 """What is found of a first contact: when and between which benches, or that there is none, and what proves it."""
-from collections.abc import Iterable
 from dataclasses import dataclass
 
 from dragon_ros.core.geometry.signed_distance import Witness
@@ -45,12 +44,6 @@ class Certificate:
     def led_by(self, lead: int) -> tuple[Interval, ...]:
         """Return the intervals of one leading bench."""
         return tuple(each for each in self.intervals if each.lead == lead)
-
-
-def together(proofs: Iterable[Certificate]) -> Certificate:
-    """Return the certificates of the search domains from one start as one."""
-    kept = list(proofs)
-    return Certificate(tuple(each for proof in kept for each in proof.intervals), all(proof.complete for proof in kept))
 
 
 @dataclass(frozen=True)

@@ -19,7 +19,6 @@ from math import nextafter, pi, sqrt
 import numpy as np
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.sliding_pair import (
@@ -39,6 +38,7 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.search_domain import RangeOfTravel
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve, arc_between
 

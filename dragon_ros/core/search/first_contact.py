@@ -4,7 +4,7 @@ The leader's range of travel is searched in each sense that it goes. Pairs whose
 cleared by ``leading_benches``, over the track once for all benches that are alike; all others by ``WholeChain``, state
 after state. Whatever cannot be cleared first is solved for the zero of the gap, and all is cleared up to there.
 """
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 from math import floor, inf, ulp
@@ -12,13 +12,12 @@ from typing import Protocol
 
 import numpy as np
 
-from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.signed_distance import witness
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.certificate import Certificate, Contact, Interval, NoContact, together
+from dragon_ros.core.search.certificate import Certificate, Contact, Interval, NoContact
 from dragon_ros.core.search.conservative_advancement import WholeChain
 from dragon_ros.core.search.leading_benches import (
     BodyBenches,
@@ -27,7 +26,7 @@ from dragon_ros.core.search.leading_benches import (
     provable_m,
     searchable_m,
 )
-from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
 
 _BEFORE_M = 1e-9        # of the leader's way, or of the longest bench if it is shorter: so far before a contact all is
                         # cleared
@@ -74,13 +73,13 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     searches = {sense: _ContactSearch(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
     if not hits:
-        proof = together(search.certificate() for search in searches.values())
+        proof = _together(search.certificate() for search in searches.values())
         return NoContact(compile_scene(scene).end, sum(search.states for search in searches.values()), proof)
     sense = min(hits, key=lambda sense: hits[sense].t_s)
     hit, before = hits[sense], travel.until(hits[sense].t_s)
     # What the leader has gone through in the other sense by then is proved apart.
     rest = [_ContactSearch(SearchDomain(scene, before, other, progress)) for other in before.senses if other != sense]
-    proof = together([hit.certificate, *(search.cleared() for search in rest)])
+    proof = _together([hit.certificate, *(search.cleared() for search in rest)])
     return replace(hit, certificate=proof, states=sum(search.states for search in (*searches.values(), *rest)))
 
 
@@ -303,6 +302,12 @@ class _Claim:
 
     def _within(self, cleared_m: float, slack_m: float) -> bool:
         return self.domain.sense * (self._told_m - cleared_m) <= slack_m
+
+
+def _together(proofs: Iterable[Certificate]) -> Certificate:
+    """Return the certificates of the search domains from one start as one."""
+    kept = list(proofs)
+    return Certificate(tuple(each for proof in kept for each in proof.intervals), all(proof.complete for proof in kept))
 
 
 def parts_of(domain: SearchDomain) -> list[BenchPairs]:

@@ -13,8 +13,7 @@ import numpy as np
 
 from dragon_ros.core.chain.dragon import has_same_links_behind, is_even
 from dragon_ros.core.chain.lock import turning_places
-from dragon_ros.core.enclosures.on_spiral import bounds, comes_in
-from dragon_ros.core.geometry.narrow_phase import BenchSampler, BenchSamples, joined
+from dragon_ros.core.enclosures.on_spiral import BenchSampler, BenchSamples, bounds, comes_in, joined
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, distinct
 from dragon_ros.core.search.certificate import Interval

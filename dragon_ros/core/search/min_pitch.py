@@ -28,9 +28,8 @@ from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
-from dragon_ros.core.enclosures.on_spiral import ABOVE, bend
+from dragon_ros.core.enclosures.on_spiral import ABOVE, BenchSamples, bend, line_distance, samples_of
 from dragon_ros.core.errors import DragonError, FieldError
-from dragon_ros.core.geometry.narrow_phase import BenchSamples, line_distance, samples_of
 from dragon_ros.core.geometry.signed_distance import rounding_m, seen_from
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Floats, Ints

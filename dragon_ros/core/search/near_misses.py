@@ -12,7 +12,6 @@ from itertools import pairwise
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many
-from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.geometry.broad_phase import candidates, swept_pairs
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
@@ -21,7 +20,7 @@ from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import ALL, Certificate, Contact, Interval, NoContact
 from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
-from dragon_ros.core.search.search_domain import SearchDomain
+from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
 MOST = 1000             # near misses that are told, the nearest first; the others are counted

@@ -13,9 +13,9 @@ from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_
 from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
-from dragon_ros.core.tracks.chord import reach_m
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, SpiralSegment
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
+from dragon_ros.core.tracks.spiral import SpiralSegment
 
 NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in three
 _MOST_STEPS = 40_000        # from joints to their places in the span

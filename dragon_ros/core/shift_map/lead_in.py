@@ -18,9 +18,8 @@ from dragon_ros.core.numerics.double_double import plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot
 from dragon_ros.core.shift_map.build import NODES, NOISE, Table, scaled
-from dragon_ros.core.tracks.chord import reach_m
 from dragon_ros.core.tracks.composite import Place, Places, Track
-from dragon_ros.core.tracks.segments import BEHIND
+from dragon_ros.core.tracks.segments import BEHIND, reach_m
 
 _NOWHERE = -1           # segment of a cell without a chart
 

@@ -3,7 +3,7 @@
 A track is a sequence of segments in the order of the head's way; a single spiral is a track of one. A place is a
 segment's number and a coordinate on it, held as a double-double. The next handle is the first place behind, or ahead,
 at the chord's length. On a composite track the largest curvature times the longest link is below 2 (else the track is
-refused): then the chord grows along the track until it is reached, there is one such place within ``chord.reach_m``, it
+refused): then the chord grows along the track until it is reached, there is one such place within ``reach_m``, it
 moves on as the handle before it moves on, and no link ever locks. A single spiral goes to its centre, where links may
 lock and followers may turn back: ``may_lock`` says so.
 """
@@ -22,11 +22,10 @@ from dragon_ros.core.errors import FieldError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, plus
 from dragon_ros.core.numerics.roots import bracketed_newton
 from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
-from dragon_ros.core.tracks.chord import LARGEST_BEND, TIGHT, first_peak, reach_m
 from dragon_ros.core.tracks.s_turn import s_turn_segments
-from dragon_ros.core.tracks.segments import BEHIND, ArcSegment, LineSegment, Segment, SpiralSegment, arc_from
+from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, LineSegment, Segment, arc_from, reach_m
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
-from dragon_ros.core.tracks.spiral import TINY, SpiralCurve
+from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
 _FURTHEST = 1e9     # metres before a track, and radians on a circle: the low part of an angle is a small one there
 _ULPS = 2.0**-49     # of a coordinate and of the way there: what floats leave out, and sums of some

@@ -4,9 +4,9 @@ from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
 
 from dragon_ros.core.numerics.double_double import from_turns
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, SpiralSegment, arc_from
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, arc_from
 from dragon_ros.core.tracks.spec import STurn
-from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 
 def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:

@@ -1,21 +1,32 @@
-"""The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc length and its inverse, points, tangents.
+"""The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and a segment of it in the plane.
 
 Places are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that
-winds in.
+winds in. Between polar angles theta and theta + delta the chord in units of b obeys
+
+    c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
+
+the law of cosines, the paper's equation 15, in a form without cancellation; inwards it is the same with -delta. Its
+smallest root delta > 0 is the next handle. Half its slope, ``phi`` below, is positive outwards up to delta = pi, where
+c = 2 theta + pi: shorter links have one root there.
+
+The equation has a scalar solver, one for many places at once, and one predictor: along a spiral the difference of the
+squared angles is almost 2 chord, so a parabola through the last three foretells the next.
 """
+import cmath
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property
-from math import asinh, pi, sqrt
+from math import asin, asinh, cos, inf, pi, sin, sqrt
 from math import log as log_of
 from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.errors import TrackEndError
+from dragon_ros.core.errors import ChainLockError, TrackEndError
 from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns, per_radian, plus, product
 from dragon_ros.core.numerics.roots import bracketed_newton
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.core.tracks.segments import Past, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
 TINY = 1e-300           # keeps a quotient of nothing by nothing at nothing
@@ -23,6 +34,10 @@ _ROUNDING = 1e-15       # of the length: a distance to the centre may exceed it 
 _NEWTON_STEPS = 20
 _NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smaller by four digits at least
 _SMOOTH_RAD = 10.0      # from here on one Newton step from the asymptotic series is right to 1e-9
+TIGHT = 1e-8            # a Newton step, relative to the angle: half its square is less than floats can keep
+_TAME_RAD = 1.5         # spans below this are solved by plain Newton, which converges from any of the guesses here
+_CHORD_STEPS = 12      # more than Newton ever takes there; then the bracketed solver takes over
+_NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -194,3 +209,428 @@ def tangents(theta: Floats) -> Floats:
     out[..., 1] = sin + theta * cos
     out /= np.sqrt(1 + theta * theta)[..., None]
     return out
+
+
+def first_guess(theta: float, chord: float) -> float:
+    """Return about the angle that a chord spans, from a circle as wide as the spiral half that angle further out."""
+    return 2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
+
+
+def first_guess_in(theta: float, chord: float) -> float:
+    """Return about the angle that a chord spans inwards, from the circle half way."""
+    return 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))
+
+
+def next_square(d1: float, d2: float, d3: float) -> float:
+    """Predict a difference of squared angles from the last three, d1 the latest: the parabola through them."""
+    return 3 * (d1 - d2) + d3
+
+
+def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
+    """Return (smallest delta > 0 with the given chord, evaluations); inf where the chain locks.
+
+    ``chord`` is in units of b. Newton's next error is about half the square of its last relative step, so a step
+    below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
+    """
+    if chord > 2 * theta + pi:
+        return _far_step(theta, chord)
+    if chord == 0.0:
+        return 0.0, 0
+    square, delta = chord * chord, guess
+    for evaluations in range(1, _CHORD_STEPS):
+        half = 0.5 * delta
+        s = sin(half)
+        across = 2 * theta * s
+        outer = theta + delta
+        phi = delta + across * s + across * outer * cos(half)
+        change = 0.5 * (delta * delta + 2 * across * outer * s - square) / phi
+        delta -= change
+        if not 0.0 < delta <= pi:
+            break
+        if -TIGHT * delta <= change <= TIGHT * delta and delta < _TAME_RAD:
+            return delta, evaluations
+    delta, more = bracketed_newton(lambda d: chord_excess(theta, chord, d), 0.0, pi, guess)
+    return delta, evaluations + more
+
+
+def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float, int]:
+    """Return (angle to the next place inwards with a chord, in units of b, evaluations); inf where there is none.
+
+    From theta to theta - delta the chord obeys c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2), as outwards.
+    ``arc`` is a length of track on which the chord grows to c at least (see ``reach_m``); ``high`` is a hair more.
+    """
+    square = chord * chord
+
+    def excess(delta: float) -> tuple[float, float]:
+        s, inner = sin(0.5 * delta), theta - delta
+        across = 2 * theta * s
+        value = 0.5 * (delta * delta - square) + across * inner * s
+        return value, delta - across * s + theta * inner * sin(delta)
+
+    if chord == 0.0:
+        return 0.0, 0
+    high, delta = _furthest_in(theta, arc), guess
+    for evaluations in range(1, _CHORD_STEPS):
+        value, slope = excess(delta)
+        change = value / slope if slope > 0 else inf
+        delta -= change
+        if not 0.0 < delta <= high:
+            break
+        if -TIGHT * delta <= change <= TIGHT * delta:
+            return delta, evaluations
+    if excess(high)[0] < 0:
+        return inf, evaluations + 1
+    delta, more = bracketed_newton(excess, 0.0, high, 0.5 * high, TIGHT)
+    return delta, evaluations + 1 + more
+
+
+def _furthest_in(theta: float, arc: float) -> float:
+    """Return an angle that is at least ``arc`` (in units of b) inwards from theta, or the centre."""
+    return 2 * arc / (theta + sqrt(theta * theta - 2 * arc)) if 2 * arc < theta * theta else theta
+
+
+def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
+    """Return ``first_guess`` of many."""
+    out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
+    return out
+
+
+def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, int]:
+    """Return the smallest delta > 0 for each theta, and evaluations summed over them (see ``step``).
+
+    ``chord`` is one for all, or one for each. Raises ChainLockError, with its ``theta_rad``, where any has no place.
+    """
+    if not np.any(chord):
+        return np.zeros_like(theta), 0
+    plain = _plain_steps(theta, chord * chord, guess) if theta.size else None
+    if plain:
+        return plain
+    delta, spent, square = guess.copy(), 0, chord * chord
+    wild = np.ones(theta.shape, dtype=bool)
+    for _ in range(_CHORD_STEPS):
+        half = 0.5 * delta
+        s = np.sin(half)
+        across, outer = 2 * theta * s, theta + delta
+        phi = delta + across * (s + outer * np.cos(half))
+        change = 0.5 * (delta * delta + 2 * across * outer * s - square) / np.maximum(phi, 1e-300)
+        delta = np.clip(delta - change, 1e-300, pi)
+        spent += theta.size
+        wild = (np.abs(change) > TIGHT * delta) | (delta >= _TAME_RAD) | (chord > 2 * theta + pi)
+        if not np.any(wild & (delta < _TAME_RAD)):
+            break
+    each = np.broadcast_to(chord, theta.shape)
+    for lane in np.flatnonzero(wild):
+        one, length = float(theta[lane]), float(each[lane])
+        delta[lane], evaluations = step(one, length, first_guess(one, length))
+        spent += evaluations
+        if delta[lane] == inf:
+            raise ChainLockError('locked', theta_rad=one)
+    return delta, spent
+
+
+def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
+    """Return ``steps`` by plain Newton where all settle on short links, the usual case; else None."""
+    for evaluations in range(1, _CHORD_STEPS):
+        half = 0.5 * delta
+        s = np.sin(half)
+        across, outer = 2 * theta * s, theta + delta
+        change = 0.5 * (delta * delta + 2 * across * outer * s - square) / (delta + across * (s + outer * np.cos(half)))
+        delta = delta - change
+        if not (delta.min() > 0 and delta.max() < _TAME_RAD):
+            return None
+        if (np.abs(change) <= TIGHT * delta).all():
+            return delta, evaluations * theta.size
+    return None
+
+
+def corrections(theta: Floats, delta: Floats, chord: Floats | float) -> tuple[Floats, Floats]:
+    """Return Newton steps of many delta, of either sign, to their chords, and derivatives of theta + delta by theta."""
+    half, outer = 0.5 * delta, theta + delta
+    s = np.sin(half)
+    across = 2 * theta * s
+    phi = delta + across * (s + outer * np.cos(half))
+    return ((0.5 * (chord * chord - delta * delta) - across * outer * s) / phi,
+            1 - 2 * (theta + outer) * s * s / phi)
+
+
+def first_guesses_in(theta: Floats, chord: float) -> Floats:
+    """Return ``first_guess_in`` of many."""
+    out: Floats = 2 * np.arcsin(np.minimum(1.0, chord / (2 * theta - np.minimum(theta, chord / theta))))
+    return out
+
+
+def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
+    """Return ``step_in`` of many, by Newton, and one by one where that does not settle."""
+    if not chord:
+        return np.zeros_like(theta), 0
+    delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0
+    with np.errstate(all='ignore'):
+        for _ in range(_CHORD_STEPS):
+            s, inner = np.sin(0.5 * delta), theta - delta
+            across = 2 * theta * s
+            slope = delta - across * s + theta * inner * np.sin(delta)
+            change = (0.5 * (delta * delta - chord * chord) + across * inner * s) / slope
+            delta = delta - change
+            spent += theta.size
+            if np.all(np.abs(change) <= TIGHT * delta):
+                break
+        high = np.minimum(theta, 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0))))
+        settled = (np.abs(change) <= TIGHT * delta) & (slope > 0) & (delta > 0) & (delta <= high)
+    for n in np.flatnonzero(~settled):
+        one = float(theta[n])
+        delta[n], evaluations = step_in(one, chord, first_guess_in(one, chord), arc)
+        spent += evaluations
+    return delta, spent
+
+
+def chord_excess(theta: float, chord: float, delta: float) -> tuple[float, float]:
+    """Return (c(delta)^2 - chord^2) / 2 and its slope phi(delta)."""
+    s = sin(0.5 * delta)
+    half = 0.5 * (delta * delta - chord * chord) + 2 * theta * (theta + delta) * s * s
+    return half, phi_of(theta, delta)
+
+
+def phi_of(theta: float, delta: float) -> float:
+    """Return half the slope of the squared chord, delta + 2 theta sin^2(delta/2) + theta (theta + delta) sin(delta)."""
+    s = sin(0.5 * delta)
+    return delta + 2 * theta * s * (s + (theta + delta) * cos(0.5 * delta))
+
+
+def chord_of(theta: float, delta: float) -> float:
+    """Return the chord in units of b."""
+    s = sin(0.5 * delta)
+    return sqrt(delta * delta + 4 * theta * (theta + delta) * s * s)
+
+
+def _far_step(theta: float, chord: float) -> tuple[float, int]:
+    """Return the smallest root beyond delta = pi; inf where the chord turns back before it reaches the link."""
+    low, spent = pi, 0
+    while low < chord:
+        peak, evaluations = first_peak(theta, low)
+        spent += evaluations
+        high = low + 2 * pi if peak == inf else peak
+        if chord_of(theta, high) >= chord:
+            delta, evaluations = bracketed_newton(lambda d: chord_excess(theta, chord, d), low, high, low)
+            return delta, spent + evaluations
+        if peak < inf:
+            return inf, spent
+        low = high
+    return inf, spent  # pragma: no cover - the chord is at least delta
+
+
+def first_peak(theta: float, low: float) -> tuple[float, int]:
+    """Return where the chord first stops growing in [low, low + pi], low an odd multiple of pi; inf if nowhere.
+
+    There phi starts positive, falls to one lowest place and rises again.
+    """
+    def phi_slope(delta: float) -> tuple[float, float]:
+        s, c = sin(delta), cos(delta)
+        outer = theta * (theta + delta)
+        return 1 + 2 * theta * s + outer * c, 3 * theta * c - outer * s
+
+    high = low + pi
+    if phi_slope(low)[0] >= 0:
+        return inf, 1
+    lowest, spent = bracketed_newton(phi_slope, low, high, low + 0.5 * pi)
+    if phi_of(theta, lowest) > 0:
+        return inf, spent
+    peak, more = bracketed_newton(lambda d: (-phi_of(theta, d), -phi_slope(d)[0]), low, lowest, low)
+    return peak, spent + more
+
+
+def _ahead(past: Past | None) -> Floats | None:
+    """Return the predicted differences of squared angles."""
+    return np.maximum(next_square(past.d1, past.d2, past.d3), 0.0) if past else None    # type: ignore[arg-type]
+
+
+@dataclass(frozen=True)
+class SpiralSegment:
+    """r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``; ``side`` 1 winds out leftwards, -1 rightwards.
+
+    ``way`` is 1 where the head winds out, -1 where it winds in; the anchor is at ``curve.start``.
+    """
+
+    curve: SpiralCurve
+    centre: complex
+    rotation: complex
+    side: int
+    way: int
+    first: float
+    last: float
+
+    @cached_property
+    def bend(self) -> float:
+        """Curvature at the inner end in 1/m."""
+        theta = min(self.first, self.last)
+        return (2 + theta * theta) / (self.curve.b_m * (1 + theta * theta) * sqrt(1 + theta * theta))
+
+    @cached_property
+    def _scaled(self) -> complex:
+        return self.rotation * self.curve.b_m
+
+    @cached_property
+    def _ahead(self) -> complex:
+        return self.rotation * self.way
+
+    def at(self, u: Any, lo: Any = 0.0) -> Any:
+        """Return the point."""
+        if type(u) is float:
+            return self.centre + self._scaled * u * (cmath.rect(1.0, self.side * u) * complex(1.0, self.side * lo))
+        return self.centre + self._scaled * u * (np.exp(1j * self.side * u) * (1 + 1j * self.side * lo))
+
+    def heading(self, u: Any, lo: Any = 0.0) -> Any:
+        """Return the unit tangent in the head's way."""
+        if type(u) is float:
+            short = 1 / sqrt(1 + u * u)
+            return self._ahead * (cmath.rect(1.0, self.side * u)
+                                  * complex((1.0 - u * lo) * short, self.side * u * short))
+        return self._ahead * (np.exp(1j * self.side * u) * ((1 - u * lo + 1j * self.side * u) / np.sqrt(1 + u * u)))
+
+    def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
+        """Return points and unit tangents of many places, each angle's sine and cosine computed once."""
+        turn, turned = np.exp(1j * self.side * u), 1j * self.side
+        return (self.centre + self._scaled * u * (turn * (1 + turned * lo)),
+                self._ahead * (turn * ((1 - u * lo + turned * u) / np.sqrt(1 + u * u))))
+
+    def rate(self, u: Any) -> Any:
+        """Return metres for each radian."""
+        root = sqrt if type(u) is float else np.sqrt
+        return self.way * self.curve.b_m * root(1 + u * u)
+
+    def metres(self, u: Any) -> Any:
+        """Return the distance from the anchor to u."""
+        start = self.curve.start.hi
+        return -self.way * self.curve.b_m * arc_between(start, start - u)
+
+    def metres_lo(self, u: Any, lo: Any) -> Any:
+        """Return what ``metres`` leaves out."""
+        metres, more = self.curve.distance_of(u, lo)
+        return (-self.way * metres - self.metres(u)) - self.way * more
+
+    def metres_between(self, a: Any, b: float) -> Any:
+        """Return the length between coordinates, without cancellation."""
+        return abs(self.curve.b_m * arc_between(b, b - a))
+
+    def curvature(self, u: Any) -> Any:
+        """Return the signed curvature; 0 infinitely far out."""
+        square = 1 + u * u
+        return self.side * self.way / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
+
+    def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
+        """Return u so many metres from the anchor."""
+        return self.curve.inward(-self.way * metres, -self.way * lo)
+
+    def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
+        """Return ``after`` of many."""
+        return self.curve.inward_many(-self.way * metres, -self.way * lo)
+
+    def far_m(self, a: float, b: float) -> float:
+        """Return a bound on the distance from the origin between two coordinates."""
+        return abs(self.centre) + self.curve.b_m * max(a, b)
+
+    def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
+        """Return the nearest place at a chord: further out, or further in."""
+        (theta, low), chord = u, chord_m / self._b_m
+        if direction == self.way:
+            delta, spent = step(theta, chord, first_guess(theta, chord))
+            more = delta + low              # double_double.plus, written out
+            outer = theta + more
+            return DoubleDouble(outer, more - (outer - theta)) if delta < inf else _NOWHERE_OUT, spent
+        delta, spent = step_in(theta, chord, first_guess_in(theta, chord), self._arc(chord_m))
+        return DoubleDouble(*plus(theta, low, -delta)) if delta < inf else _NOWHERE_IN, spent
+
+    def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
+        """Return the speed of the handle at ``to`` for unit speed at ``u``: cos alpha / cos beta of their link.
+
+        With s = sin(delta / 2) the link's way along the tangent at theta is that of ``front`` over sqrt(1 + theta^2).
+        """
+        inner, outer = (u, to) if u < to else (to, u)
+        theta, far, delta = inner[0], outer[0], (outer[0] - inner[0]) + (outer[1] - inner[1])
+        s, c = sin(0.5 * delta), cos(0.5 * delta)
+        across = 2 * theta * s
+        front, back = delta * (1 - 2 * s * s) - across * s + across * far * c, delta + across * (s + far * c)
+        w_inner, w_outer = front * sqrt(1 + far * far), back * sqrt(1 + theta * theta)
+        return w_inner / w_outer if inner is u else w_outer / w_inner
+
+    @cached_property
+    def _b_m(self) -> float:
+        return self.curve.b_m
+
+    def _arc(self, chord_m: float) -> float:
+        """Return the longest arc that a chord spans on this segment, in units of b."""
+        return reach_m(self.bend, chord_m) / self.curve.b_m
+
+    def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
+        """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations."""
+        if direction == self.way:
+            return self.shifts_outwards(u, chord_m, past)
+        chord, ahead = chord_m / self.curve.b_m, _ahead(past)
+        inner = None if ahead is None else u * u - ahead
+        guess = (first_guesses_in(u, chord) if inner is None or np.any(inner <= 0) else
+                 ahead / (u + np.sqrt(inner)))
+        delta, spent = steps_in(u, chord, guess, self._arc(chord_m))
+        return -delta, spent
+
+    def shifts_outwards(self, u: Floats, chord_m: float | Floats, past: Past | None) -> tuple[Floats, int]:
+        """Return ``shifts`` to places further out, at one chord for all or at one for each."""
+        chord, ahead = chord_m / self.curve.b_m, _ahead(past)
+        guess = first_guesses(u, chord) if ahead is None else ahead / (u + np.sqrt(u * u + ahead) + TINY)
+        return steps(u, chord, guess)
+
+    def reaches_once(self, u: Floats, shift: Floats) -> bool:
+        """Return whether chords grow all the way over changes of coordinates of one sign, so that no nearer places are.
+
+        Outwards they do up to half a turn (``phi_of``), inwards up to an arc of pi / bend (``segments.reach_m``).
+        """
+        if shift.flat[0] > 0:
+            return float(np.max(shift)) <= pi
+        return self.bend * self.curve.b_m * float(np.max(-shift * np.sqrt(1 + u * u))) <= pi
+
+    def squares(self, u: Floats, shift: Floats) -> Floats:
+        """Return the differences of squared angles of changes of coordinates."""
+        out: Floats = np.abs(shift * (2 * u + shift))
+        return out
+
+    def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
+              edge: float) -> tuple[list[float], list[float], int]:
+        """Return the coordinates of up to so many handles (this loop is the hot one: it makes no objects)."""
+        return self._march_out(u, links, edge) if direction == self.way else self._march_in(u, links, edge)
+
+    def _march_out(self, u: DoubleDouble, links: tuple[int, float],
+                   edge: float) -> tuple[list[float], list[float], int]:
+        (theta, low), (count, chord_m) = u, links
+        highs, lows, spent, chord = list[float](), list[float](), 0, chord_m / self.curve.b_m
+        d1 = d2 = d3 = 0.0
+        for _ in range(count):
+            square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
+            guess = square / (theta + sqrt(theta * theta + square)) if square > 0 else first_guess(theta, chord)
+            delta, evaluations = step(theta, chord, guess)
+            spent += evaluations
+            more = delta + low                  # double_double.plus, written out
+            outer = theta + more
+            if outer > edge or delta == inf:
+                break
+            d1, d2, d3 = delta * (2 * theta + delta), d1, d2
+            theta, low = outer, more - (outer - theta)
+            highs.append(theta)
+            lows.append(low)
+        return highs, lows, spent
+
+    def _march_in(self, u: DoubleDouble, links: tuple[int, float], edge: float) -> tuple[list[float], list[float], int]:
+        (theta, low), (count, chord_m), b_m = u, links, self.curve.b_m
+        highs, lows, spent, chord, arc = list[float](), list[float](), 0, chord_m / b_m, self._arc(chord_m)
+        d1 = d2 = d3 = 0.0
+        for _ in range(count):
+            square = 3 * (d1 - d2) + d3 if d3 else d1       # next_square
+            guess = (square / (theta + sqrt(theta * theta - square)) if 0 < square < theta * theta else
+                     first_guess_in(theta, chord))
+            delta, evaluations = step_in(theta, chord, guess, arc)
+            spent += evaluations
+            inner, inner_lo = plus(theta, low, -delta)
+            if not inner >= edge:
+                break
+            d1, d2, d3 = delta * (2 * theta - delta), d1, d2
+            theta, low = inner, inner_lo
+            highs.append(theta)
+            lows.append(low)
+        return highs, lows, spent

@@ -14,8 +14,8 @@ from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.chord import chord_of, first_peak
 from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spiral import chord_of, first_peak
 
 CLASSIC = Scene()
 

@@ -10,9 +10,8 @@ from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
-from dragon_ros.core.enclosures.on_spiral import bend, bounds, levers
+from dragon_ros.core.enclosures.on_spiral import BenchSampler, bend, beyond, bounds, levers
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.geometry.narrow_phase import BenchSampler, beyond
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND

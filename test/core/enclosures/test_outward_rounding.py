@@ -9,8 +9,8 @@ from flint import arb
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.enclosures import ball_arithmetic, by_scale, on_spiral, on_track
+from dragon_ros.core.enclosures.on_spiral import line_distance
 from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
-from dragon_ros.core.geometry.narrow_phase import line_distance
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import gaps, placement, rounding_m
 from dragon_ros.core.search import min_pitch

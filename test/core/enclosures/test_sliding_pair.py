@@ -15,7 +15,7 @@ from dragon_ros.core.enclosures.sliding_pair import (
     least_span,
     separations,
 )
-from dragon_ros.core.tracks.chord import chord_of, first_guess, step
+from dragon_ros.core.tracks.spiral import chord_of, first_guess, step
 
 HALF_WIDTH_M, OVERHANG_M = 0.15, 0.275
 shares = st.floats(0, 1)

@@ -10,9 +10,8 @@ from hypothesis import strategies as st
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.enclosures.on_spiral import bounds
+from dragon_ros.core.enclosures.on_spiral import BenchSampler, bounds
 from dragon_ros.core.errors import ChainLockError
-from dragon_ros.core.geometry.narrow_phase import BenchSampler
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.model import compile_scene

@@ -13,7 +13,6 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed, has_same_links_behind
-from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.enclosures.on_track import kinematics, link_states, second_derivatives, views
 from dragon_ros.core.errors import DragonError
@@ -24,7 +23,7 @@ from dragon_ros.core.search import conservative_advancement
 from dragon_ros.core.search.certificate import ALL, Certificate, Contact, Interval, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.near_misses import near_misses
-from dragon_ros.core.search.search_domain import SearchDomain
+from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
 from dragon_ros.scenes import certificate

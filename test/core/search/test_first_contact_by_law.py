@@ -11,13 +11,13 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.search_domain import RangeOfTravel
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.scenes import certificate
 from dragon_ros.scenes.load import load_scene

@@ -11,9 +11,8 @@ from properties import examples
 
 from dragon_ros.core.chain.dragon import Group, Mixed
 from dragon_ros.core.chain.head_law import Head
-from dragon_ros.core.enclosures.on_spiral import bounds
+from dragon_ros.core.enclosures.on_spiral import BenchSampler, beyond, bounds, further
 from dragon_ros.core.errors import ChainLockError, DragonError, FieldError
-from dragon_ros.core.geometry.narrow_phase import BenchSampler, beyond, further
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene

@@ -21,8 +21,9 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import Place
-from dragon_ros.core.tracks.segments import BEHIND, SpiralSegment
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from dragon_ros.core.tracks.spiral import SpiralSegment
 from hard_cases.dances import dances
 from hard_cases.problems import problems
 

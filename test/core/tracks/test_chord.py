@@ -8,7 +8,7 @@ from convergence import errors_of, newton_iterates, order_of
 from hypothesis import assume, given
 from hypothesis import strategies as st
 
-from dragon_ros.core.tracks.chord import chord_excess, chord_of, first_guess, phi_of, step
+from dragon_ros.core.tracks.spiral import chord_excess, chord_of, first_guess, phi_of, step
 
 
 @given(st.floats(0.05, 500), st.floats(0.01, 1000))

@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from mpmath import mpc, mpf
 
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.tracks.segments import AHEAD, BEHIND, ArcSegment, LineSegment, SpiralSegment
-from dragon_ros.core.tracks.spiral import SpiralCurve
+from dragon_ros.core.tracks.segments import AHEAD, BEHIND, ArcSegment, LineSegment
+from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 CURVE = SpiralCurve(0.55, DoubleDouble(30.0, 0.0))
 
