@@ -116,8 +116,7 @@ def test_at_a_joint_accelerations_are_those_of_the_segment_being_entered(lead, s
     track = model.track
     place = track.place_at(track.joints_m[0])
     if second:      # the leader is a link further on its way
-        place = track.next(place, float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1]), -model.direction,
-                           1e-9)[0]
+        place = track.next(place, float(scene.dragon.link_lengths_m[0 if lead == 'head' else -1]), -model.direction)[0]
     gone_m = model.leader.gone_m(place)
     assert 0.5 < gone_m < 3.9
     for t_s in (gone_m, 8.0 - gone_m):
