@@ -40,7 +40,8 @@ setup(
     # ROS packages come with ROS (or from requirements.txt), never from here: they would break an ordinary install.
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
                       'shapely>=2.0', 'tqdm>=4.64', 'zstandard>=0.22'],
-    extras_require={'parquet': ['pyarrow>=15'], 'xlsx': ['openpyxl>=3.1.5'], 'verify': ['python-flint>=0.6'],
+    extras_require={'maps': ['pyproj>=3.6'], 'parquet': ['pyarrow>=15'], 'xlsx': ['openpyxl>=3.1.5'],
+                    'verify': ['python-flint>=0.6'],
                     'study': ['cryptography>=42', 'dask>=2026.8', 'distributed>=2026.8', 'pyarrow>=15', 'scipy>=1.15',
                               'tornado>=6.4'],
                     'test': ['hypothesis', 'jsonschema>=4.10', 'mpmath>=1.2', 'pytest>=7.4', 'pytest-xdist>=3.4']},

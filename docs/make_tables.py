@@ -131,13 +131,13 @@ def _key_rows(parts: dict[str, Any]) -> Iterable[tuple[str, str, str, str]]:
     for name, part in parts.items():
         for one in part.get('oneOf', [part]):
             yield (f'`{name}`', *_kind_row(one))
-        for key, items in [part for one in part.get('oneOf', []) for part in _parts(one)]:
+        for key, items in [part for one in part.get('oneOf', [part]) for part in _parts(one)]:
             yield from ((f'`{name}.{key}`', *_kind_row(row)) for row in items.get('oneOf', [items]))
 
 
 def _parts(one: dict[str, Any]) -> list[tuple[str, dict[str, Any]]]:
     """Return the keys that hold lists of mappings, with the schema of these."""
-    return [(key, row['items']) for key, row in one['properties'].items() if key in PARTS]
+    return [(key, row['items']) for key, row in one.get('properties', {}).items() if key in PARTS]
 
 
 def _kind_row(one: dict[str, Any]) -> tuple[str, str, str]:

@@ -283,7 +283,7 @@ def plot(of: 'Simulated | Scene | Bag', t_s: float | None = None, ax: 'Axes | No
     one = moment(source, source.span_s[1] if t_s is None else number('t_s', t_s))
     inches, seen = panel(window(source.track, [one]), 6.4)
     axes = plt.subplots(figsize=tuple(inches + 0.8))[1] if ax is None else ax
-    draw(axes, seen, source.track, one)
+    draw(axes, seen, source.track, one, venue=source.venue)
     axes.set_title(f'{len(one.benches.centre)} benches at {one.t_s:g} s')
     return axes
 

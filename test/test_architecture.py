@@ -26,18 +26,19 @@ STARTS = {'commands': {'verify'}}       # as a process
 # The rooms and single modules of the core, and what each may import besides itself.
 VALUES = ('errors', 'checks', 'flags')
 CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
-MODEL = (*VALUES, *CHAIN, 'tiers', 'scene', 'shift_map', 'paper', 'model')
+MODEL = (*VALUES, *CHAIN, 'venue', 'tiers', 'scene', 'shift_map', 'paper', 'model')
 CORE_ROOMS = {
     'errors': (), 'limits': (), 'numerics': (), 'checks': ('errors',), 'flags': ('errors', 'checks'),
-    'tracks': CHAIN[:3], 'chain': CHAIN[:4], 'tiers': CHAIN[:4], 'scene': (*VALUES, 'tracks', 'chain'),
-    'paper': CHAIN, 'shift_map': CHAIN, 'model': MODEL[:-1], 'geometry': CHAIN, 'enclosures': (*CHAIN, 'geometry'),
-    'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
+    'venue': ('errors', 'checks', 'limits'),
+    'tracks': CHAIN[:3], 'chain': CHAIN[:4], 'tiers': CHAIN[:4], 'scene': (*VALUES, 'tracks', 'chain', 'venue'),
+    'paper': CHAIN, 'shift_map': CHAIN, 'model': MODEL[:-1], 'geometry': (*CHAIN, 'venue'),
+    'enclosures': (*CHAIN, 'geometry'), 'frame': (*CHAIN, 'geometry'), 'search': (*MODEL, 'geometry', 'enclosures'),
     'effects': (*MODEL, 'geometry', 'frame'), 'step': (*MODEL, 'geometry', 'frame', 'effects'),
     'batches': (*MODEL, 'geometry', 'frame', 'effects', 'step')}
 # A scene sees value types alone of the rooms that it may import.
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
-LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(), 'scenes': {'numpy', 'yaml'},
-             'messages': {'numpy'},
+LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
+             'scenes': {'numpy', 'yaml', 'shapely', 'pyproj'}, 'messages': {'numpy'},
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},

@@ -48,7 +48,7 @@ RESOLVED = {
     'tf2_msgs',
     'python3-argcomplete', 'python3-matplotlib', 'python3-numpy', 'python3-shapely', 'python3-tqdm', 'python3-yaml',
     'python3-hypothesis', 'python3-jsonschema', 'python3-openpyxl', 'python3-pytest', 'python3-pytest-xdist',
-    'python3-scipy'}
+    'python3-pyproj', 'python3-scipy'}
 
 
 def test_rosdep_knows_every_key_of_the_manifest():

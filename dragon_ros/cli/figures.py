@@ -10,6 +10,7 @@ from dragon_ros.core.errors import MissingError
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
 QUIET = '#555555'       # of notes and guide lines
+OBSTACLE = '#DDD8CE'    # of a venue, and all that is not inside
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,

@@ -20,6 +20,7 @@ from dragon_ros.core.limits import PICTURE_TICKS
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.scene import NS, Scene
+from dragon_ros.core.venue import Venue
 
 if TYPE_CHECKING:       # a picture of a scene starts without bags, and one without contacts without their search
     from dragon_ros.bags.read.reader import BagReader
@@ -73,6 +74,10 @@ class Source(Protocol):
     def track(self) -> Floats | None:
         """Points (P, 2) of its track, None if unknown."""
 
+    @property
+    def venue(self) -> Venue | None:
+        """Where it goes, None if unknown."""
+
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` ticks between two times, both included, evenly spaced."""
 
@@ -100,6 +105,11 @@ class SceneSource:
     def track(self) -> Floats:
         """The part of the track on which handles are during the run."""
         return compile_scene(self.scene).track_line(_SAG_M)
+
+    @property
+    def venue(self) -> Venue | None:
+        """The scene's venue."""
+        return self.scene.venue
 
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` of the run's ticks between two times, evenly spaced."""
@@ -204,15 +214,24 @@ class BagSource:
         return self.bag.path.name
 
     @cached_property
-    def track(self) -> Floats | None:
-        """The part of the track on which handles are during the run, by the scene in the bag; None without one."""
+    def _scene(self) -> Scene | None:
+        """The scene in the bag with what a led dragon has walked; None without one."""
         from dragon_ros.bags.read.frames import scene_of_bag, walked_scene
         try:
             scene = scene_of_bag(self.bag, self.namespace)
-            walked = scene and walked_scene(self.bag, scene, self.namespace)
+            return scene and walked_scene(self.bag, scene, self.namespace)
         except InputError:      # a scene beyond its budgets; what was recorded is shown all the same
             return None
-        return compile_scene(walked).track_line(_SAG_M) if walked else None
+
+    @cached_property
+    def track(self) -> Floats | None:
+        """The part of the track on which handles are during the run, by the scene in the bag; None without one."""
+        return compile_scene(self._scene).track_line(_SAG_M) if self._scene else None
+
+    @property
+    def venue(self) -> Venue | None:
+        """The venue of the scene in the bag."""
+        return self._scene.venue if self._scene else None
 
     @cached_property
     def _ticks(self) -> list[tuple[int, int]]:

@@ -18,6 +18,8 @@ SCENE_TICKS = 10_000_000
 SEARCHED_BENCHES = 2000
 SEARCH_WORK = 50_000_000
 PROOF_S = 60.0
+VENUE_CORNERS = 100_000
+VENUE_BYTES = 16 * MB
 
 # Bags
 CHUNK_BYTES = 128 * MB
@@ -58,7 +60,7 @@ class Limit(NamedTuple):
 
 LIMITS = (
     Limit('SCENE_FILE_BYTES', 'a scene file, and any other YAML file', 'bytes', 'refused'),
-    Limit('SCENE_CHARACTERS', 'the text of a scene from a stranger', 'characters',
+    Limit('SCENE_CHARACTERS', 'the text of a scene from a stranger, without the corners of its venue', 'characters',
           'not read without `--trust`; a recorder stores it unread'),
     Limit('YAML_DEPTH', 'how deep a YAML document is nested', 'levels', 'refused'),
     Limit('YAML_VALUES', 'the values of a YAML document, its aliases expanded', 'values', 'refused'),
@@ -69,6 +71,9 @@ LIMITS = (
     Limit('SEARCH_WORK', 'the work of that search', 'states times benches', 'given up without `--trust`'),
     Limit('PROOF_S', 'how long the checker takes for the certificate in a bag', 'seconds',
           'ended; a run that ends in its contact is not checked without `--trust`'),
+    Limit('VENUE_CORNERS', 'the obstacles and the inside of a venue', 'corners', 'refused'),
+    Limit('VENUE_BYTES', 'the file of a venue, and the lines of its corners in the text of a scene from a stranger',
+          'bytes', 'refused'),
     Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside of chunks', 'bytes',
           'refused; a recorder leaves such a message out, counts it and names its topic'),
     Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'refused'),

@@ -10,6 +10,7 @@ from dragon_ros.core.checks import choice, number, settle
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.flags import Effect, Noise, Trails, check_needs
 from dragon_ros.core.tracks.spec import Spiral, TrackSpec
+from dragon_ros.core.venue import Venue
 
 NS = 10**9
 LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
@@ -60,7 +61,7 @@ def _period(rate_hz: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Scene:
-    """A dragon on a track, led by its head or its tail, at an accuracy, with effects, for a run.
+    """A dragon on a track, led by its head or its tail, at an accuracy, with effects, for a run, perhaps in a venue.
 
     All is settings: two scenes that mean the same are equal. ``markers`` is how benches are shown: 'cubes', one each,
     or 'triangles', all in one list. What only a track laid out in the plane can tell (joints, bends, where the chain
@@ -77,6 +78,7 @@ class Scene:
     markers: str = 'cubes'
     noise: Noise = field(default_factory=Noise)
     trails: Trails = field(default_factory=Trails)
+    venue: Venue | None = None
 
     def __post_init__(self) -> None:
         """Refuse an accuracy that is none, unknown choices, effects without what they need, what the paper lacks.

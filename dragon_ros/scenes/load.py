@@ -1,4 +1,5 @@
 """Scene files: YAML to a core Scene, with errors that name file, line and key."""
+import re
 from collections.abc import Iterable, Mapping
 from contextlib import suppress
 from dataclasses import MISSING, fields
@@ -12,10 +13,11 @@ from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, InputError, MissingError, did_you_mean, shown
 from dragon_ros.core.flags import Noise, Trails, effects_of
-from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS
+from dragon_ros.core.limits import SCENE_BENCHES, SCENE_CHARACTERS, SCENE_TICKS, VENUE_BYTES
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import PIECES, Composite, Spiral, STurn
+from dragon_ros.core.venue import OBSTACLES, Venue
 from dragon_ros.scenes.head_laws import PLUGIN, plugged
 from dragon_ros.scenes.yaml import Document, parse_document, plain_number, read_document
 
@@ -26,14 +28,20 @@ SECTIONS: dict[str, dict[str, type]] = {
     'run': {'': Run},
     'noise': {'': Noise},
     'trails': {'': Trails},
+    'venue': {'': Venue},
 }       # by kind; the first is the default
+_ABSENT = ('venue',)        # sections without which there is none of it
+_FILE = ('file', 'origin_deg')      # keys of a venue that its file takes the place of
 # Lists of mappings in a section, by their key.
-PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}}
-_EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}'}
-_WORDS = ('lead', 'ramps', 'side')
+PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
+_EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}',
+             'obstacles': '{kind: line, name: wall, points_m: [[0, 0], [9, 0]]}'}
+_WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
 _MOST_SHOWN = 100       # characters of a --set in an error
+# Lines of corners of a venue, as provenance writes them.
+_CORNERS = re.compile(r"^[ -]*(?:points_m|inside)?:? *'?[-+.e0-9, ]+'?\n", re.MULTILINE)
 ABOUT = 'about'     # free notes about a scene, without any effect
 
 
@@ -42,14 +50,44 @@ def load_scene(name_or_file: str, overrides: Iterable[str] = ()) -> Scene:
 
     Omitted keys have the classic values. Raises InputError with file, line and key.
     """
-    document = read_document(_find(name_or_file))
+    document = _read(name_or_file)
     for override in overrides:
         _override(document, override)
     return _scene_with_plugin(document)
 
 
+def _read(name_or_file: str) -> Document:
+    """Return the document of a name or file, with what the file of its venue says; that lies beside it."""
+    path = _find(name_or_file)
+    document = read_document(path)
+    _take_file(document, path.parent)
+    return document
+
+
+def _take_file(document: Document, folder: Path) -> None:
+    """Put what the file of a venue says in its place, if it names one. Raises InputError."""
+    section = document.values.get('venue')
+    if not isinstance(section, dict) or not section.keys() & {*_FILE}:
+        return
+    from dragon_ros.scenes.venue_files import venue_values
+    name, origin = section.pop('file', None), section.pop('origin_deg', None)
+    if not isinstance(name, str):
+        document.refuse('venue.file', f'{shown(name)} is not the name of a file; write for example street.geojson')
+    if origin is not None and not (_is_pair(origin) and all(type(one) in (int, float) for one in origin)):
+        document.refuse('venue.origin_deg', f'{shown(origin)} is no place; write [longitude, latitude]')
+    drawn = venue_values(folder / name, None if origin is None else (float(origin[0]), float(origin[1])))
+    for key in drawn.keys() & section.keys():
+        if drawn[key]:
+            document.refuse(f'venue.{key}', f'{name} brings it too; leave one out')
+    document.values['venue'] = {**drawn, **section}
+
+
 def _scene_with_plugin(document: Document) -> Scene:
-    """Return the scene of a document from the user, whose head law may be one of their own."""
+    """Return the scene of a document from the user, whose head law may be one of their own.
+
+    A venue's file that an option or a change names lies where the user is.
+    """
+    _take_file(document, Path())
     if document.section('head').get('kind') == PLUGIN:
         document.values['head'] = _values(plugged(document), SECTIONS['head'])
     return scene_of(document)
@@ -61,7 +99,7 @@ def changed_scene(name_or_file: str, changes: Mapping[str, Any]) -> Scene:
     A section's keys are changed one by one; where another kind is chosen, the section's other keys go.
     Raises InputError with the key.
     """
-    document = read_document(_find(name_or_file))
+    document = _read(name_or_file)
     for key, value in changes.items():
         old = document.values.get(key, {})
         if isinstance(value, Mapping) and isinstance(old, dict):
@@ -86,7 +124,8 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
     Unless the reader trusts it, it is read within the budgets of ``core.limits``. Raises InputError.
     """
     if not trust:
-        _within(name, 'characters', len(text), SCENE_CHARACTERS)
+        _within(name, 'characters', len(text), SCENE_CHARACTERS + VENUE_BYTES)
+        _within(name, 'characters', len(text) - _characters_of_corners(text), SCENE_CHARACTERS)
     document = parse_document(name, text)
     scene = _settings(document)
     if not trust:
@@ -96,6 +135,11 @@ def strangers_scene(name: str, text: str, trust: bool = False) -> Scene:
         with suppress(FieldError):      # a run without an end: whoever walks its ticks refuses it
             _within(name, 'ticks', compile_scene(scene).last_tick + 1, SCENE_TICKS)
     return scene
+
+
+def _characters_of_corners(text: str) -> int:
+    """Return how many characters of a scene's text are lines that hold corners of a venue and nothing else."""
+    return sum(map(len, _CORNERS.findall(text)))
 
 
 def _within(name: str, what: str, value: int, most: int) -> None:
@@ -115,6 +159,9 @@ def _check_compiled(document: Document, scene: Scene) -> None:
     """Refuse what only the track laid out in the plane can tell. Raises InputError."""
     try:
         compile_scene(scene)
+        if scene.venue is not None:
+            from dragon_ros.core.search.venue import check_start
+            check_start(scene)
     except FieldError as error:
         raise _placed(document, error) from None
 
@@ -123,10 +170,13 @@ def _settings(document: Document) -> Scene:
     """Return a document's scene as settings alone, nothing compiled; a law of one's own is none of it."""
     if document.section('head').get('kind') == PLUGIN:
         document.refuse('head.kind', 'a head law of your own is loaded for a scene file, never for a bag or topic')
+    if isinstance(document.values.get('venue'), dict) and 'file' in document.values['venue']:
+        document.refuse('venue.file', 'a file is read for a scene file, never for a bag or topic')
     document.check_keys('', document.values, (*SECTIONS, *SINGLES, ABOUT))
     try:
-        parts = {name: _build(document, name, kinds) for name, kinds in SECTIONS.items()}
         values = document.values
+        parts = {name: _build(document, name, kinds) for name, kinds in SECTIONS.items()
+                 if name not in _ABSENT or values.get(name) is not None}
         if 'effects' in values:
             parts['effects'] = effects_of(_names(document, 'effects', values['effects']))
         if 'accuracy' in values:
@@ -144,7 +194,8 @@ def _placed(document: Document, error: FieldError) -> InputError:
 
 def scene_values(scene: Scene) -> dict[str, Any]:
     """Return the complete scene as the mapping of a scene file."""
-    values = {name: _values(getattr(scene, name), kinds) for name, kinds in SECTIONS.items()}
+    values = {name: _values(part, kinds) for name, kinds in SECTIONS.items()
+              if (part := getattr(scene, name)) is not None}
     return {**values, 'accuracy': scene.accuracy, 'effects': scene.effects.names,
             **{name: getattr(scene, name) for name in CHOICES}}
 
@@ -219,11 +270,30 @@ def _value(document: Document, name: str, value: Any) -> Any:
         if not _is_pair(value):
             document.refuse(name, f'{shown(value)} is not a point; write for example [1.5, 2]')
         return tuple(map(plain_number, value))
+    if key in ('points_m', 'inside') and value is not None:
+        return _points(document, name, value)
+    if key == 'holes_m':
+        if not isinstance(value, list):
+            document.refuse(name, f'{shown(value)} is no list of rings; write for example [[[1, 1], [2, 1], [2, 2]]]')
+        return tuple(_points(document, f'{name}.{n}', one) for n, one in enumerate(value, 1))
     if key in PARTS:
         if not isinstance(value, list):
             document.refuse(name, f'{shown(value)} is not a list of {key}; write for example [{_EXAMPLES[key]}]')
         return tuple(_part(document, f'{name}.{n}', key, one) for n, one in enumerate(value, 1))
     return value if key in _WORDS else plain_number(value)
+
+
+def _points(document: Document, name: str, value: Any) -> tuple[tuple[Any, ...], ...]:
+    """Return points: a list of pairs, or text as WKT has it, which is shorter (``0 0, 4 0, 4 3``)."""
+    if isinstance(value, str):
+        pairs = [one.split() for one in value.split(',')]
+        try:
+            return tuple(tuple(map(float, pair)) for pair in pairs)
+        except ValueError:
+            document.refuse(name, f"{shown(value)} holds no points; write for example '0 0, 4 0, 4 3'")
+    if not isinstance(value, list) or not all(_is_pair(one) for one in value):
+        document.refuse(name, f'{shown(value)} is not a list of points; write for example [[0, 0], [4, 0], [4, 3]]')
+    return tuple(tuple(map(plain_number, pair)) for pair in value)
 
 
 def _is_pair(value: Any) -> bool:

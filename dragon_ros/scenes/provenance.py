@@ -5,6 +5,7 @@ from collections.abc import Mapping
 from contextlib import suppress
 from functools import lru_cache
 from importlib.util import find_spec
+from math import inf
 from pathlib import Path
 from typing import Any
 
@@ -63,7 +64,21 @@ def other_kernel(made: Mapping[str, str]) -> str | None:
 def scene_file(scene: Scene, settings: Mapping[str, Any] | None = None) -> str:
     """Return the complete scene as a scene file; its section ``about`` holds versions, kernels and other settings."""
     about = {**versions(), **kernels(), **(settings or {})}
-    return yaml.safe_dump({**scene_values(scene), 'about': about}, sort_keys=False)
+    values = {**scene_values(scene), 'about': about}
+    if scene.venue is None:
+        return yaml.safe_dump(values, sort_keys=False)
+    values['venue'] = _with_short_points(values['venue'])
+    return yaml.safe_dump(values, sort_keys=False, width=inf)       # points on one line each
+
+
+def _with_short_points(value: Any) -> Any:
+    """Return the values of a venue with lists of points as text, which is read and written many times as fast."""
+    if isinstance(value, dict):
+        return {key: _with_short_points(one) for key, one in value.items()}
+    if isinstance(value, list) and value and all(isinstance(one, list) and len(one) == 2 and
+                                                 all(isinstance(part, float) for part in one) for one in value):
+        return ', '.join(f'{x!r} {y!r}' for x, y in value)
+    return [_with_short_points(one) for one in value] if isinstance(value, list) else value
 
 
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:

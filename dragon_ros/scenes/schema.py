@@ -23,6 +23,15 @@ _PLAIN: dict[Any, Schema] = {int: {'type': 'integer'}, float: {'type': 'number'}
                              type(None): {'type': 'null'}}
 
 
+# Points of a venue: pairs, or text as WKT has it.
+_POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
+    'type': 'array', 'prefixItems': [{'type': 'number'}] * 2, 'items': False, 'minItems': 2}}, {'type': 'string'}]}
+_VENUE_FILE: Schema = {
+    'file': {'description': 'a GeoJSON or WKT file beside this one that has the obstacles and the inside',
+             'type': 'string', 'default': None},
+    'origin_deg': {'description': 'longitude and latitude of the origin; the middle of the file, unless given',
+                   'type': 'array', 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
+                   'default': None}}
 _PLUGIN: Schema = {
     'description': 'A head law of your own, by the name of its entry point, with what it takes (docs/ros.md).',
     'type': 'object', 'additionalProperties': False, 'required': ['kind', 'law'],
@@ -34,6 +43,7 @@ def scene_schema() -> Schema:
     """Return the schema of a whole scene file."""
     parts = {name: _section(kinds) for name, kinds in SECTIONS.items()}
     parts['head']['oneOf'].append(_PLUGIN)
+    parts['venue']['properties'] |= _VENUE_FILE
     defaults = Scene()
     parts['accuracy'] = {'description': 'largest position error in metres, or a tier', 'default': defaults.accuracy,
                          'anyOf': [{'type': 'number', 'exclusiveMinimum': 0}, {'enum': list(TIERS)}]}
@@ -75,7 +85,12 @@ def _field(field: 'Field[Any]') -> Schema:
         return {'enum': list(_CHOICES[field.name]), **default}
     if field.name in PARTS:
         made = [kind_schema(name, one, needed=True) for name, one in PARTS[field.name].items()]
-        return {'type': 'array', 'minItems': 1, 'items': made[0] if len(made) == 1 else {'oneOf': made}}
+        least: Schema = {'minItems': 1} if field.default is MISSING else {'default': []}
+        return {'type': 'array', **least, 'items': made[0] if len(made) == 1 else {'oneOf': made}}
+    if field.name == 'holes_m':
+        return {'type': 'array', 'items': _POINTS, 'default': []}
+    if field.name in ('points_m', 'inside'):
+        return {'anyOf': [*_POINTS['anyOf'], *([{'type': 'null'}] if default else [])], **default}
     return {**_type(field.type), **default}
 
 

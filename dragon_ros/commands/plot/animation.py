@@ -59,7 +59,7 @@ class AnimatedFigure:
         inches, seen = panel(window(source.track, samples), _INCHES)
         self.figure = Figure(figsize=sheet(inches, (1, 1), legend=False))
         axes, first = self.figure.add_subplot(), moment(source, float(times_s[0]))
-        self._benches = draw(axes, seen, source.track, first)
+        self._benches = draw(axes, seen, source.track, first, venue=source.venue)
         self._dots, self._name = axes.lines[-1], source.name
         self._title, self._width_in = axes.set_title(' '), float(inches[0])
         self.show(first, None)

@@ -10,10 +10,11 @@ from matplotlib.lines import Line2D
 from matplotlib.patches import ConnectionPatch, Patch
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import BODY, HEAD, POINT, QUIET, TOUCHED, TRACK
+from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, POINT, QUIET, TOUCHED, TRACK
 from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.venue import PolygonObstacle, Venue
 
 _MOST_PANELS = 6
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
@@ -36,7 +37,7 @@ def dragon_picture(source: Source, times_s: list[float]) -> Figure:
     figure = Figure(figsize=sheet(inches * (columns, rows), (columns, rows)))
     for number, one in enumerate(shown, start=1):
         axes = figure.add_subplot(rows, columns, number)
-        draw(axes, seen, source.track, one)
+        draw(axes, seen, source.track, one, venue=source.venue)
         what = f'{len(one.benches.centre)} benches at {one.t_s:g} s'
         axes.set_title(what if columns > 1 else figures.titled(source.name, what, inches[0]))
     if columns > 1:
@@ -51,8 +52,8 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
     inches, seen = panel(window(source.track, [one]), 5.4)
     figure = Figure(figsize=sheet(np.array((inches[0] + 5.4, max(inches[1], 5.4))), (2, 1)))
     whole, close = figure.subplots(1, 2, gridspec_kw={'width_ratios': (inches[0], 5.4)})
-    draw(whole, seen, source.track, one, touch.benches)
-    _look_closer(close, source.track, one, touch)
+    draw(whole, seen, source.track, one, touch.benches, source.venue)
+    _look_closer(close, source, one, touch)
     whole.indicate_inset_zoom(close, edgecolor=POINT, alpha=0.8, linewidth=0.8)
     for part in whole.get_children():
         if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10 a layout made room for these lines
@@ -80,12 +81,15 @@ def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple
     return (max(width, _LEGEND_IN[0]), height + _LEGEND_IN[1]) if legend else (width, height)
 
 
-def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: Sequence[int] = ()) -> PolyCollection:
-    """Draw track, benches and handles to scale in a window (2, 2) in m, and return the benches.
+def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: Sequence[int] = (),
+         venue: Venue | None = None) -> PolyCollection:
+    """Draw venue, track, benches and handles to scale in a window (2, 2) in m, and return the benches.
 
     Outlines and handles scale with the benches' width on paper.
     """
     _frame(axes, seen)
+    if venue is not None:
+        _draw_venue(axes, venue)
     if track is not None:
         axes.plot(*track.T, color=TRACK, linewidth=0.7, zorder=1)
     colours = [HEAD, *[BODY] * (len(one.benches.centre) - 1)]
@@ -98,6 +102,28 @@ def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: 
     axes.plot(*one.p.T, linestyle='none', marker='o', markersize=min(0.2 * width_pt, 4.0), markeredgewidth=0,
               color='black', zorder=3)
     return benches
+
+
+def _draw_venue(axes: Axes, venue: Venue) -> None:
+    """Draw obstacles, and what lies outside of the inside, as far as it is seen."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path
+    for one in venue.obstacles:
+        if isinstance(one, PolygonObstacle):
+            outline = Path.make_compound_path(*(Path([*ring, ring[0]], closed=True) for ring in one.rings_m))
+            axes.add_patch(PathPatch(outline, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.8))
+        else:
+            axes.plot(*np.array(one.points_m).T, color=QUIET, linewidth=1.4, zorder=0.8)
+    if venue.inside is not None:
+        (left, right), (bottom, top) = axes.get_xlim(), axes.get_ylim()
+        x, y = np.array(venue.inside).T.tolist()
+        left, right, bottom, top = min(left, *x) - 1, max(right, *x) + 1, min(bottom, *y) - 1, max(top, *y) + 1
+        sheet = [(left, bottom), (right, bottom), (right, top), (left, top), (left, bottom)]
+        ring = np.array([*venue.inside, venue.inside[0]])
+        # The rule of windings leaves out what a ring against the sheet's sense surrounds.
+        clockwise = ring if np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) < 0 else ring[::-1]
+        outside = Path.make_compound_path(Path(sheet, closed=True), Path(clockwise, closed=True))
+        axes.add_patch(PathPatch(outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.7))
 
 
 def _frame(axes: Axes, seen: Floats) -> None:
@@ -113,10 +139,11 @@ def _points_per_m(axes: Any) -> float:
     return 72 * float(pixels_per_m) / float(axes.figure.dpi)
 
 
-def _look_closer(axes: Axes, track: Floats | None, one: Moment, touch: Touch) -> None:
+def _look_closer(axes: Axes, source: Source, one: Moment, touch: Touch) -> None:
     (x, y), benches = touch.point_m, one.benches
     reach = _CLOSE_LENGTHS * 2 * float(np.median(benches.half_length))
-    draw(axes, np.array(((x - reach, y - reach), (x + reach, y + reach))), track, one, touch.benches)
+    seen = np.array(((x - reach, y - reach), (x + reach, y + reach)))
+    draw(axes, seen, source.track, one, touch.benches, source.venue)
     axes.plot(x, y, marker='o', markersize=13, markerfacecolor='none', markeredgecolor=POINT, markeredgewidth=1.4,
               zorder=5)
     inside = np.flatnonzero(np.all(np.abs(benches.centre - (x, y)) < 0.8 * reach, axis=1))

@@ -1,0 +1,178 @@
+"""The edges of a venue, and the signed gaps of benches to them.
+
+An edge is a rectangle without width, so that ``signed_distance`` tells its gap to a bench: their distance when apart,
+else minus the shortest move that parts them. A bench that starts outside of an obstacle and never meets one of its
+edges stays outside, and one that starts within the inside and never meets its edges stays within: edges alone decide.
+"""
+from dataclasses import dataclass
+from functools import cached_property
+from typing import TYPE_CHECKING, NamedTuple
+from weakref import ref
+
+import numpy as np
+
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import seen_from, signed_gap
+from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints, read_only
+from dragon_ros.core.venue import INSIDE, LineObstacle, Points, PolygonObstacle, Venue
+
+if TYPE_CHECKING:
+    from shapely import STRtree
+
+_FIRST_REACH_M = 1.0    # within which the nearest edge is looked for, and twice as far each time there is none
+_FARTHEST_M = 4e9       # no edge is further from a bench: coordinates are below 1e9 m
+
+
+class Nearest(NamedTuple):
+    """The smallest signed gap in metres of some benches to a venue: of which bench, to which edge."""
+
+    gap_m: float
+    bench: int
+    edge: int
+
+
+@dataclass(frozen=True, eq=False)
+class Surroundings:
+    """Edges (E,) of a venue from ``start`` to ``stop``, and which of its names each belongs to (``owner``).
+
+    ``areas_m`` are the numbers of the names of polygons, and their rings; that of the inside is ``inside``, if there is
+    one.
+    """
+
+    names: tuple[str, ...]
+    start: Complexes
+    stop: Complexes
+    owner: Ints
+    areas_m: tuple[tuple[int, tuple[Points, ...]], ...]
+
+    @property
+    def inside(self) -> int | None:
+        """The number of the inside among the names."""
+        return len(self.names) - 1 if self.names[-1] == INSIDE else None
+
+    @cached_property
+    def middle(self) -> Complexes:
+        """Their middles (E,)."""
+        return _kept(0.5 * (self.start + self.stop))
+
+    @cached_property
+    def half_m(self) -> Floats:
+        """Half their lengths (E,)."""
+        return read_only(0.5 * np.abs(self.stop - self.start))
+
+    @cached_property
+    def axis(self) -> Complexes:
+        """Their directions (E,)."""
+        way = self.stop - self.start
+        return _kept(way / np.abs(way))
+
+    @cached_property
+    def far_m(self) -> float:
+        """The largest coordinate."""
+        return float(np.max(np.abs(np.concatenate((self.start, self.stop)).view(np.float64))))
+
+    @cached_property
+    def tree(self) -> 'STRtree':
+        """The edges, to be found by boxes."""
+        from shapely import STRtree, linestrings
+        ends = np.stack((self.start, self.stop), axis=1)
+        return STRtree(linestrings(np.stack((ends.real, ends.imag), axis=-1)))
+
+    def in_boxes(self, low: Floats, high: Floats) -> tuple[Ints, Ints]:
+        """Return the numbers of boxes (M, 2), and of edges that may reach into them."""
+        from shapely import box
+        found = self.tree.query(box(*low.T, *high.T))
+        return found[0], found[1]
+
+    def near(self, benches: Benches, reach_m: Floats | float) -> tuple[Ints, Ints]:
+        """Return benches and edges, all that are within a distance of each other and some more."""
+        corners = benches.corners
+        reach = np.broadcast_to(np.asarray(reach_m), corners.shape[:1])[:, None]
+        return self.in_boxes(corners.min(axis=1) - reach, corners.max(axis=1) + reach)
+
+    def gaps(self, benches: Benches, bench: Ints, edge: Ints) -> Floats:
+        """Return the signed gaps (M,) in metres of benches to edges."""
+        centre, axis = (one.view(np.complex128)[..., 0] for one in (benches.centre, benches.axis))
+        return self.gaps_of(centre[bench], axis[bench], (benches.half_length[bench], benches.half_width[bench]), edge)
+
+    def gaps_of(self, centre: Complexes, axis: Complexes, half: tuple[Floats | float, Floats | float],
+                edge: Ints) -> Floats:
+        """Return the signed gaps (M,) of rectangles with half sizes to edges (M,)."""
+        length = self.half_m[edge]
+        return signed_gap(seen_from((centre, self.middle[edge]), (axis, self.axis[edge]),
+                                    half, (length, np.zeros_like(length))))
+
+    def nearest(self, benches: Benches) -> Nearest:
+        """Return the smallest gap of benches; of equal ones that of the first bench."""
+        reach_m = _FIRST_REACH_M
+        while True:
+            bench, edge = self.near(benches, reach_m)
+            gap_m = self.gaps(benches, bench, edge)
+            if gap_m.size:
+                least = np.lexsort((edge, bench, gap_m))[0]
+                if gap_m[least] <= reach_m or reach_m > _FARTHEST_M:
+                    return Nearest(float(gap_m[least]), int(bench[least]), int(edge[least]))
+            reach_m *= 2
+
+    def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
+        """Return the benches that touch, the number of the name that each touches, and their least gaps (K,).
+
+        The deepest come first.
+        """
+        bench, edge = self.near(benches, 0.0)
+        gap_m = self.gaps(benches, bench, edge)
+        met = gap_m <= 0
+        pair, index = np.unique(bench[met] * len(self.names) + self.owner[edge[met]], return_inverse=True)
+        least: Floats = np.full(pair.size, np.inf)
+        np.minimum.at(least, index, gap_m[met])
+        order = np.lexsort((pair, least))
+        bench, number = np.divmod(pair[order], len(self.names))
+        return bench, number, least[order]
+
+    @cached_property
+    def _areas(self) -> tuple[Array, Ints]:
+        """The polygons, and which name each has."""
+        from shapely import Polygon
+        areas = np.array([Polygon(ring, holes) for _, (ring, *holes) in self.areas_m], dtype=object)
+        return areas, np.array([number for number, _ in self.areas_m], dtype=np.int64)
+
+    def misplaced(self, x: float, y: float) -> int | None:
+        """Return the name's number of the first polygon that covers a point, or of the inside if it does not."""
+        from shapely import contains_xy
+        areas, number = self._areas
+        wrong: Array = contains_xy(areas, x, y) if areas.size else np.empty(0, dtype=bool)
+        wrong = wrong ^ (number == self.inside)
+        return int(number[wrong][0]) if np.any(wrong) else None
+
+
+def _kept(values: Complexes) -> Complexes:
+    values.setflags(write=False)
+    return values
+
+
+_KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}      # by the venue's id: its hash takes as long as it is large
+
+
+def surroundings_of(venue: Venue) -> Surroundings:
+    """Return the edges of a venue; they are kept as long as it is."""
+    known = _KEPT.get(id(venue))
+    if known is None or known[0]() is not venue:
+        key = id(venue)
+        known = _KEPT[key] = ref(venue, lambda _: _KEPT.pop(key, None)), _laid_out(venue)
+    return known[1]
+
+
+def _laid_out(venue: Venue) -> Surroundings:
+    """Return a venue's edges in the order of its names."""
+    areas = [(n, one.rings_m) for n, one in enumerate(venue.obstacles) if isinstance(one, PolygonObstacle)]
+    areas += [(len(venue.obstacles), (venue.inside,))] if venue.inside is not None else []
+    lines = [(ring, True, n) for n, rings in areas for ring in rings]
+    lines += [(one.points_m, False, n) for n, one in enumerate(venue.obstacles) if isinstance(one, LineObstacle)]
+    starts, stops, owner = [], [], []
+    for points, closed, n in sorted(lines, key=lambda line: line[2]):
+        z = np.array(points).view(np.complex128)[:, 0]
+        starts.append(z if closed else z[:-1])
+        stops.append(np.roll(z, -1) if closed else z[1:])
+        owner.append(np.full(starts[-1].size, n))
+    return Surroundings(venue.names, _kept(np.concatenate(starts)), _kept(np.concatenate(stops)),
+                        np.concatenate(owner), tuple(areas))

@@ -1,0 +1,34 @@
+"""Questions about a dragon in a venue: whether it starts clear of it."""
+from contextlib import suppress
+from typing import NoReturn
+
+from dragon_ros.core.errors import FieldError, ModelEnd
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.venue import surroundings_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.venue import INSIDE
+
+
+def check_start(scene: Scene) -> None:
+    """Raise FieldError where an obstacle covers or touches a bench as the run starts, or one is not inside."""
+    if scene.venue is None:
+        return
+    around, simulation = surroundings_of(scene.venue), compile_scene(scene)
+    with suppress(ModelEnd):        # a run that starts after the model's end is none
+        chain = simulation.model.march(scene.head.travelled_m(scene.run.start_s))
+        benches = benches_of(chain, scene.dragon, axes_of(chain))
+        bench, number, _ = around.touching(benches)
+        if bench.size:
+            _refuse(scene, around.names[number[0]], f'bench {bench[0]} touches it when the run starts')
+        misplaced = around.misplaced(*benches.centre[0].tolist())
+        if misplaced is not None:
+            _refuse(scene, around.names[misplaced], 'the dragon is outside of it when the run starts' if
+                    misplaced == around.inside else 'it covers the dragon when the run starts')
+
+
+def _refuse(scene: Scene, name: str, why: str) -> NoReturn:
+    assert scene.venue
+    field = 'inside' if name == INSIDE else f'obstacles.{scene.venue.names.index(name) + 1}'
+    raise FieldError(f'venue.{field}', name, why, 'move it, or let the run start elsewhere '
+                     '(track.start_m, run.start_s)')

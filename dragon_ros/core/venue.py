@@ -1,0 +1,157 @@
+"""Where a dragon goes: named obstacles, a polygon that benches must not leave, and the gap that is wanted. As settings.
+
+``geometry.venue`` has what is computed from them. Polygons are checked by shapely, which is imported if there are any.
+"""
+from collections.abc import Iterable
+from dataclasses import dataclass
+from itertools import chain, pairwise
+from math import isfinite
+from typing import Any
+
+from dragon_ros.core.checks import number, settle
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.limits import VENUE_CORNERS
+
+INSIDE = 'inside'       # the name of the boundary, among the names of obstacles
+_FARTHEST_M = 1e9
+_LONGEST = 100          # characters of a name
+_AROUND = 'list its corners in their order around it'
+
+Point = tuple[float, float]
+Points = tuple[Point, ...]
+
+
+@dataclass(frozen=True)
+class PolygonObstacle:
+    """A polygon that no bench may touch; its corners in order, and those of its holes (courtyards, say)."""
+
+    name: str
+    points_m: Points
+    holes_m: tuple[Points, ...] = ()
+
+    def checked(self, field: str) -> 'PolygonObstacle':
+        """Return the polygon with its values normalised. Raises FieldError for one that is none."""
+        name = _name(field, self.name)
+        holes = tuple(_ring(f'{field}.holes_m.{n}', name, hole) for n, hole in enumerate(self.holes_m, 1))
+        ring = _ring(f'{field}.points_m', name, self.points_m)
+        _check_simple(field, name, ring, holes)
+        return PolygonObstacle(name, ring, holes)
+
+    @property
+    def rings_m(self) -> tuple[Points, ...]:
+        """The outer ring and those of the holes."""
+        return self.points_m, *self.holes_m
+
+
+@dataclass(frozen=True)
+class LineObstacle:
+    """A line that no bench may touch, such as a wall: its points in order."""
+
+    name: str
+    points_m: Points
+
+    def checked(self, field: str) -> 'LineObstacle':
+        """Return the line with its values normalised. Raises FieldError for one that is none."""
+        name = _name(field, self.name)
+        points = _points(f'{field}.points_m', name, self.points_m)
+        if len(points) < 2:
+            raise FieldError(f'{field}.points_m', name, f'a line has at least 2 different points, this one '
+                             f'{len(points)}', 'give more, or leave it out')
+        return LineObstacle(name, points)
+
+
+Obstacle = PolygonObstacle | LineObstacle
+OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': LineObstacle}
+
+
+@dataclass(frozen=True)
+class Venue:
+    """Obstacles, a polygon (its corners) that benches must not leave, and the gap in metres that is wanted to all."""
+
+    obstacles: tuple[Obstacle, ...] = ()
+    inside: Points | None = None
+    margin_m: float = 0.0
+
+    def __post_init__(self) -> None:
+        """Refuse a venue that is empty or too large, and what is no polygon or line."""
+        if not self.obstacles and self.inside is None:
+            raise FieldError('venue.obstacles', 0, 'a venue has obstacles or an inside', 'give one, or leave out venue')
+        count = corners(self)
+        if count > VENUE_CORNERS:
+            raise FieldError('venue', f'{count} corners', f'the most are {VENUE_CORNERS}',
+                             'simplify its outlines, or keep only what is near the track')
+        inside = self.inside
+        if inside is not None:
+            inside = _ring('venue.inside', INSIDE, inside)
+            _check_simple('venue.inside', INSIDE, inside, ())
+        settle(self, obstacles=tuple(one.checked(f'venue.obstacles.{n}') for n, one in enumerate(self.obstacles, 1)),
+               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=_FARTHEST_M))
+        self._check_names()
+
+    def _check_names(self) -> None:
+        known = {INSIDE}
+        for n, one in enumerate(self.obstacles, 1):
+            if one.name in known:
+                raise FieldError(f'venue.obstacles.{n}.name', one.name, 'another one has that name' if
+                                 one.name != INSIDE else 'that is the name of the boundary', 'give it another')
+            known.add(one.name)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """The names of the obstacles, then that of the inside if there is one."""
+        return (*(one.name for one in self.obstacles), *([INSIDE] if self.inside is not None else []))
+
+    def __repr__(self) -> str:
+        """Say how large it is; corners would fill screens."""
+        return f'Venue({len(self.obstacles)} obstacles, {corners(self)} corners, margin_m={self.margin_m:g})'
+
+
+def corners(venue: Venue) -> int:
+    """Return how many corners a venue has."""
+    rings = chain.from_iterable(_rings(one) for one in venue.obstacles)
+    return sum(map(len, rings)) + len(venue.inside or ())
+
+
+def _rings(one: Obstacle) -> Iterable[Points]:
+    return one.rings_m if isinstance(one, PolygonObstacle) else (one.points_m,)
+
+
+def _name(field: str, value: Any) -> str:
+    if not isinstance(value, str) or not value.strip() or len(value) > _LONGEST or not value.isprintable():
+        raise FieldError(f'{field}.name', value, f'a name is 1 to {_LONGEST} printable characters',
+                         'name it, for example fountain')
+    return value
+
+
+def _ring(field: str, name: str, values: Any) -> Points:
+    """Return a ring's corners, the first not repeated as the last. Raises FieldError."""
+    points = _points(field, name, values)
+    points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
+    if len(points) < 3:
+        raise FieldError(field, name, f'a polygon has at least 3 different corners, this one {len(points)}', _AROUND)
+    return points
+
+
+def _points(field: str, name: str, values: Any) -> Points:
+    """Return points, each once where one is repeated in a row. Raises FieldError for a value that is no coordinate."""
+    if not isinstance(values, tuple) or not all(isinstance(one, tuple) and len(one) == 2 for one in values):
+        raise FieldError(field, values, f'those of {name!r} are no points', 'write for example [[0, 0], [4, 0]]')
+    flat = [*chain.from_iterable(values)]
+    for n, one in enumerate(flat):
+        if type(one) not in (float, int) or not isfinite(one) or abs(one) > _FARTHEST_M:
+            raise FieldError(f'{field}.{n // 2 + 1}', one, f'a coordinate of {name!r} is a finite number of metres up '
+                             f'to {_FARTHEST_M:g}', 'give that point in metres')
+    points = [*zip((float(x) + 0.0 for x in flat[::2]), (float(y) + 0.0 for y in flat[1::2]), strict=True)]
+    return (*points[:1], *(after for before, after in pairwise(points) if after != before))
+
+
+def _check_simple(field: str, name: str, ring: Points, holes: tuple[Points, ...]) -> None:
+    """Refuse a polygon that crosses or touches itself, and holes that do not lie inside of it or overlap."""
+    from shapely import Polygon, is_valid, is_valid_reason
+    polygon = Polygon(ring, holes)
+    if not is_valid(polygon):
+        reason, _, place = str(is_valid_reason(polygon)).rstrip(']').partition('[')
+        at = f' at ({place.replace(" ", ", ")}) m' if place else ''
+        crosses = 'elf-intersection' in reason
+        what = 'it crosses or touches itself' if crosses else f'it is no polygon ({reason.lower()})'
+        raise FieldError(field, name, f'{what}{at}', _AROUND)

@@ -1,0 +1,182 @@
+"""Venues in scene files, inline and from GeoJSON and WKT, and in the scene that a bag carries."""
+import json
+import re
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.limits import SCENE_CHARACTERS, VENUE_BYTES
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
+from dragon_ros.scenes.load import changed_scene, load_scene, scene_of, scene_values, strangers_scene
+from dragon_ros.scenes.provenance import scene_file
+from dragon_ros.scenes.venue_files import read_drawing, venue_values
+from dragon_ros.scenes.yaml import parse_document
+
+TRACK = 'track: {kind: joined, pieces: [{kind: line, length_m: 50}], start_m: 20}\ndragon: {benches: 5}\n'
+WALL = '{kind: line, name: wall, points_m: [[0, 3], [50, 3]]}'
+BOX = [[30, 5], [34, 5], [34, 9], [30, 9], [30, 5]]
+COLLECTION = {'type': 'FeatureCollection', 'features': [
+    {'type': 'Feature', 'properties': {'name': 'Inside'}, 'geometry': {'type': 'Polygon', 'coordinates': [
+        [[-50, -9], [60, -9], [60, 9], [-50, 9], [-50, -9]], [[50, 5], [51, 5], [51, 6], [50, 5]]]}},
+    {'type': 'Feature', 'properties': {'name': 'house'}, 'geometry': {'type': 'Polygon', 'coordinates': [
+        BOX, [[31, 6], [32, 6], [32, 7], [31, 6]]]}},
+    {'type': 'Feature', 'properties': None, 'id': 7, 'geometry': {
+        'type': 'MultiLineString', 'coordinates': [[[0, -4, 2.5], [9, -4, 2.5]], [[20, -4, 0], [29, -4, 0]]]}}]}
+
+
+def scene_with(venue):
+    return scene_of(parse_document('f', f'{TRACK}venue: {venue}'))
+
+
+def test_points_are_pairs_or_text():
+    pairs = scene_with(f'{{margin_m: 0.5, obstacles: [{WALL}], inside: [[-50, -9], [60, -9], [60, 9], [-50, 9]]}}')
+    text = scene_with("{margin_m: 0.5, obstacles: [{kind: line, name: wall, points_m: '0 3, 50 3'}], "
+                      "inside: '-50 -9, 60 -9, 60 9, -50 9'}")
+    assert pairs == text
+    wall = LineObstacle('wall', ((0, 3), (50, 3)))
+    assert pairs.venue == Venue((wall,), ((-50, -9), (60, -9), (60, 9), (-50, 9)), 0.5)
+
+
+def test_a_scene_without_a_venue_says_nothing_of_one():
+    assert 'venue' not in scene_values(Scene())
+    assert 'venue' not in scene_file(Scene())
+    assert scene_of(parse_document('f', 'venue: null')) == Scene()
+
+
+@pytest.mark.parametrize('name', ['street', 'square'])
+def test_a_bag_carries_the_whole_venue(name):
+    scene = load_scene(name)
+    text = scene_file(scene)
+    assert strangers_scene('bag', text) == scene
+    assert scene_of(parse_document('again', json.dumps(scene_values(scene)))) == scene
+
+
+def test_corners_of_a_venue_have_a_budget_of_their_own():
+    """That of the text of a stranger's scene is kept for all else."""
+    points = tuple((n / 7, 1e3 + n / 3) for n in range(20_000))
+    scene = Scene(venue=Venue((LineObstacle('far', points), PolygonObstacle('box', tuple(map(tuple, BOX[:-1]))))))
+    text = scene_file(scene)
+    assert len(text) > 9 * SCENE_CHARACTERS
+    assert strangers_scene('bag', text) == scene
+    with pytest.raises(InputError, match=r'bag: has \d+ characters'):
+        strangers_scene('bag', f'{text}\n# {"-" * SCENE_CHARACTERS}\n')
+    with pytest.raises(InputError, match=r'bag: has \d+ characters'):
+        strangers_scene('bag', f'{text}\n{"  - 1 1, 2 2" * (VENUE_BYTES // 10)}\n')
+
+
+def test_a_bag_cannot_have_a_file_read():
+    with pytest.raises(InputError, match=r'venue\.file: a file is read for a scene file, never for a bag or topic'):
+        strangers_scene('bag', f'{TRACK}venue: {{file: /etc/passwd}}')
+
+
+@pytest.mark.parametrize(('venue', 'says'), [
+    ('{obstacles: [{kind: line, name: wall, points_m: [[0, 3], [9]]}]}', r'f:3: venue\.obstacles\.1\.points_m: '),
+    ("{obstacles: [{kind: line, name: wall, points_m: '0 3, x 1'}]}", r"f:3: .*points_m: '0 3, x 1' holds no points"),
+    ('{obstacles: [{kind: line, name: wall}]}', r'f:3: venue\.obstacles\.1\.points_m: it is missing'),
+    ('{obstacles: [{kind: disc, name: wall}]}', r'f:3: venue\.obstacles\.1\.kind: .disc. is not known; the kinds are'),
+    ('{obstacles: [{name: wall}]}', r'f:3: venue\.obstacles\.1: it holds .*write for example {kind: line'),
+    ('{obstacles: [{kind: polygon, name: a, points_m: [[9, 9], [8, 9], [8, 8]], holes_m: 3}]}', r'f:3: .*holes_m: 3 '),
+    ('{}', r'f:3: venue\.obstacles: 0 '),
+    ('{obstacle: []}', r'f:3: venue\.obstacle: unknown key; did you mean obstacles\?'),
+    ('{obstacles: [{kind: line, name: rope, points_m: [[12, -1], [12, 1]]}]}',
+     r"f:3: venue\.obstacles\.1: 'rope' .* bench \d touches it when the run starts; move it, or let the run start"),
+    ('{obstacles: [{kind: polygon, name: tent, points_m: [[-99, -9], [99, -9], [0, 99]]}]}',
+     r"f:3: venue\.obstacles\.1: 'tent' .* it covers the dragon when the run starts"),
+    ('{inside: [[12, -9], [30, -9], [30, 9], [12, 9]]}', r"f:3: venue\.inside: 'inside' .* bench \d touches it"),
+    ('{inside: [[70, -9], [99, -9], [99, 9]]}', r"f:3: venue\.inside: 'inside' .* the dragon is outside of it when")])
+def test_bad_venues_name_file_line_and_obstacle(venue, says):
+    with pytest.raises(InputError) as error:
+        scene_with(venue)
+    assert re.match(says, str(error.value)), str(error.value)
+    assert '\n' not in str(error.value)
+
+
+def written(folder, values, name='v.geojson'):
+    path = folder / name
+    path.write_text(values if isinstance(values, str) else json.dumps(values))
+    return path
+
+
+def test_geojson_in_metres_has_names_holes_parts_and_the_inside(tmp_path):
+    path = written(tmp_path, {**COLLECTION, 'units': 'm'})
+    (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {{file: v.geojson, margin_m: 0.25}}')
+    venue = load_scene(str(tmp_path / 'scene.yaml')).venue
+    assert venue == changed_scene('winding', {
+        'track': {'kind': 'joined', 'pieces': [{'kind': 'line', 'length_m': 50}], 'start_m': 20},
+        'dragon': {'benches': 5}, 'venue': {'file': str(path), 'margin_m': 0.25}}).venue
+    assert venue.names == ('hole 1 of inside', 'house', '7 1', '7 2', 'inside')
+    assert venue.obstacles[1] == PolygonObstacle('house', tuple(map(tuple, BOX[:-1])), (((31, 6), (32, 6), (32, 7)),))
+    assert venue.obstacles[2] == LineObstacle('7 1', ((0, -4), (9, -4)))
+    assert len(venue.inside) == 4
+    assert load_scene(str(tmp_path / 'scene.yaml'), ['venue.margin_m=1']).venue.margin_m == 1.0
+
+
+def test_wkt_has_a_geometry_a_line_with_its_name(tmp_path):
+    text = '# a street\nwall: LINESTRING (0 3, 50 3)\n\nPOLYGON ((30 5, 34 5, 34 9, 30 5))\n'
+    path = written(tmp_path, text, 'v.wkt')
+    assert venue_values(path)['obstacles'] == [
+        {'kind': 'line', 'name': 'wall', 'points_m': [[0, 3], [50, 3]]},
+        {'kind': 'polygon', 'name': 'obstacle 2', 'points_m': [[30, 5], [34, 5], [34, 9], [30, 5]]}]
+
+
+def test_degrees_become_metres_about_their_middle(tmp_path):
+    pyproj = pytest.importorskip('pyproj')
+    lonlat = [[113.1, 23.0], [113.102, 23.0], [113.102, 23.001], [113.1, 23.001], [113.1, 23.0]]
+    geometry = {'type': 'Polygon', 'coordinates': [lonlat]}
+    values = {'type': 'Feature', 'properties': {'name': 'block'}, 'geometry': geometry}
+    drawing = read_drawing(written(tmp_path, values))
+    assert drawing.origin_deg == pytest.approx((113.101, 23.0005), abs=1e-12)
+    points = np.array(drawing.features[0].geometry.exterior.coords)
+    _, _, along = pyproj.Geod(ellps='WGS84').inv(*np.array(lonlat[:-1]).T, *np.array(lonlat[1:]).T)
+    assert np.hypot(*np.diff(points, axis=0).T) == pytest.approx(along, abs=1e-5)
+    assert np.abs(points[:4].mean(axis=0)).max() < 1e-3
+    assert points[1, 0] > 0 > points[1, 1]      # east is x, north is y
+    moved = read_drawing(tmp_path / 'v.geojson', (113.1, 23.0))
+    assert np.array(moved.features[0].geometry.exterior.coords)[0] == pytest.approx((0, 0), abs=1e-9)
+    to_utm = pyproj.Transformer.from_crs('OGC:CRS84', 'EPSG:32649', always_xy=True)
+    utm = np.stack(to_utm.transform(*np.array(lonlat).T), 1)
+    crs = {'type': 'name', 'properties': {'name': 'urn:ogc:def:crs:EPSG::32649'}}
+    geometry = {'type': 'Polygon', 'coordinates': [utm.tolist()]}
+    again = read_drawing(written(tmp_path, {**values, 'crs': crs, 'geometry': geometry}))
+    assert np.array(again.features[0].geometry.exterior.coords) == pytest.approx(points, abs=1e-5)
+
+
+@pytest.mark.parametrize(('name', 'text', 'says'), [
+    ('a.geojson', '{', 'is not GeoJSON'), ('a.geojson', '[]', 'it holds no object'),
+    ('a.geojson', '{"type": "FeatureCollection"}', 'its features are no list'),
+    ('a.geojson', '{"type": "FeatureCollection", "features": [3]}', 'a feature is no object'),
+    ('a.geojson', '{"type": "FeatureCollection", "features": []}', 'is empty; draw obstacles'),
+    ('a.geojson', '{"type": "Feature", "properties": {"name": "post"}, "geometry": null}', 'post: is not GeoJSON'),
+    ('a.geojson', '{"type": "Point", "coordinates": [1, 2], "units": "m"}', 'obstacle 1: a Point has no extent; draw'),
+    ('a.geojson', '{"type": "Polygon", "coordinates": [], "units": "m"}', 'obstacle 1: it is empty'),
+    ('a.geojson', '{"type": "Polygon", "coordinates": 3, "units": "m"}', 'is not GeoJSON'),
+    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [300, 2]]}', 'no degrees .*write "units": "m"'),
+    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [NaN, 2]]}', 'no finite number'),
+    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [3, 2]], "units": "feet"}', "'feet' is neither"),
+    ('a.geojson', '{"type": "LineString", "coordinates": [[1, 2], [3, 2]], "crs": 3}', 'crs: it names no reference'),
+    ('a.wkt', 'wall: LINE (0 0)', r'a\.wkt:1: is not WKT: '), ('a.wkt', 'POINT (1 2)', 'a Point has no extent'),
+    ('a.svg', '', 'the suffix is none of'), ('b.wkt', None, 'b.wkt: cannot be read'),
+    ('a.geojson', '{"type": "FeatureCollection", "units": "m", "features": [' + ', '.join(
+        ['{"type": "Feature", "properties": {"name": "inside"}, "geometry": {"type": "LineString", "coordinates": '
+         '[[0, 0], [1, 1]]}}'] * 2) + ']}', 'inside: it is a LineString')])
+def test_bad_files_are_refused_in_one_line(tmp_path, name, text, says):
+    if text is not None:
+        (tmp_path / name).write_text(text)
+    with pytest.raises(DragonError, match=says) as error:
+        venue_values(tmp_path / name)
+    assert '\n' not in str(error.value)
+
+
+@pytest.mark.parametrize(('venue', 'says'), [
+    ('{file: 3}', 'venue.file: 3 is not the name of a file'),
+    ('{file: v.wkt, origin_deg: 3}', 'origin_deg: 3 is no place'),
+    ('{file: v.wkt, origin_deg: [1, 2]}', 'leave out origin_deg'), ('{origin_deg: [1, 2]}', 'venue.file: None is not'),
+    ('{file: v.wkt, obstacles: []}', r'venue.obstacles: v.wkt brings it too; leave one out'),
+    ('{file: none.wkt}', 'none.wkt: cannot be read')])
+def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
+    written(tmp_path, 'wall: LINESTRING (0 3, 50 3)', 'v.wkt')
+    (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {venue}')
+    with pytest.raises(DragonError, match=says):
+        load_scene(str(tmp_path / 'scene.yaml'))
