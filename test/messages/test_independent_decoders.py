@@ -107,8 +107,8 @@ def test_triangles_have_the_corners_of_each_bench(read):
     frame, message = made('triangles')[0], read('benches', 'triangles')
     faces = next(one for one in message.markers if one.type == 11)
     points = np.array([(one.x, one.y) for one in faces.points]).reshape(24, -1, 2)
-    if (faces.pose.position.x, faces.pose.position.y) != (0.0, 0.0):
-        points += (faces.pose.position.x, faces.pose.position.y)
+    assert (faces.scale.x, faces.scale.y, faces.scale.z) == (1.0, 1.0, 1.0)     # a viewer multiplies points by it
+    assert (faces.pose.position.x, faces.pose.position.y) == (0.0, 0.0)
     for triangles, corners in zip(points, frame.benches.corners, strict=True):
         distance = np.hypot(*(triangles[:, None] - corners[None]).transpose(2, 0, 1))
         assert np.max(np.min(distance, axis=1)) < 1e-12         # each point is a corner, and
@@ -163,6 +163,54 @@ def test_the_cloud_has_places_and_velocities_by_its_own_fields(read):
     np.testing.assert_array_equal(np.stack((rows['vx'], rows['vy']), 1), frame.velocity_m_s)
     assert rows['handle'].tolist() == list(range(25))
     assert not np.any(rows['z'])
+
+
+def test_fields_of_a_point_of_the_cloud_are_aligned_and_apart(read):
+    cloud, size = read('cloud'), {7: 4, 8: 8, 6: 4}
+    ends = [0]
+    for one in sorted(cloud.fields, key=lambda field: field.offset):
+        assert one.offset % size[one.datatype] == 0
+        assert one.offset >= ends[-1]
+        ends.append(one.offset + size[one.datatype])
+    assert cloud.point_step == -(-ends[-1] // 8) * 8       # no larger than it takes, and the next point is aligned too
+
+
+def markers_of(message):
+    return message.markers if hasattr(message, 'markers') else [message]
+
+
+@pytest.mark.parametrize('style', ['cubes', 'triangles'])
+@pytest.mark.parametrize('topic', ['benches', 'model/markers', 'trail', 'track'])
+def test_every_marker_has_a_colour_a_size_and_a_place_that_can_be_seen(read, topic, style):
+    for one in markers_of(read(topic, style)):
+        assert one.type in range(12)
+        if one.action != 0:
+            continue
+        colours = [one.color, *one.colors]
+        assert {colour.a for colour in colours} == {1.0}
+        assert all(0 <= part <= 1 for colour in colours for part in (colour.r, colour.g, colour.b))
+        width_m = 0.3       # of a bench: lines are thin beside it, points lie on it, and a text can be read
+        assert one.scale.x > 0 or one.type == 9
+        if one.type in (4, 5):
+            assert one.scale.x < 0.2 * width_m
+        elif one.type == 2:
+            assert one.scale.x == one.scale.y == one.scale.z < width_m
+        elif one.type == 9:
+            assert width_m < one.scale.z < 2 * width_m
+        heights = [one.pose.position.z + point.z for point in one.points] or [one.pose.position.z]
+        assert max(map(abs, heights)) < 1.0
+
+
+def test_benches_lie_above_the_track_edges_above_the_benches_and_points_above_all(read):
+    def height(one):
+        return one.points[0].z if one.points else one.pose.position.z
+    (track,), faces, edges = markers_of(read('track')), *markers_of(read('benches', 'triangles'))
+    cube, red = (next(one for one in read(topic).markers if one.type == 1) for topic in ('benches', 'model/markers'))
+    top = 0.5 * cube.scale.z
+    assert height(track) < -top
+    assert height(faces) == top < height(edges) < 0.5 * red.scale.z
+    points = [one for one in read('model/markers').markers if one.type == 2]
+    assert all(height(one) + 0.5 * one.scale.z > 0.5 * red.scale.z for one in points)
 
 
 def test_the_trail_and_the_track_are_lines_through_their_points(read):

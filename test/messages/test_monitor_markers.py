@@ -1,12 +1,14 @@
 """The monitor's markers: red benches, the point, a label, read back by the real serialiser."""
+import numpy as np
 import pytest
+import shapely
 
 from dragon_ros.core.geometry.contacts import Observation
 from dragon_ros.core.geometry.tracker import ContactTracker, Report
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages.decode import read_marker_array
-from dragon_ros.messages.monitor_markers import report_markers
+from dragon_ros.messages.monitor_markers import clearance_marker, report_markers, vector_of
 
 
 def report_at(t_s):
@@ -36,8 +38,39 @@ def test_benches_in_contact_are_red_and_stand_where_they_are_with_a_point_and_a_
     assert (point.type, label.type) == (Marker.SPHERE, Marker.TEXT_VIEW_FACING)
     assert (point.pose.position.x, point.pose.position.y) == pytest.approx((1.479876, 2.106451), abs=1e-5)
     assert label.text == '0 x 8: -0.16 mm'
+    assert 0 < point.scale.x == point.scale.y == point.scale.z < 0.3 < label.scale.z < 0.6      # a bench has 0.3 m
+    assert {marker.color.a for marker in (*red, point, label)} == {1.0}
+    assert max(marker.pose.position.z + 0.5 * marker.scale.z for marker in red) < point.pose.position.z
+    assert point.pose.position.z < label.pose.position.z
     again = serialization.serialize_message(message)
     assert serialization.deserialize_message(again, MarkerArray) == message
+
+
+def test_the_clearance_stands_as_a_text_beside_the_point_between_the_closest_benches():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from geometry_msgs.msg import Vector3Stamped
+    from visualization_msgs.msg import Marker
+    report = report_at(412.0)
+    near = (shapely.Polygon(report.observation.benches.corners[bench]) for bench in (0, 8))
+    one, other = (np.array(end) for end in shapely.shortest_line(*near).coords)
+    message = serialization.deserialize_message(clearance_marker(report), Marker)
+    assert (message.type, message.action, message.color.a) == (Marker.TEXT_VIEW_FACING, Marker.ADD, 1.0)
+    assert message.text == f'{1e3 * np.hypot(*(other - one)):.2f} mm'
+    assert 0.3 < message.scale.z < 0.6
+    middle = 0.5 * (one + other)
+    assert message.pose.position.x == pytest.approx(middle[0], abs=0.02)
+    assert message.pose.position.y + 2 * message.scale.z == pytest.approx(middle[1], abs=0.02)
+    vector = serialization.deserialize_message(vector_of(report), Vector3Stamped).vector
+    assert report.closest == (0, 8)
+    assert (vector.x, vector.y, vector.z) == pytest.approx((*(other - one), 0.0), abs=1e-9)
+
+
+def test_a_dragon_without_pairs_has_no_clearance_to_show():
+    serialization = pytest.importorskip('rclpy.serialization')
+    from visualization_msgs.msg import Marker
+    report = Report(report_at(412.0).observation, np.inf, None)
+    message = serialization.deserialize_message(clearance_marker(report), Marker)
+    assert (message.action, message.ns) == (Marker.DELETE, 'clearance')
 
 
 def test_without_contact_all_markers_are_deleted():

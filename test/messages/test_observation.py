@@ -108,6 +108,15 @@ def test_the_pose_and_the_scale_of_the_list_are_obeyed():
     assert_shows(*edited(change))
 
 
+@pytest.mark.parametrize(('name', 'factor'), [('x', 2.0), ('y', 0.5)])
+def test_a_scale_along_one_axis_alone_is_obeyed(name, factor):
+    def change(message):
+        setattr(message.markers[0].scale, name, factor)
+        for point in message.markers[0].points:
+            setattr(point, name, getattr(point, name) / factor)
+    assert_shows(*edited(change))
+
+
 def test_what_others_put_beside_the_triangles_does_not_disturb():
     def change(message):
         from visualization_msgs.msg import Marker

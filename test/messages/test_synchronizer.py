@@ -162,3 +162,21 @@ def test_a_publisher_that_is_alone_is_always_taken_whatever_its_numbers():
     for number, t_ns in ((1, 1), (2, 2), (9, 3), (1, 0), (0, 0), (0, 7), (5, 5)):
         assert streams.take(number, t_ns, alone=True)
         streams.adopt(t_ns)
+
+
+@pytest.mark.parametrize(('off', 'known'), [(0.0, True), (0.2, True), (-0.2, True), (0.3, False), (-0.3, False)])
+def test_beyond_lost_messages_a_stamp_tells_its_publisher_to_a_quarter_of_a_step(off, known):
+    streams, step = Streams(), 20_000_000
+    for k in range(1, 6):
+        streams.take(k, k * step, alone=True)
+    streams.adopt(5 * step)
+    assert streams.take(5000, round((5000 + off) * step), alone=False) == known
+
+
+@pytest.mark.parametrize(('lost', 'known'), [(0, True), (1000, True), (1001, False)])
+def test_a_publisher_that_seeks_is_told_by_its_number_up_to_a_thousand_lost_messages(lost, known):
+    streams, step = Streams(), 20_000_000
+    for k in range(1, 6):
+        streams.take(k, k * step, alone=True)
+    streams.adopt(5 * step)
+    assert streams.take(6 + lost, 10**12, alone=False) == known

@@ -51,7 +51,8 @@ ROOMS = {
     'verify': (['dragon_ros/verify'], ['test/verify']),
     'messages': (['dragon_ros/messages'], ['test/messages']),
     'monitor': (['dragon_ros/nodes/monitor.py', 'dragon_ros/nodes/contact_messages.py', f'{CORE}/geometry/tracker.py'],
-                [f'{TEST}/geometry/test_tracker.py', 'test/nodes/test_monitor_topics.py']),
+                [f'{TEST}/geometry/test_tracker.py', 'test/nodes/test_contact_messages.py',
+                 'test/nodes/test_monitor_topics.py', 'test/messages/test_monitor_markers.py']),
 }
 # Of the operators on two operands those that look like a slip: others, such as a shift for a sum, any test finds.
 _SLIPS = {'Add_Sub', 'Sub_Add', 'Mul_Div', 'Div_Mul', 'FloorDiv_Mul', 'Mod_FloorDiv', 'Pow_Mul', 'BitAnd_BitOr',
@@ -69,6 +70,7 @@ _SLACK = 4.0        # times the processor time that its tests take without a mut
 _START_S = 20.0     # s of it for imports: then a mutant counts as found, for a loop that does not end
 _WAITED = 8.0       # times these, by the clock, for a mutant that waits for ever
 _MOST_S = 60.0      # s of tests for one mutant, the quickest first
+_NODES = ('dragon_ros/nodes/', 'test/nodes/')
 _ALIVE = ('survived', 'unreached')
 
 
@@ -294,6 +296,8 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
     rows = lines.get(mutant.path, {})
     at_import = mutant.line not in rows         # a constant: whatever runs in its file may use it
     names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
+    if mutant.path.startswith(_NODES[0]):       # they run in processes of their own, whose lines are not kept
+        names |= {name for name in times if name.startswith(_NODES[1])}
     out, total = [], 0.0
     for name in sorted(names, key=lambda name: (times[name] / (1 + 10 * found.get(name, 0)), name)):
         if total + times[name] <= _MOST_S or not out:

@@ -133,6 +133,38 @@ def test_begin_and_end_times_and_the_approach_speed_are_those_of_a_known_motion(
     assert (end.deepest_ns, end.deepest_gap_m) == (2_250_000_000, pytest.approx(0.1 * 1.15 * -1.05))
 
 
+def test_a_contact_between_ticks_of_another_is_interpolated_through_all_of_them():
+    t = np.array([0.0, 1.0, 2.0, 3.0])
+    rows = reports_of(zip(t, -0.1 * (t - 0.7) * (t - 1.4) * (t - 2.6), strict=True))        # a cubic through four ticks
+    assert [event.t_contact_s for report in rows for event in report.begins][-1] == pytest.approx(2.6, abs=1e-12)
+
+
+def two_pairs(t_ns, first_m, second_m):
+    """Benches 0 and 3, and 1 and 4, so far apart; everything else far away."""
+    centre = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (0.0, 1 + first_m), (50.0, 1 + second_m)])
+    half, axis, p = np.full(5, 0.5), np.tile([1.0, 0.0], (5, 1)), np.array([(n, (-1.0) ** n) for n in range(6)])
+    return Observation(t_ns, p, Benches(centre, axis, half, half))
+
+
+def test_the_deepest_of_a_contact_is_kept_where_other_pairs_begin_and_end_to_touch():
+    tracker = ContactTracker()
+    gaps = [(1.0, 1.0), (-0.1, 1.0), (-0.3, 1.0), (-0.2, -0.1), (-0.1, -0.1), (-0.25, 0.5), (1.0, 1.0)]
+    rows = [report for sec, (first, second) in enumerate(gaps)
+            for report in tracker.add(two_pairs(sec * 10**9, first, second))]
+    ends = {end.benches: end for report in rows for end in report.ends}
+    assert (ends[0, 3].deepest_gap_m, ends[0, 3].deepest_ns) == (pytest.approx(-0.3), 2 * 10**9)
+    assert (ends[1, 4].deepest_gap_m, ends[1, 4].deepest_ns) == (pytest.approx(-0.1), 3 * 10**9)
+
+
+def test_a_contact_that_gets_deeper_as_another_begins_is_deepest_then():
+    tracker = ContactTracker()
+    gaps = [(-0.1, 1.0), (-0.3, -0.1), (-0.2, -0.1), (1.0, 1.0)]
+    rows = [report for sec, (first, second) in enumerate(gaps)
+            for report in tracker.add(two_pairs(sec * 10**9, first, second))]
+    (end,) = [end for report in rows for end in report.ends if end.benches == (0, 3)]
+    assert (end.deepest_gap_m, end.deepest_ns) == (pytest.approx(-0.3), 10**9)
+
+
 def test_a_pair_that_touches_again_has_a_second_episode():
     rows = reports_of([(0, 1), (1, -0.1), (2, 1), (3, -0.2), (4, 1)])
     assert told(rows) == [('begin', (0, 3)), ('parted', (0, 3))] * 2

@@ -1,0 +1,79 @@
+"""What the monitor says of a contact and of its health: each number under its name, in its unit."""
+from math import nan
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.geometry.contacts import Observation
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.tracker import EpisodeEnd, Event, Report
+
+messages = pytest.importorskip('dragon_ros.nodes.contact_messages')
+OK, WARN, ERROR = b'\x00', b'\x01', b'\x02'
+NONE = np.zeros((4, 2))
+SEEN = Observation(412_480_000_001, NONE, Benches(NONE, NONE, NONE[:, 0], NONE[:, 0]), 'dragon')
+EVENT = Event((3, 11), 412_460_000_000, 412_480_000_001, 412.473837682, (1.25, -2.5), -1.5e-4, 0.026, 'dragon')
+END = EpisodeEnd((3, 11), 415_000_000_000, -0.017, 413_760_000_000, 414.99, True, 'dragon')
+
+
+def values(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+def test_the_start_of_a_contact_has_its_benches_bracket_time_point_gap_and_approach():
+    (status,) = messages.collision_of(Report(SEEN, -1.5e-4, (3, 11), begins=(EVENT,))).status
+    found = values(status)
+    assert (status.level, found['phase'], found['bracket']) == (ERROR, 'begin', 'closed')
+    assert 'more' not in found
+    assert (found['inner'], found['outer']) == ('3', '11')
+    assert {name: float(found[name]) for name in found if name.endswith(('_s', '_m'))} == {
+        't_before_s': 412.46, 't_after_s': 412.480000001, 't_contact_s': 412.473837682, 'x_m': 1.25, 'y_m': -2.5,
+        'gap_m': -1.5e-4, 'approach_m_s': 0.026}
+
+
+def test_a_bracket_without_an_earlier_tick_is_open_and_its_approach_unknown():
+    event = Event((0, 8), None, 10**9, 1.0, (0.0, 0.0), -0.1, nan, 'dragon')
+    found = values(messages.status_of(event, 7))
+    assert (found['bracket'], found['approach_m_s'], found['more']) == ('open', 'unknown', '7')
+    assert found['t_before_s'] == found['t_after_s'] == '1.000000000'
+
+
+@pytest.mark.parametrize(('parted', 'cause'), [(True, 'parted'), (False, 'restart')])
+def test_the_end_of_a_contact_says_when_how_deep_it_was_and_why_it_ended(parted, cause):
+    end = EpisodeEnd(END.benches, END.after_ns, END.deepest_gap_m, END.deepest_ns, END.t_end_s, parted, 'dragon')
+    (status,) = messages.collision_of(Report(SEEN, 0.1, (3, 11), ends=(end,))).status
+    assert status.level == OK
+    assert values(status) == {'phase': 'end', 'inner': '3', 'outer': '11', 't_end_s': '414.990000000', 'cause': cause,
+                              'deepest_gap_m': '-0.017000000000', 't_deepest_s': '413.760000000'}
+
+
+def test_a_tick_with_neither_a_start_nor_an_end_has_no_message():
+    assert messages.collision_of(Report(SEEN, -0.1, (3, 11), ((3, 11),), 1)) is None
+
+
+def test_ends_stand_before_starts_and_all_have_the_stamp_of_their_tick():
+    message = messages.collision_of(Report(SEEN, 0.1, (3, 11), begins=(EVENT,), ends=(END,)))
+    assert [values(status)['phase'] for status in message.status] == ['end', 'begin']
+    stamp, point = message.header.stamp, messages.point_of(EVENT)
+    assert (stamp.sec, stamp.nanosec) == (412, 480_000_001)
+    assert (point.header.stamp, point.header.frame_id) == (stamp, 'dragon')
+    assert (point.point.x, point.point.y, point.point.z) == (1.25, -2.5, 0.0)
+
+
+@pytest.mark.parametrize(('count', 'clearance_m', 'level'), [
+    (0, 0.3, OK), (0, 0.05, OK), (0, 0.0499, WARN), (1, -0.01, ERROR), (2, 0.0, ERROR)])
+def test_contact_is_an_error_and_a_clearance_below_the_limit_a_warning(count, clearance_m, level):
+    report = Report(SEEN, clearance_m, (3, 11), count=count)
+    status = messages.health_of('dragon', report, 0.05, 4)
+    assert messages.level_of(report, 0.05) == status.level == level
+    found = values(status)
+    assert (float(found['t_s']), float(found['clearance_m'])) == (412.480000001, clearance_m)
+    assert (found['closest'], found['warn_below_m']) == ('3 and 11', '0.05')
+    assert (found['in_contact'], found['dropped'], status.hardware_id) == (str(count), '4', 'dragon')
+
+
+def test_health_without_a_tick_is_ok_and_says_what_it_waits_for():
+    status = messages.health_of('hall', None, 0.05, 2)
+    assert (status.level, status.name, status.hardware_id) == (OK, 'hall: clearance', 'hall')
+    assert values(status) == {'dropped': '2'}
+    assert 'waiting' in status.message
