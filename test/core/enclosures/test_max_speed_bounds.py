@@ -5,10 +5,13 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.chain.chain import marched, marched_many
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Profile
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
 from dragon_ros.core.enclosures.ball_arithmetic import Ball
-from dragon_ros.core.search.max_speed import LawBetween, bounds, states_of
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.max_speed import LawBetween, _law_of, bounds, states_of
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
@@ -108,3 +111,50 @@ def test_closer_states_bring_the_bound_down_with_the_square_of_their_distance():
         ends = -0.5 * apart_m, 0.5 * apart_m
         over.append(np.max(tops(leader, *np.array(ends)[:, None])) - np.max(states(leader, np.array(ends)).log))
     assert over[1] < over[0] / 50
+
+
+@pytest.mark.parametrize('apart_m', [1e-2, 1e-3])
+def test_about_the_place_where_a_handle_is_fastest_the_bound_is_within_five_times_what_its_speed_falls(apart_m):
+    leader, low = Leader(track_of(STurn()), LINKS, 14.4799694, BEHIND), np.array([-0.5 * apart_m])
+    top, logs = tops(leader, low, low + apart_m)[0], logs_between(leader, low, low + apart_m)[:, 0]
+    handle = int(np.argmax(logs[7]))
+    falls = np.max(logs[:, handle]) - 0.5 * (logs[0, handle] + logs[-1, handle])
+    assert falls > 3e-7
+    assert top[handle] - np.max(logs[:, handle]) < 5 * falls
+
+
+def test_where_speeds_rise_or_fall_all_the_way_the_bound_is_the_larger_of_both_ends():
+    leader = Leader(track_of(STurn()), LINKS, -3.0, BEHIND)
+    low = np.random.default_rng(3).uniform(0, 45, 100)
+    top, ends = tops(leader, low, low + 0.01), logs_between(leader, low, low + 0.01)[[0, -1]]
+    assert np.mean(top <= np.max(ends, axis=0) + 1e-14) > 0.95
+
+
+RAMP = Profile(((0.0, 0.5), (4.0, 2.5), (8.0, 1.0)))
+
+
+@pytest.mark.parametrize(('start_s', 'stop_s', 'rate'), [(1.0, 1.5, 0.5), (5.0, 5.25, -0.375)])
+def test_on_a_ramp_the_slope_of_the_leaders_speed_is_its_acceleration_over_its_square(start_s, stop_s, rate):
+    law = _law_of(Scene(Dragon(3), STurn(before_m=10.0), RAMP, Run(0, 8)))
+    found = law.between(np.array([start_s]), np.array([stop_s]))
+    v = np.array([RAMP.speed_at_m_s(t) for t in np.linspace(start_s, stop_s, 9)])
+    slope = rate / v**2
+    assert (found.start[0], found.stop[0]) == pytest.approx(np.log(v[[0, -1]] / 2.5))
+    assert np.all(np.abs(slope - found.slope.mid[0]) <= found.slope.rad[0])
+    assert found.slope.rad[0] <= 0.5 * np.ptp(slope) * 1.001
+
+
+def test_with_its_law_a_handle_is_bounded_where_the_leader_speeds_up():
+    leader = Leader(track_of(STurn()), LINKS, -3.0, BEHIND)
+    law, times = _law_of(Scene(Dragon(3), STurn(before_m=10.0), RAMP, Run(0, 8))), np.linspace(0.2, 7.8, 60)
+    times = np.unique(np.append(times, 4.0))
+    gone = np.array([RAMP.travelled_m(t)[0] for t in times])
+    seen = states(leader, gone)
+    row = np.arange(times.size - 1)
+    top = bounds(seen.rows(row), seen.rows(row + 1), law.between(times[:-1], times[1:]))
+    within = np.linspace(times[:-1], times[1:], 15)
+    places = np.array([[RAMP.travelled_m(t)[0] for t in part] for part in within.tolist()])
+    own = np.log(np.array([[RAMP.speed_at_m_s(t) for t in part] for part in within.tolist()]) / 2.5)
+    logs = states(leader, places.ravel()).log.reshape(*places.shape, -1) + own[..., None]
+    assert np.all(logs <= top + 1e-12)
+    assert np.median(top - np.max(logs, axis=0)) < 1e-12

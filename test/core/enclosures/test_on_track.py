@@ -56,6 +56,27 @@ def test_every_mean_rate_in_between_is_in_the_enclosure_of_the_rate(name, apart_
     assert np.mean(np.isfinite(moving.w_rate.rad)) > 0.9
 
 
+@pytest.mark.parametrize(('name', 'v', 'w', 'a', 'w_rate'), [('turn', 1.1, 1.1, 1.6, 1.9),
+                                                             ('turn back', 1.1, 1.1, 1.2, 1.25)])
+def test_on_a_short_way_a_tenth_of_the_enclosures_are_within_a_stated_factor_of_what_occurs(name, v, w, a, w_rate):
+    track, start_m, way = TRACKS[name]
+    leader, apart_m = Leader(track, LINKS, start_m, way), 0.005
+    low = np.random.default_rng(8).uniform(0, 30, 60)
+    chain, states, along_m = sampled(leader, np.linspace(low, low + apart_m, COUNT).ravel())
+    first, last = np.arange(60), np.arange(60) + 60 * (COUNT - 1)
+    moving = kinematics(states.rows(first), states.rows(last), LINKS, track.bends, chain.leader, 2e-12)
+    step, axis = apart_m / (COUNT - 1), axes_of(chain)
+    yaw = np.unwrap(np.arctan2(axis[..., 1], axis[..., 0]).reshape(COUNT, 60, -1), axis=0)
+    speed = np.abs(np.diff(along_m.reshape(COUNT, 60, -1), axis=0)) / step
+    for factor, ball, seen, least in ((v, moving.v, speed, 1e-6), (w, moving.w, np.diff(yaw, axis=0) / step, 1e-6),
+                                      (a, moving.a, np.diff(speed, axis=0) / step, 1e-4),
+                                      (w_rate, moving.w_rate, np.diff(yaw, 2, axis=0) / step**2, 1e-4)):
+        occurs = np.ptp(seen, axis=0) * (COUNT - 1) / (seen.shape[0] - 1)       # what means of parts leave out
+        told = (occurs > least) & np.isfinite(ball.rad)
+        assert np.count_nonzero(told) > 300
+        assert np.percentile(2 * ball.rad[told] / occurs[told], 10) <= factor
+
+
 @pytest.mark.parametrize('passes', [0, 8])
 @pytest.mark.parametrize('links', [np.array([2.86, *(1.65,) * 8]), np.array([1.2, *(3.4,) * 5]),
                                    np.array([0.6, 0.0, 3.0, 0.2, 4.2, 1.0])], ids=range(3))

@@ -1,5 +1,6 @@
 """The gap of two benches that slide along a spiral is enclosed: nothing sampled in a box contradicts its bounds."""
 import numpy as np
+import pytest
 import shapely
 from hypothesis import given
 from hypothesis import strategies as st
@@ -66,6 +67,26 @@ def test_the_bound_of_a_point_is_the_separation_by_its_best_edge(theta, ahead):
     assert found.middle[0] <= away + 1e-9
     if found.middle[0] < 0:
         assert away < 1e-9
+
+
+@pytest.mark.parametrize('ahead', [6.05, 6.15, 6.25])
+@pytest.mark.parametrize('theta', [26.0, 45.0, 99.0])
+def test_where_a_corner_faces_an_edge_the_bound_of_a_point_is_the_distance(theta, ahead):
+    low, high = box_of(theta, ahead, 0.0, np.zeros(5))
+    found = separations(low, high, HALF_WIDTH_M, OVERHANG_M)
+    assert found.middle[0] == pytest.approx(distance(low[:, 0]), abs=1e-9)
+    assert found.low[0] == pytest.approx(found.middle[0], abs=1e-6)
+
+
+@pytest.mark.parametrize(('width', 'factor'), [(np.array([1.0, 1.0, 0.05, 0.05, 0.05]), 1.15), (np.ones(5), 1.5)])
+def test_in_a_small_box_half_of_the_bounds_are_within_a_stated_factor_of_what_the_slopes_say(width, factor):
+    draw = np.random.default_rng(1)
+    boxes = [box_of(*place, 1e-3, width) for place in draw.uniform((25, 6.1), (100, 6.5), (200, 2))]
+    low, high = (np.hstack(ends) for ends in zip(*boxes, strict=True))
+    found = separations(low, high, HALF_WIDTH_M, OVERHANG_M)
+    linear = np.abs(found.slope) * (high - low) / 2
+    assert np.all(np.median(found.spread / linear, axis=1) <= factor)
+    assert np.median((found.middle - found.low) / np.sum(linear, axis=0)) <= factor
 
 
 @given(theta=st.floats(25, 100), ahead=st.floats(5.9, 6.6), row=st.sampled_from([THETA, AHEAD, SCALE, LINK, OTHER]))

@@ -167,6 +167,24 @@ def test_no_corner_is_above_the_bound_between_two_states_which_falls_with_the_sq
     assert over[2] < over[1] / 50 < over[0] / 500
 
 
+@pytest.mark.parametrize('link_m', [2.86, 1.65, 0.0])
+@pytest.mark.parametrize('track', [track_of(Composite((Arc(4.0, 360.0),))), track_of(STurn())])
+def test_where_a_corner_goes_neither_straight_out_nor_along_half_of_the_bounds_are_within_a_tenth(track, link_m):
+    bench, places = SweptBench(track, link_m, 0.5 * link_m + 0.275, 0.15), np.linspace(3, 20, 200)
+    low, high = bench.states(places), bench.states(places + 0.01)
+    goes = 2 * (bench.bounds(low, high) - 0.5 * (low.value + high.value))
+    straight = np.abs(high.value - low.value)
+    slanting = (straight > 0.2 * 0.01) & (straight < 0.6 * 0.01)
+    assert np.all(goes[slanting] >= straight[slanting])
+    assert np.median(goes[slanting] / straight[slanting]) < 1.1
+
+
+def test_of_a_bench_on_a_line_the_bound_ahead_is_where_its_front_comes_to():
+    bench = SweptBench(track_of(Composite((Line(30.0),))), 2.0, 1.0, 1e-9)
+    low, high = bench.states(np.array([5.0])), bench.states(np.array([7.5]))
+    assert bench.bounds(low, high)[0, :, 0] == pytest.approx(high.value[0, :, 0], abs=1e-8)
+
+
 def test_a_long_way_is_searched_all_the_same():
     found = bounding_box(Scene(head=Head(-1000.0), run=Run(stop_s=1000.0)))
     check_that_it_is_met(Scene(head=Head(-1000.0), run=Run(stop_s=1000.0)), found)

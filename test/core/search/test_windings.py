@@ -8,7 +8,7 @@ from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.enclosures.by_scale import bend_by_scale
 from dragon_ros.core.enclosures.on_spiral import bend
 from dragon_ros.core.numerics.double_double import DoubleDouble
-from dragon_ros.core.search.min_pitch import separations, windings
+from dragon_ros.core.search.min_pitch import _Descending, _PitchTask, separations, windings
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
@@ -75,13 +75,13 @@ def test_no_corner_bends_more_than_the_bounds_anywhere_in_a_cell(dragon, first, 
             assert np.all(true[1] <= by_scale * (1 + 1e-3) + 1e-3)
 
 
-@pytest.mark.parametrize(('pitch', 'radius'), [(0.451, 4.6), (0.9, 4.5)])
-def test_in_a_small_cell_the_largest_bounds_are_less_than_three_times_the_true_ones(pitch, radius):
+@pytest.mark.parametrize(('pitch', 'radius', 'factor'), [(0.451, 4.6, 2.0), (0.9, 4.5, 1.5)])
+def test_in_a_small_cell_the_largest_bounds_are_within_a_stated_factor_of_the_true_ones(pitch, radius, factor):
     scale = 2 * np.pi / pitch
     most = bounds((radius, radius + 1e-4), (scale, scale * (1 + 1e-4)), Dragon(), 0)
     true = second_differences(radius, scale, Dragon(), 0)
-    assert np.max(most[0]) < 1.5 * np.max(true[0])
-    assert np.max(most[1]) < 3 * np.max(true[1])
+    assert np.max(most[0]) < 1.2 * np.max(true[0])
+    assert np.max(most[1]) < factor * np.max(true[1])
 
 
 @pytest.mark.parametrize('first', [0, 1])
@@ -108,3 +108,35 @@ def test_inside_a_cell_no_separation_sags_below_what_its_corners_say(first):
         sag = (by_radius * wide**2 + by_scale * tall**2) / 8
         low = np.min(apart[:4], axis=0) - sag[:, [0, 0, 0, 0, 1, 1, 1, 1]]
         assert np.min(apart[4:] - low) > -1e-12
+
+
+@pytest.mark.parametrize('dragon', [*DRAGONS, Dragon(benches=12), Dragon(30, 1.2, 2.2)])
+@pytest.mark.parametrize('first', [0, 1])
+def test_front_handles_are_between_the_least_and_the_greatest_radius_which_are_within_a_fiftieth(dragon, first):
+    for pitch_m in (0.43, 0.7, 1.0):
+        task = _PitchTask(dragon, 4.5, 16.0, 1.0, 1e-9)
+        b_m, placed = pitch_m / (2 * np.pi), []
+        for radius_m in (4.5, 16.0 * pitch_m):
+            head = Place(0, DoubleDouble(radius_m / b_m, 0.0))
+            chain = marched(track_of(Spiral(pitch_m, 16.0)), dragon.link_lengths_m, head, BEHIND, EFFORT)
+            placed.append(chain.u * b_m)
+        inner, outer = placed[0][first], placed[1][-2 if first else 0]
+        assert task.innermost_m(pitch_m, first) - 1e-12 <= inner <= 1.02 * task.innermost_m(pitch_m, first)
+        assert outer <= task.widest_m(pitch_m, first) + 1e-12 <= 1.02 * outer
+
+
+@pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize('pitch', [0.451, 0.7])
+def test_the_sag_of_a_cell_is_that_of_second_derivatives_by_radius_and_by_scale(first, pitch):
+    search = _Descending(_PitchTask(Dragon(), 4.5, 16.0, 1.0, 1e-9), first, 0.3, lambda states: None)
+    scale, wide, tall = 2 * np.pi / pitch, 2e-3, 2e-4
+    cell = np.array([[4.6], [4.6 + wide], [scale], [scale * (1 + tall)]])
+    corner_cells = [cell[[i, j]] for i in (0, 1) for j in (2, 3)]
+    placed = windings(Dragon(), first, COUNT, *np.concatenate(corner_cells, axis=1), EFFORT)
+    sag = search._sags(cell, placed, np.arange(4)[:, None])[0]
+    by_radius, by_scale = second_differences(4.6 + 0.5 * wide, scale * (1 + 0.5 * tall), Dragon(), first)
+    for found, true, most in ((sag[..., 0], by_radius * wide**2 / 8, 1.3),
+                              (sag[..., 1], by_scale * (scale * tall)**2 / 8, 2.4)):
+        for part, side in ((found[:, :4], 0), (found[:, 4:], 1)):
+            assert np.all(true[:, side, None] <= part * (1 + 1e-3) + 1e-12)
+            assert np.max(part) <= most * np.max(true[:, side])
