@@ -69,7 +69,6 @@ _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launc
 _SLACK = 4.0        # times the processor time that its tests take without a mutant, and
 _START_S = 20.0     # s of it for imports: then a mutant counts as found, for a loop that does not end
 _WAITED = 8.0       # times these, by the clock, for a mutant that waits for ever
-_MOST_S = 60.0      # s of tests for one mutant, the quickest first
 _NODES = ('dragon_ros/nodes/', 'test/nodes/')
 _ALIVE = ('survived', 'unreached')
 
@@ -288,8 +287,8 @@ def files(root: Path, part: str) -> list[Path]:
 
 
 def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float],
-           found: dict[str, int]) -> tuple[list[str], float]:
-    """Return the tests that reach a mutant, and how long they take without it.
+           found: dict[str, int], most_s: float) -> tuple[list[str], float]:
+    """Return the tests that reach a mutant, and how long they take without it: no longer than ``most_s``.
 
     Those that found a mutant of this file before come first, then the quickest.
     """
@@ -300,7 +299,7 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
         names |= {name for name in times if name.startswith(_NODES[1])}
     out, total = [], 0.0
     for name in sorted(names, key=lambda name: (times[name] / (1 + 10 * found.get(name, 0)), name)):
-        if total + times[name] <= _MOST_S or not out:
+        if total + times[name] <= most_s or not out:
             out.append(name)
             total += times[name]
     return out, total
@@ -362,6 +361,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--sample', type=int, default=40, metavar='N', help='how many mutants (%(default)s)')
     options.add_argument('--seed', type=int, default=1, metavar='S', help='which ones (%(default)s)')
     options.add_argument('--list', action='store_true', help='list the sample and try none')
+    options.add_argument('--most', type=float, default=60.0, metavar='SECONDS',
+                         help='how long the tests of one mutant may take without it, the quickest first (%(default)s)')
     options.add_argument('--again', action='store_true', help='try those that survived once more')
     arguments = options.parse_args(argv)
     known, folder = operators(), ROOT / '.venv' / 'mutants'
@@ -384,7 +385,8 @@ def main(argv: list[str]) -> int:
     with kept.open('a') as file:
         for mutant in tqdm(left, unit='mutants'):
             found = Counter(by for one, (_, by) in done.items() if one.path == mutant.path)
-            done[mutant] = outcome, by = tried(tree, mutant, *chosen(mutant, lines, times, found), known)
+            tests, seconds = chosen(mutant, lines, times, found, arguments.most)
+            done[mutant] = outcome, by = tried(tree, mutant, tests, seconds, known)
             print(json.dumps({'mutant': asdict(mutant), 'outcome': outcome, 'by': by}), file=file, flush=True)
     return told(arguments.room, {one: done[one][0] for one in sample}, known)
 

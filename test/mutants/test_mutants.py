@@ -34,20 +34,26 @@ def test_each_mutant_is_one_change_of_the_line_that_it_names():
 def test_the_quickest_tests_that_reach_the_line_run_first():
     lines = {'a.py': {3: ['t.py::slow', 't.py::quick', 't.py::far']}}
     times = {'t.py::slow': 5.0, 't.py::quick': 0.1, 't.py::far': 1e9}
-    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}) == (['t.py::quick', 't.py::slow'], 5.1)
-    assert mutants.chosen(mutants.Mutant('b.py', 'x', 0, 3), lines, times, {}) == ([], 0.0)
+    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 9.0) == (
+        ['t.py::quick', 't.py::slow'], 5.1)
+    assert mutants.chosen(mutants.Mutant('b.py', 'x', 0, 3), lines, times, {}, 9.0) == ([], 0.0)
+
+
+def test_tests_beyond_what_a_mutant_may_take_are_left_out():
+    lines, times = {'a.py': {3: ['t.py::slow', 't.py::quick']}}, {'t.py::slow': 5.0, 't.py::quick': 0.1}
+    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 5.0) == (['t.py::quick'], 0.1)
 
 
 def test_tests_that_found_mutants_of_the_file_before_run_first():
     lines = {'a.py': {3: ['t.py::slow', 't.py::quick']}}
     times = {'t.py::slow': 1.0, 't.py::quick': 0.5}
-    tests, _ = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {'t.py::slow': 1})
+    tests, _ = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {'t.py::slow': 1}, 9.0)
     assert tests == ['t.py::slow', 't.py::quick']
 
 
 def test_a_constant_is_held_against_every_test_that_runs_its_file():
     lines = {'a.py': {3: ['t.py::one'], 9: ['t.py::two']}}
-    tests, _ = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 1), lines, {'t.py::one': 1, 't.py::two': 2}, {})
+    tests, _ = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 1), lines, {'t.py::one': 1, 't.py::two': 2}, {}, 9.0)
     assert tests == ['t.py::one', 't.py::two']
 
 
