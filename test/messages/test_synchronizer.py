@@ -57,6 +57,26 @@ def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
     assert pairs.take_unmatched() == [('benches', 2)]
 
 
+def test_of_messages_that_wait_only_those_that_came_before_are_given_up():
+    pairs = Synchronizer()
+    for t_ns, now_s in ((1, 10.0), (2, 10.4), (3, 11.0)):
+        pairs.add_handles(poses(t_ns), now_s)
+    pairs.expire(10.4)
+    assert pairs.take_unmatched() == [('handles', 1)]
+    pairs.expire(10.5)
+    assert pairs.take_unmatched() == [('handles', 2)]
+
+
+def test_without_room_the_topic_gives_up_that_has_waited_longest():
+    pairs, half = Synchronizer(), MONITOR_BYTES // 16
+    for t_ns, now_s in ((1, 1.0), (2, 9.0)):
+        pairs.add_handles(poses(t_ns, half // 2), now_s)
+    pairs.add_benches(shown(100), 0.5)
+    pairs.add_handles(poses(3, half // 2), 10.0)
+    pairs.add_handles(poses(4, half - 10_000), 10.0)
+    assert pairs.take_unmatched() == [('benches', 100), ('handles', 1)]
+
+
 def test_waiting_for_partners_is_bounded_in_bytes_over_both_topics():
     pairs = Synchronizer()
     room = MONITOR_BYTES // 2**23

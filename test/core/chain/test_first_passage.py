@@ -1,0 +1,82 @@
+"""Where a leader goes and when: on laws whose distances are known in closed form."""
+from itertools import pairwise
+from math import inf, sqrt
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
+
+from dragon_ros.core.chain.first_passage import RangeOfTravel
+from dragon_ros.core.chain.head_law import Head, Profile
+
+# On to 4 m at 4 s, back to 2 m at 6 s, a rest until 7 s, on to 5 m at 10 s, and on without an end.
+JUMPS = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0), (6.0, -1.0), (6.0, 0.0), (7.0, 0.0), (7.0, 1.0), (10.0, 1.0)))
+THERE = RangeOfTravel(JUMPS, 0.0, 10.0)
+
+
+def test_every_passage_of_a_place_is_named_once_and_none_of_a_place_beyond():
+    found = THERE.passages_s([1.0, 3.0, 4.5, 5.5, -0.5, 9.0])
+    assert found == [pytest.approx(times, abs=1e-12) for times in ([1.0], [3.0, 5.0, 8.0], [9.5], [], [], [])]
+
+
+@examples(50)
+@given(st.lists(st.floats(-2, 2), min_size=2, max_size=6), st.floats(-8, 8))
+def test_passages_are_where_the_leader_is_at_the_place_as_often_as_it_changes_sides(speeds, place_m):
+    law = Profile(tuple((3.0 * n, speed) for n, speed in enumerate(speeds)))
+    # Speeds change their sign on a ramp: the leader goes one way between the breaks and these.
+    end_s = 3.0 * (len(speeds) - 1) + 2.0
+    travel = RangeOfTravel(law, 0.0, end_s)
+    (found,) = travel.passages_s([place_m])
+    gone = [law.travelled_m(t)[0] - place_m for t in (0.0, *law.breaks_s, end_s) if t <= end_s]
+    assert all(law.travelled_m(t)[0] == pytest.approx(place_m, abs=1e-9) for t in found)
+    assert len(found) >= sum(a * b < 0 for a, b in pairwise(gone))
+
+
+def test_the_leader_is_farthest_for_the_first_time():
+    assert (THERE.farthest_s(1), THERE.farthest_s(-1)) == (10.0, 0.0)
+    assert RangeOfTravel(JUMPS, 4.0, 9.0).farthest_s(-1) == 6.0      # it rests there until 7 s
+    assert THERE.senses == [1]
+    assert RangeOfTravel(JUMPS, 4.0, 9.5).senses == [1, -1]
+    assert RangeOfTravel(JUMPS, 4.0, 7.5).senses == [-1]
+    assert RangeOfTravel(JUMPS, 6.2, 6.8).senses == []
+
+
+def test_reversals_are_where_the_sense_changes_and_a_rest_is_none():
+    assert THERE.reversals == [(4.0, 1), (6.0, -1)]
+    assert RangeOfTravel(JUMPS, 4.5, 10.0).reversals == [(6.0, -1)]
+    resting = Profile(((0.0, 1.0), (2.0, 1.0), (2.0, 0.0), (3.0, 0.0), (3.0, 1.0), (5.0, 1.0)))
+    assert RangeOfTravel(resting, 0.0, 5.0).reversals == []
+
+
+@pytest.mark.parametrize(('t_s', 'sense', 'on_m'), [(1.0, 1, 3.0), (1.0, -1, 0.0), (4.0, -1, 2.0), (5.0, -1, 1.0),
+                                                    (8.0, 1, inf), (8.0, -1, 0.0), (6.5, 1, 0.0)])
+def test_onwards_the_leader_goes_until_it_turns_or_rests(t_s, sense, on_m):
+    assert THERE.onwards_m(t_s, sense) == pytest.approx(on_m, abs=1e-12)
+
+
+def test_it_arrives_at_a_place_for_the_first_time_or_where_it_is_nearest():
+    assert THERE.arrival_s(3.0, 1) == pytest.approx(3.0, abs=1e-12)
+    assert THERE.arrival_s(4.5, 1) == pytest.approx(9.5, abs=1e-12)
+    assert THERE.arrival_s(7.0, 1) == 10.0
+    assert RangeOfTravel(JUMPS, 4.0, 10.0).arrival_s(3.0, -1) == pytest.approx(5.0, abs=1e-12)
+    ramp = RangeOfTravel(Profile(((0.0, 0.0), (8.0, 4.0))), 0.0, 8.0)
+    assert ramp.arrival_s(4.0, 1) == pytest.approx(4.0, abs=1e-12)         # t^2 / 4
+    assert ramp.arrival_s(3.0, 1) == pytest.approx(sqrt(12.0), abs=1e-12)
+
+
+@pytest.mark.parametrize(('speed', 'place_m', 't_s'), [
+    (2.0, 5.0, 2.5), (-2.0, -5.0, 2.5), (2.0, 1.0, 1.0), (2.0, 99.0, 8.0), (0.0, 3.0, 1.0)])
+def test_at_a_constant_speed_it_arrives_within_its_run(speed, place_m, t_s):
+    assert RangeOfTravel(Head(speed), 1.0, 8.0).arrival_s(place_m, 1 if speed >= 0 else -1) == t_s
+
+
+def test_the_range_of_a_run_holds_every_place_of_it():
+    for start_s, end_s in ((0.0, 10.0), (3.0, 5.0), (4.5, 6.5)):
+        travel = RangeOfTravel(JUMPS, start_s, end_s)
+        gone = [travel.gone_m(t) for t in np.linspace(start_s, end_s, 101)]
+        ends = [travel.gone_m(travel.farthest_s(sense)) for sense in (-1, 1)]
+        assert [min(gone), max(gone)] == pytest.approx(ends, abs=0.1)
+        assert ends[0] <= min(gone)
+        assert max(gone) <= ends[1]
