@@ -15,7 +15,6 @@ import importlib.util
 import json
 import os
 import random
-import resource
 import shutil
 import signal
 import sqlite3
@@ -66,9 +65,9 @@ _OTHER = {**dict(_BOTH_WAYS), **{b: a for a, b in _BOTH_WAYS}, 'inf': '0.0', 'ab
 _LOADED = ('numpy', 'shapely', 'hypothesis.extra.numpy', 'mpmath', 'flint', 'scipy.optimize', 'scipy.integrate', 'yaml',
            'matplotlib.figure', 'coverage')
 _UNUSED = ('xdist', 'cov', 'cacheprovider', 'stepwise', 'launch_testing', 'launch_pytest', 'ament_copyright')
-_SLACK = 4.0        # times the processor time that its tests take without a mutant, and
-_START_S = 20.0     # s of it for imports: then a mutant counts as found, for a loop that does not end
-_WAITED = 8.0       # times these, by the clock, for a mutant that waits for ever
+_SLACK = 4.0        # times the processor time that a test takes without a mutant, and
+_EXTRA_S = 3.0      # s of it: then a mutant counts as found, for a loop that does not end
+_WAITED = 20.0      # times these of all tests, by the clock, for a mutant that waits for ever
 _NODES = ('dragon_ros/nodes/', 'test/nodes/')
 _ALIVE = ('survived', 'unreached')
 
@@ -157,15 +156,29 @@ def copied(room: str) -> Path:
 
 @dataclass(eq=False)
 class Order:
-    """A plugin of pytest that keeps some tests, in their order, and remembers the one that failed."""
+    """A plugin of pytest that keeps some tests, in their order, and remembers the one that failed.
+
+    A test that takes too much processor time, beside its ``times`` in s, ends the process.
+    """
 
     tests: list[str]
+    times: dict[str, float]
+    extra_s: float
     failed: str = ''
 
     @pytest.hookimpl(trylast=True)
     def pytest_collection_modifyitems(self, items: list[pytest.Item]) -> None:
         place = {name: number for number, name in enumerate(self.tests)}
         items[:] = sorted((one for one in items if one.nodeid in place), key=lambda one: place[one.nodeid])
+
+    @pytest.hookimpl(wrapper=True)
+    def pytest_runtest_protocol(self, item: pytest.Item) -> Iterator[None]:
+        signal.signal(signal.SIGPROF, signal.SIG_DFL)
+        signal.setitimer(signal.ITIMER_PROF, self.extra_s + _SLACK * self.times[item.nodeid])
+        try:
+            return (yield)
+        finally:
+            signal.setitimer(signal.ITIMER_PROF, 0.0)
 
     def pytest_runtest_logreport(self, report: pytest.TestReport | pytest.CollectReport) -> None:
         if report.failed:
@@ -202,7 +215,7 @@ class Lines:
         return out
 
 
-def forked(tree: Path, work: Callable[[], object], seconds: float = 3600.0) -> tuple[bool, object]:
+def forked(tree: Path, work: Callable[[], object], seconds: float = 1000.0) -> tuple[bool, object]:
     """Do work in a fork of this process whose package is that of the tree; return whether it ended, and its answer."""
     answer = tree / 'answer.json'
     answer.unlink(missing_ok=True)
@@ -213,7 +226,6 @@ def forked(tree: Path, work: Callable[[], object], seconds: float = 3600.0) -> t
             sys.path[:] = [str(tree), *(path for path in sys.path if path not in ('', str(ROOT)))]
             os.environ['PYTHONPATH'] = str(tree)
             os.chdir(tree)
-            resource.setrlimit(resource.RLIMIT_CPU, (int(seconds) + 1, int(seconds) + 2))
             quiet = os.open(tree / 'output.txt', os.O_WRONLY | os.O_CREAT | os.O_TRUNC)
             os.dup2(quiet, 1)
             os.dup2(quiet, 2)
@@ -287,8 +299,8 @@ def files(root: Path, part: str) -> list[Path]:
 
 
 def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[str, float],
-           found: dict[str, int], most_s: float) -> tuple[list[str], float]:
-    """Return the tests that reach a mutant, and how long they take without it: no longer than ``most_s``.
+           found: dict[str, int], most_s: float) -> dict[str, float]:
+    """Return the tests that reach a mutant and what they take in s without it, together no more than ``most_s``.
 
     Those that found a mutant of this file before come first, then the quickest.
     """
@@ -297,12 +309,11 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
     names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
     if mutant.path.startswith(_NODES[0]):       # they run in processes of their own, whose lines are not kept
         names |= {name for name in times if name.startswith(_NODES[1])}
-    out, total = [], 0.0
+    out = dict[str, float]()
     for name in sorted(names, key=lambda name: (times[name] / (1 + 10 * found.get(name, 0)), name)):
-        if total + times[name] <= most_s or not out:
-            out.append(name)
-            total += times[name]
-    return out, total
+        if sum(out.values()) + times[name] <= most_s or not out:
+            out[name] = times[name]
+    return out
 
 
 @contextmanager
@@ -319,22 +330,26 @@ def written(tree: Path, mutant: Mutant, known: dict[str, Operator]) -> Iterator[
         path.write_text(source)
 
 
-def tried(tree: Path, mutant: Mutant, tests: list[str], seconds: float, known: dict[str, Operator]) -> tuple[str, str]:
-    """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant, and the test that found it."""
+def tried(tree: Path, mutant: Mutant, times: dict[str, float], known: dict[str, Operator],
+          extra_s: float = _EXTRA_S) -> tuple[str, str]:
+    """Return 'caught', 'survived', 'unreached' or 'incompetent' for a mutant, and the test that found it.
+
+    ``times`` are of the tests to run, in this order, in s without a mutant.
+    """
     def work() -> object:
         sys.dont_write_bytecode = True
         importlib.import_module(mutant.path.removesuffix('.py').replace('/', '.'))
         (tree / 'imported').touch()
-        plugin = Order(tests)
-        code = run(['-x', '--hypothesis-profile=first', *{name.partition('::')[0]: None for name in tests}], plugin)
+        plugin = Order(list(times), times, extra_s)
+        code = run(['-x', '--hypothesis-profile=first', *{name.partition('::')[0]: None for name in times}], plugin)
         return code, plugin.failed
 
     (tree / 'imported').unlink(missing_ok=True)
     with written(tree, mutant, known):
-        ended, answer = forked(tree, work, _START_S + _SLACK * seconds)
+        ended, answer = forked(tree, work, extra_s + sum(times.values()))
     if not (tree / 'imported').exists():
         return 'incompetent', ''
-    if not tests:
+    if not times:
         return 'unreached', ''
     if not ended:
         return 'caught', 'no end'
@@ -385,8 +400,8 @@ def main(argv: list[str]) -> int:
     with kept.open('a') as file:
         for mutant in tqdm(left, unit='mutants'):
             found = Counter(by for one, (_, by) in done.items() if one.path == mutant.path)
-            tests, seconds = chosen(mutant, lines, times, found, arguments.most)
-            done[mutant] = outcome, by = tried(tree, mutant, tests, seconds, known)
+            tests = chosen(mutant, lines, times, found, arguments.most)
+            done[mutant] = outcome, by = tried(tree, mutant, tests, known)
             print(json.dumps({'mutant': asdict(mutant), 'outcome': outcome, 'by': by}), file=file, flush=True)
     return told(arguments.room, {one: done[one][0] for one in sample}, known)
 

@@ -34,42 +34,52 @@ def test_each_mutant_is_one_change_of_the_line_that_it_names():
 def test_the_quickest_tests_that_reach_the_line_run_first():
     lines = {'a.py': {3: ['t.py::slow', 't.py::quick', 't.py::far']}}
     times = {'t.py::slow': 5.0, 't.py::quick': 0.1, 't.py::far': 1e9}
-    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 9.0) == (
-        ['t.py::quick', 't.py::slow'], 5.1)
-    assert mutants.chosen(mutants.Mutant('b.py', 'x', 0, 3), lines, times, {}, 9.0) == ([], 0.0)
+    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 9.0) == {
+        't.py::quick': 0.1, 't.py::slow': 5.0}
+    assert mutants.chosen(mutants.Mutant('b.py', 'x', 0, 3), lines, times, {}, 9.0) == {}
 
 
 def test_tests_beyond_what_a_mutant_may_take_are_left_out():
     lines, times = {'a.py': {3: ['t.py::slow', 't.py::quick']}}, {'t.py::slow': 5.0, 't.py::quick': 0.1}
-    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 5.0) == (['t.py::quick'], 0.1)
+    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 5.0) == {'t.py::quick': 0.1}
 
 
 def test_tests_that_found_mutants_of_the_file_before_run_first():
     lines = {'a.py': {3: ['t.py::slow', 't.py::quick']}}
     times = {'t.py::slow': 1.0, 't.py::quick': 0.5}
-    tests, _ = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {'t.py::slow': 1}, 9.0)
-    assert tests == ['t.py::slow', 't.py::quick']
+    tests = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {'t.py::slow': 1}, 9.0)
+    assert list(tests) == ['t.py::slow', 't.py::quick']
 
 
 def test_a_constant_is_held_against_every_test_that_runs_its_file():
     lines = {'a.py': {3: ['t.py::one'], 9: ['t.py::two']}}
-    tests, _ = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 1), lines, {'t.py::one': 1, 't.py::two': 2}, {}, 9.0)
-    assert tests == ['t.py::one', 't.py::two']
+    tests = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 1), lines, {'t.py::one': 1, 't.py::two': 2}, {}, 9.0)
+    assert list(tests) == ['t.py::one', 't.py::two']
 
 
-@pytest.mark.parametrize(('source', 'outcome'), [
-    ('def two():\n    return 1 + 1\n', 'caught'), ('def two():\n    return 2 or 1 + 1\n', 'survived'),
-    ('ONE = [1][1 - 1]\n\n\ndef two():\n    return 2\n', 'incompetent')])
-def test_a_mutant_counts_as_caught_where_a_test_fails(tmp_path, source, outcome):
-    (tmp_path / 'two.py').write_text(source)
-    (tmp_path / 'pyproject.toml').write_text('[tool.pytest.ini_options]\nmarkers = ["snapshot"]\n')
-    (tmp_path / 'test_two.py').write_text('from two import two\n\n\ndef test_two():\n    assert two() == 2\n')
+def outcome_of(folder, source, **limits):
+    (folder / 'two.py').write_text(source)
+    (folder / 'pyproject.toml').write_text('[tool.pytest.ini_options]\nmarkers = ["snapshot"]\n')
+    (folder / 'test_two.py').write_text('from two import two\n\n\ndef test_two():\n    assert two() == 2\n')
     known = mutants.operators()
-    mutant, *_ = (one for one in mutants.mutants_of('two.py', source, known) if one.operator.endswith('Sub_Add')
-                  or one.operator.endswith('Add_Sub'))
-    assert mutants.tried(tmp_path, mutant, ['test_two.py::test_two'], 1.0, known) == (
-        outcome, 'test_two.py::test_two' if outcome == 'caught' else '')
-    assert (tmp_path / 'two.py').read_text() == source
+    mutant, *_ = (one for one in mutants.mutants_of('two.py', source, known)
+                  if one.operator.endswith(('Sub_Add', 'Add_Sub')))
+    found = mutants.tried(folder, mutant, {'test_two.py::test_two': 0.01}, known, **limits)
+    assert (folder / 'two.py').read_text() == source
+    return found
+
+
+@pytest.mark.parametrize(('source', 'outcome', 'by'), [
+    ('def two():\n    return 1 + 1\n', 'caught', 'test_two.py::test_two'),
+    ('def two():\n    return 2 or 1 + 1\n', 'survived', ''),
+    ('ONE = [1][1 - 1]\n\n\ndef two():\n    return 2\n', 'incompetent', '')])
+def test_a_mutant_counts_as_caught_where_a_test_fails(tmp_path, source, outcome, by):
+    assert outcome_of(tmp_path, source) == (outcome, by)
+
+
+def test_a_mutant_that_does_not_end_counts_as_caught(tmp_path):
+    source = 'def two():\n    while 1 - 1:\n        pass\n    return 2\n'
+    assert outcome_of(tmp_path, source, extra_s=0.5) == ('caught', 'no end')
 
 
 def test_every_room_has_files_and_tests():
