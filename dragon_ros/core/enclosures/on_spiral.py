@@ -358,12 +358,17 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
 
 
 def corners(moving: Motion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
-    """Return bounds as ``bend`` does, or (P, 2) of some pairs; arms grow by ``growth`` of their length a unit."""
+    """Return bounds as ``bend`` does, or (P, 2) of some pairs; arms grow by ``growth`` of their length a unit.
+
+    An arm of a bench that turns by W against the other one accelerates by i (W' + 2 growth W) - W^2 times itself.
+    """
     pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
     with np.errstate(all='ignore'):
         (lead, lead_rate), (other, other_rate) = ((moving.w[at], moving.w_rate[at]) for at in (pairs.lead, pairs.other))
         dw, dw_rate = other - lead, other_rate - lead_rate
-        spin = np.hypot(dw_rate.most, dw.most**2) + 2 * growth * dw.most
+        if growth:
+            dw_rate = dw_rate + 2 * growth * dw
+        spin = np.hypot(dw_rate.most, dw.most**2)
         in_lead, in_other = _middles(moving, pairs, lead, lead_rate), _middles(moving, pairs, other, other_rate)
         out: Floats = ABOVE * np.stack((in_lead + arm[pairs.other] * spin, in_other + arm[pairs.lead] * spin), axis=-1)
     return np.where(np.isfinite(out), out, np.inf)

@@ -85,6 +85,16 @@ def test_in_a_small_cell_the_largest_bounds_are_within_a_stated_factor_of_the_tr
 
 
 @pytest.mark.parametrize('first', [0, 1])
+@pytest.mark.parametrize(('pitch', 'radius'), [(0.451, 4.6), (0.9, 4.5)])
+def test_of_benches_so_wide_that_their_turning_is_all_the_bounds_are_within_a_twentieth(pitch, radius, first):
+    scale, wide = 2 * np.pi / pitch, Dragon(60, 3.0, 2.2, 50.0)
+    most = bounds((radius, radius + 1e-4), (scale, scale * (1 + 1e-4)), wide, first)
+    for bound, true in zip(most, second_differences(radius, scale, wide, first), strict=True):
+        assert np.all(true <= bound)
+        assert np.median(bound / true) < 1.05
+
+
+@pytest.mark.parametrize('first', [0, 1])
 def test_in_a_cell_angles_lie_between_those_of_its_corners(first):
     rng = np.random.default_rng(7)
     for pitch, radius in zip(rng.uniform(0.3, 1.0, 40), rng.uniform(3.0, 12.0, 40), strict=True):
