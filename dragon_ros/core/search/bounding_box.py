@@ -281,6 +281,14 @@ class SweptBench:
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
         """Return bounds (M, 4, 4) of the corners' coordinates between states a and the next ones b, further along."""
+        slope, crude = self.slopes(a, b)
+        with np.errstate(all='ignore'):
+            goes = np.fmin(crude, slope.most * _each(np.abs(b.link.along_m - a.link.along_m)[:, 0]))
+        out: Floats = 0.5 * (a.value + b.value + goes)
+        return out
+
+    def slopes(self, a: BenchStates, b: BenchStates) -> tuple[Ball, Floats]:
+        """Return what the coordinates' derivatives by the front handle's way can be, and how far they go at most."""
         with np.errstate(all='ignore'):
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
@@ -289,11 +297,8 @@ class SweptBench:
             one, two = (np.abs(share)[:, None] for share in self._shares)
             front = _mean(a.front, b.front, one * _each(turned))
             rear = _mean(a.rear, b.rear, two * _each(other))
-            slope = front + rear * Ball(_each(ratio.mid), _each(ratio.rad))
-            crude = one * _each(front_m) + two * _each(rear_m if self.link_m else turned)
-            goes = np.fmin(crude, slope.most * _each(front_m))
-        out: Floats = 0.5 * (a.value + b.value + goes)
-        return out
+            return (front + rear * Ball(_each(ratio.mid), _each(ratio.rad)),
+                    one * _each(front_m) + two * _each(rear_m if self.link_m else turned))
 
 
 def _complex(points: Floats) -> Array:

@@ -179,10 +179,27 @@ def test_where_a_corner_goes_neither_straight_out_nor_along_half_of_the_bounds_a
     assert np.median(goes[slanting] / straight[slanting]) < 1.1
 
 
+@pytest.mark.parametrize('apart_m', [0.2, 0.01])
+@pytest.mark.parametrize('link_m', [2.86, 1.65, 0.0])
+@pytest.mark.parametrize('track', [track_of(Composite((Arc(4.0, 360.0),))), track_of(STurn()), track_of(Spiral())])
+def test_what_coordinates_gain_a_metre_is_enclosed_in_little_more_than_occurs(track, link_m, apart_m):
+    bench, places, step = SweptBench(track, link_m, 0.5 * link_m + 0.275, 0.15), np.linspace(3, 20, 150), 1e-5
+    slope, most = bench.slopes(bench.states(places), bench.states(places + apart_m))
+    at = [places + part * apart_m for part in np.linspace(0, 1, 9)]
+    seen = np.array([(bench.states(here + step).value - bench.states(here - step).value) / (2 * step) for here in at])
+    smooth = np.all(np.abs(np.diff(seen, axis=0)) < apart_m, axis=0)        # no joint on the way
+    assert np.mean(smooth) > 0.9
+    assert np.all(np.abs(seen - slope.mid) <= slope.rad + 1e-8, where=smooth)
+    assert np.all(np.mean(np.abs(seen), axis=0) * apart_m <= most + 1e-9, where=smooth)
+    bent = smooth & (np.ptp(seen, axis=0) > 0.1 * apart_m)
+    assert np.percentile(2 * (slope.rad / np.ptp(seen, axis=0))[bent], 10) < 1.5
+
+
 def test_of_a_bench_on_a_line_the_bound_ahead_is_where_its_front_comes_to():
     bench = SweptBench(track_of(Composite((Line(30.0),))), 2.0, 1.0, 1e-9)
     low, high = bench.states(np.array([5.0])), bench.states(np.array([7.5]))
     assert bench.bounds(low, high)[0, :, 0] == pytest.approx(high.value[0, :, 0], abs=1e-8)
+    assert bench.slopes(low, high)[1] == pytest.approx(2.5, abs=1e-8)       # no corner goes further than a handle
 
 
 def test_a_long_way_is_searched_all_the_same():

@@ -135,6 +135,17 @@ def test_front_handles_are_between_the_least_and_the_greatest_radius_which_are_w
         assert outer <= task.widest_m(pitch_m, first) + 1e-12 <= 1.02 * outer
 
 
+@pytest.mark.parametrize('dragon', [Dragon(3), Dragon(20), Dragon(3, 3.41, 3.41)])
+@pytest.mark.parametrize('radius_m', [1.6, 2.0, 4.5])
+def test_where_the_head_starts_on_the_circle_no_handle_is_further_out_than_told_and_one_nearly_so_far(dragon, radius_m):
+    pitch_m = radius_m / 4.0
+    head = Place(0, DoubleDouble(8 * np.pi, 0.0))
+    chain = marched(track_of(Spiral(pitch_m, 4.0)), dragon.link_lengths_m, head, BEHIND, EFFORT)
+    grown = (chain.u[-1] * pitch_m / (2 * np.pi)) ** 2 - radius_m**2
+    told = _PitchTask(dragon, radius_m, 4.0, 1.0, 1e-9).widest_m(pitch_m, 1) ** 2 - radius_m**2
+    assert grown <= told <= 1.2 * grown
+
+
 @pytest.mark.parametrize('first', [0, 1])
 @pytest.mark.parametrize('pitch', [0.451, 0.7])
 def test_the_sag_of_a_cell_is_that_of_second_derivatives_by_radius_and_by_scale(first, pitch):
