@@ -5,7 +5,7 @@ import pytest
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
-from dragon_ros.core.enclosures.on_track import enclosed, kinematics, link_states
+from dragon_ros.core.enclosures.on_track import curvature_range, enclosed, kinematics, link_states, swing_rad
 from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
@@ -98,3 +98,64 @@ def test_next_to_a_lock_ratios_and_slopes_are_enclosed_where_no_handle_turns_bac
     slope = np.diff(log, axis=0) / (apart_m / (COUNT - 1))
     assert holds(rate[:, 1:], slope, 1e-7 * np.exp(2 * np.max(log)))
     assert np.mean(np.isfinite(rate.rad)) > 0.5
+
+
+JOINTS = {'to the other side': (track_of(Composite((Line(40.0), Arc(3.0, 90.0), Arc(3.0, -90.0), Line(60.0)),
+                                                   start_m=40.0)), 40.0),
+          'from and to lines': (BENDY, 40.0), 'to a spiral': (WOUND, 30.0),
+          'of a turn': (track_of(STurn(ratio=1.0)), 5.0)}
+
+
+def passing(leader):
+    """What the leader has gone where any handle passes a joint of the track."""
+    gone = np.linspace(0, 30, 301)
+    _, _, along_m = sampled(leader, gone)
+    out = []
+    for joint in leader.track.joints_m:
+        row, handle = np.nonzero((along_m[:-1] < joint) != (along_m[1:] < joint))
+        share = (joint - along_m[row, handle]) / (along_m[row + 1, handle] - along_m[row, handle])
+        out.append(gone[row] + share * (gone[1] - gone[0]))
+    return np.concatenate(out)
+
+
+@pytest.mark.parametrize('passes', [0, 8])
+@pytest.mark.parametrize('apart_m', [0.5, 0.1])
+@pytest.mark.parametrize('name', JOINTS)
+def test_angles_stay_in_their_enclosures_where_a_handle_passes_a_joint_half_way(name, apart_m, passes):
+    track, start_m = JOINTS[name]
+    leader = Leader(track, LINKS, start_m, BEHIND)
+    low = passing(leader) - 0.5 * apart_m
+    low, count = low[low > 0], np.count_nonzero(low > 0)
+    _, states, _ = sampled(leader, np.linspace(low, low + apart_m, 41).ravel())
+    moving = enclosed(states.rows(np.arange(count)), states.rows(np.arange(count) + 40 * count), LINKS, track.bends,
+                      passes=passes)
+    for (sin, cos), angle in ((moving.near, states.near), (moving.far, states.far)):
+        seen = angle.reshape(41, count, -1)
+        assert holds(sin, np.sin(seen), 1e-11)
+        assert holds(cos, np.cos(seen), 1e-11)
+
+
+@pytest.mark.parametrize(('way_m', 'most_rad'), [(0.1, 0.1 / 4), (0.3, 0.3 / 4), (3.0, 2 * np.arcsin(1.65 / 8))])
+def test_before_any_pass_an_angle_is_known_to_what_link_and_track_turn_and_to_schurs_bound(way_m, most_rad):
+    leader = Leader(track_of(Composite((Arc(4.0, 700.0),))), np.array([1.65, 1.65]), 20.0, BEHIND)
+    _, states, _ = sampled(leader, np.array([0.0, way_m]), leader.links_m)
+    moving = enclosed(states.rows([0]), states.rows([1]), leader.links_m, leader.track.bends, passes=0)
+    for sin, cos in (moving.near, moving.far):      # a ball of angles of that radius about asin(l / 2 R)
+        assert sin.rad == pytest.approx(np.cos(np.arcsin(1.65 / 8)) * most_rad + most_rad**2 / 2, rel=1e-3)
+        assert cos.rad == pytest.approx(1.65 / 8 * most_rad + most_rad**2 / 2, rel=1e-3)
+
+
+def test_a_link_on_a_circle_turns_exactly_as_far_as_the_bound_says():
+    radius_m, link_m, gone_m = 4.0, 1.65, np.array([0.3])
+    assert swing_rad(np.array([1 / radius_m]), link_m, 2 * gone_m) == pytest.approx(gone_m / radius_m)
+
+
+def test_a_link_turned_about_its_rear_handle_turns_exactly_as_far_as_the_bound_says():
+    assert swing_rad(np.array([9.0]), 1.65, np.array([0.3])) == pytest.approx(0.3 / 1.65)
+
+
+def test_curvatures_between_places_are_those_at_them_on_one_segment_and_of_all_segments_else():
+    bends = np.array([[-0.1, -0.5], [-0.5, -0.5]]), np.array([[0.2, 0.7], [0.7, 0.3]])
+    on_one = curvature_range(bends, (np.array([0]), np.array([0])), (np.array([0.15]), np.array([0.05])))
+    over = curvature_range(bends, (np.array([1]), np.array([0])), (np.array([0.1]), np.array([0.05])))
+    assert [float(value[0]) for value in (*on_one, *over)] == [0.05, 0.15, -0.5, 0.7]
