@@ -8,7 +8,7 @@ from dragon_ros.core.enclosures import by_scale, on_spiral
 from dragon_ros.core.enclosures.ball_arithmetic import between
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.tracks.composite import Place, track_of
-from dragon_ros.core.tracks.segments import BEHIND, Effort
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 
 UNIT = track_of(Spiral(2 * np.pi))
@@ -18,7 +18,7 @@ STEP = 2e-3     # of the variable: differences are off by its square, and by 1e-
 
 def placed(links, theta):
     """Polar angles (K+1,) of handles, and directions (K,) of links, without jumps."""
-    chain = marched(UNIT, links, Place(0, DoubleDouble(theta, 0.0)), BEHIND, Effort(1e-13))
+    chain = marched(UNIT, links, Place(0, DoubleDouble(theta, 0.0)), BEHIND)
     z = chain.p @ [1, 1j]
     return chain.u, np.unwrap(np.angle(z[:-1] - z[1:]))
 

@@ -128,7 +128,7 @@ def test_front_handles_are_between_the_least_and_the_greatest_radius_which_are_w
         b_m, placed = pitch_m / (2 * np.pi), []
         for radius_m in (4.5, 16.0 * pitch_m):
             head = Place(0, DoubleDouble(radius_m / b_m, 0.0))
-            chain = marched(track_of(Spiral(pitch_m, 16.0)), dragon.link_lengths_m, head, BEHIND, EFFORT)
+            chain = marched(track_of(Spiral(pitch_m, 16.0)), dragon.link_lengths_m, head, BEHIND)
             placed.append(chain.u * b_m)
         inner, outer = placed[0][first], placed[1][-2 if first else 0]
         assert task.innermost_m(pitch_m, first) - 1e-12 <= inner <= 1.02 * task.innermost_m(pitch_m, first)
@@ -140,7 +140,7 @@ def test_front_handles_are_between_the_least_and_the_greatest_radius_which_are_w
 def test_where_the_head_starts_on_the_circle_no_handle_is_further_out_than_told_and_one_nearly_so_far(dragon, radius_m):
     pitch_m = radius_m / 4.0
     head = Place(0, DoubleDouble(8 * np.pi, 0.0))
-    chain = marched(track_of(Spiral(pitch_m, 4.0)), dragon.link_lengths_m, head, BEHIND, EFFORT)
+    chain = marched(track_of(Spiral(pitch_m, 4.0)), dragon.link_lengths_m, head, BEHIND)
     grown = (chain.u[-1] * pitch_m / (2 * np.pi)) ** 2 - radius_m**2
     told = _PitchTask(dragon, radius_m, 4.0, 1.0, 1e-9).widest_m(pitch_m, 1) ** 2 - radius_m**2
     assert grown <= told <= 1.2 * grown
@@ -153,7 +153,7 @@ def test_the_sag_of_a_cell_is_that_of_second_derivatives_by_radius_and_by_scale(
     scale, wide, tall = 2 * np.pi / pitch, 2e-3, 2e-4
     cell = np.array([[4.6], [4.6 + wide], [scale], [scale * (1 + tall)]])
     corner_cells = [cell[[i, j]] for i in (0, 1) for j in (2, 3)]
-    placed = windings(Dragon(), first, COUNT, *np.concatenate(corner_cells, axis=1), EFFORT)
+    placed = windings(Dragon(), first, COUNT, *np.concatenate(corner_cells, axis=1))
     sag = search._sags(cell, placed, np.arange(4)[:, None])[0]
     by_radius, by_scale = second_differences(4.6 + 0.5 * wide, scale * (1 + 0.5 * tall), Dragon(), first)
     for found, true, most in ((sag[..., 0], by_radius * wide**2 / 8, 1.3),

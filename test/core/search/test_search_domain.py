@@ -8,8 +8,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from properties import examples
 
-from dragon_ros.core.chain.first_passage import RangeOfTravel
 from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.search.search_domain import RangeOfTravel
 
 # On to 4 m at 4 s, back to 2 m at 6 s, a rest until 7 s, on to 5 m at 10 s, and on without an end.
 JUMPS = Profile(((0.0, 1.0), (4.0, 1.0), (4.0, -1.0), (6.0, -1.0), (6.0, 0.0), (7.0, 0.0), (7.0, 1.0), (10.0, 1.0)))
