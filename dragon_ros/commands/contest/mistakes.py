@@ -1,0 +1,378 @@
+"""Common mistakes on the contest problem CUMCM 2024 A, remade: each recipe has one mistake in it.
+
+``docs/examples/common_mistakes.py`` prints them as the tables of the contest page, and ``grade`` holds answers against
+them. Times are arrays (T,) in seconds, angles are polar angles of the spiral r = pitch / (2 pi) theta in radians, and
+handles are in metres.
+"""
+from collections.abc import Callable, Iterator
+from functools import cache, lru_cache
+from math import asinh, atan, ceil, inf, log, pi, sin
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.batches import states, velocity_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import gaps
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import load_scene
+
+PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
+HEAD_LINK_M, BODY_LINK_M = 2.86, 1.65
+FOLLOWING = 25          # handles that the head can touch the benches of
+RADIUS_M = 4.5                                      # of the turning circle
+_LATEST_S = 420.0       # that Euler steps go to
+_MOST_NEWTON, _SETTLED = 60, 4e-15
+Head = Callable[[Floats], Floats]                   # seconds (T,) -> polar angles (T,)
+Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a link in metres -> those of the next handle
+Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width -> metres
+
+
+class Answer(NamedTuple):
+    """What a mistake gives: its key in ``grade.words``, the parameters of its sentence, and the answer."""
+
+    key: str
+    parameters: dict[str, float]
+    value: float
+
+
+# Question 1: where the head is, and the next handle.
+def arc_length(theta: Floats) -> Floats:
+    """Return the arc length of r = theta from its centre."""
+    length: Floats = 0.5 * (theta * np.sqrt(1 + theta * theta) + np.arcsinh(theta))
+    return length
+
+
+def without_radial(theta: Floats) -> Floats:
+    """Return the arc length of r = theta without the radial part of its way."""
+    length: Floats = 0.5 * theta * theta
+    return length
+
+
+def solved(length: Callable[[Floats], Floats], late: float = 0.0, start: float = START, speed_m_s: float = SPEED_M_S,
+           pitch_m: float = PITCH_M) -> Head:
+    """Return the head by an arc length that is inverted to the last digits; ``late`` is too much of it at the start."""
+    def head(times_s: Floats) -> Floats:
+        wanted = length(np.array(start)) + late - speed_m_s * times_s * 2 * pi / pitch_m
+        return inverted(length, wanted)
+    return head
+
+
+def inverted(length: Callable[[Floats], Floats], wanted: Floats) -> Floats:
+    """Return where an increasing length, about half the square of the angle, has values (T,): by halving, then exact.
+
+    Halving needs no derivative, so that any length of a recipe can be inverted.
+    """
+    high: Floats = np.sqrt(2 * np.maximum(wanted, 0.0)) + 1.0
+    low: Floats = np.maximum(high - 4.0 - np.log1p(high), 0.0)
+    for _ in range(_MOST_NEWTON):
+        middle = 0.5 * (low + high)
+        below = length(middle) < wanted
+        low, high = np.where(below, middle, low), np.where(below, high, middle)
+    return high
+
+
+def bracket_slip() -> Head:
+    """Return the head where the start's arc length has ln(theta + sqrt(theta^2) + 1), and all else is right."""
+    return solved(arc_length, 0.5 * (log(2 * START + 1) - asinh(START)))
+
+
+def euler(step_s: float, radial: bool = True) -> Head:
+    """Return the head by explicit Euler steps, with or without the radial part of its speed."""
+    def head(times_s: Floats) -> Floats:
+        angles = _steps(step_s, radial)
+        theta: Floats = np.interp(times_s / step_s, np.arange(angles.size), angles)
+        return theta
+    return head
+
+
+@lru_cache(maxsize=32)
+def _steps(step_s: float, radial: bool) -> Floats:
+    """Return the angles of all Euler steps up to ``_LATEST_S``, or to the centre."""
+    angles, theta, way = [START], START, step_s * SPEED_M_S * 2 * pi / PITCH_M
+    for _ in range(ceil(_LATEST_S / step_s)):
+        turned = way / ((1 + theta * theta) ** 0.5 if radial else theta)
+        if turned >= theta:
+            break
+        theta -= turned
+        angles.append(theta)
+    return np.array(angles)
+
+
+def chord(short_m: float = 0.0, pitch_m: float = PITCH_M) -> Rule:
+    """Return the next handle at a chord that is too short: what a tolerance of the chord lets through first."""
+    def following(theta: Floats, link_m: float) -> Floats:
+        wanted = (link_m - short_m) * 2 * pi / pitch_m
+        delta: Floats = np.zeros_like(theta)
+        change = wanted / np.maximum(theta, 1.0)
+        for _ in range(_MOST_NEWTON):       # Newton; links span less than pi on the way to the first contact
+            delta = delta + change
+            half = np.sin(0.5 * delta)
+            excess = delta * delta + 4 * theta * (theta + delta) * half * half - wanted * wanted
+            change = -excess / (2 * delta + 4 * theta * half * (half + (theta + delta) * np.cos(0.5 * delta)))
+            if np.max(np.abs(change)) < _SETTLED:
+                break
+        return theta + delta
+    return following
+
+
+def along(theta: Floats, link_m: float) -> Floats:
+    """Return the next handle at the link's length along the spiral, not at its chord."""
+    return inverted(arc_length, arc_length(theta) + link_m * 2 * pi / PITCH_M)
+
+
+def grid(step_rad: float, within_m: float) -> Rule:
+    """Return the next handle by steps of the angle: the first whose chord is within a tolerance of the link.
+
+    With a tolerance of 0 it is the first whose chord is not shorter than the link.
+    """
+    def following(theta: Floats, link_m: float) -> Floats:
+        short = chord(within_m)(theta, link_m)
+        steps: Floats = np.ceil((short - theta) / step_rad - 1e-9)
+        return theta + steps * step_rad
+    return following
+
+
+def links_of(head_m: float = HEAD_LINK_M, body_m: float = BODY_LINK_M, last_m: float | None = None,
+             handles: int = HANDLES) -> list[float]:
+    """Return the links of a dragon: the head's, the body's, and the last one, which is like the body's."""
+    return [head_m, *[body_m] * (handles - 3), body_m if last_m is None else last_m][:handles - 1]
+
+
+def points(theta: Floats, pitch_m: float = PITCH_M) -> Floats:
+    """Return the points (..., 2) of polar angles."""
+    p: Floats = pitch_m / 2 / pi * theta[..., None] * np.stack((np.cos(theta), np.sin(theta)), axis=-1)
+    return p
+
+
+def placed_angles(first: Floats, rule: Rule, links_m: list[float]) -> Floats:
+    """Return the polar angles (T, handles) of all handles behind those of the head (T,)."""
+    theta = [first]
+    for link_m in links_m:
+        theta.append(rule(theta[-1], link_m))
+    return np.stack(theta, axis=-1)
+
+
+def placed(head: Head, rule: Rule, times_s: Floats, handles: int = HANDLES) -> Floats:
+    """Return handles (T, handles, 2)."""
+    return points(placed_angles(head(times_s), rule, links_of(handles=handles)))
+
+
+@cache
+def winding() -> Scene:
+    """Return the scene of questions 1 and 2."""
+    return load_scene('winding')
+
+
+@cache
+def turning() -> Scene:
+    """Return the scene of questions 4 and 5."""
+    return load_scene('turning')
+
+
+def true_handles_m(times_s: Floats) -> Floats:
+    """Return where all handles of question 1 are, (T, 224, 2)."""
+    return states(winding(), times_s.tolist()).p
+
+
+def worst_m(p: Floats) -> float:
+    """Return how far the worst of the handles (224, 2) is off at 300 s."""
+    return float(np.max(np.hypot(*(p - true_handles_m(np.array([300.0]))[0]).T)))
+
+
+def head_mistakes() -> dict[tuple[str, tuple[tuple[str, float], ...]], Head]:
+    """Return the heads of the contest page's table by key and parameters."""
+    return {('radial_arc', ()): solved(without_radial), ('bracket_slip', ()): bracket_slip(),
+            ('euler', (('step', 1.0),)): euler(1.0), ('euler', (('step', 0.01),)): euler(0.01),
+            ('euler_radial', (('step', 0.01),)): euler(0.01, radial=False)}
+
+
+def errors_at_300_s() -> Iterator[Answer]:
+    """Yield mistakes with the distance by which the worst of 224 handles is off at 300 s."""
+    at, exact = np.array([300.0]), solved(arc_length)
+    for (key, parameters), head in head_mistakes().items():
+        yield Answer(key, dict(parameters), worst_m(placed(head, chord(), at)[0]))
+    yield Answer('along', {}, worst_m(placed(exact, along, at)[0]))
+    for short_m in (1e-2, 1e-3, 1e-4, 1e-6):
+        yield Answer('chord_short', {'short': short_m}, worst_m(placed(exact, chord(short_m), at)[0]))
+    yield Answer('paper_grid', {}, worst_m(state(load_scene('winding', ['accuracy=paper']), 300.0).p))
+
+
+# Question 1: speeds.
+def differences(scene: Scene, times_s: Floats, step_s: float, kind: str) -> Floats:
+    """Return speeds (T, N+1) by differences of positions: ``kind`` is 'forward', 'backward' or 'central'."""
+    before, after = {'forward': (0.0, 1.0), 'backward': (1.0, 0.0), 'central': (1.0, 1.0)}[kind]
+    ahead = states(scene, (times_s + after * step_s).tolist()).p
+    behind = states(scene, (times_s - before * step_s).tolist()).p
+    moved = ahead - behind
+    speed: Floats = np.hypot(moved[..., 0], moved[..., 1]) / ((before + after) * step_s)
+    return speed
+
+
+def projected(theta: Floats, leader_m_s: float = SPEED_M_S, swapped: bool = False) -> Floats:
+    """Return the speeds (..., N+1) of rigid links on the spiral at angles (..., N+1), or by the inverted ratio."""
+    p, slope = points(theta), np.sqrt(1 + theta * theta)
+    tangent = np.stack((np.cos(theta) - theta * np.sin(theta), np.sin(theta) + theta * np.cos(theta)), axis=-1)
+    along_m = p[..., 1:, :] - p[..., :-1, :]
+    front = np.sum(along_m * tangent[..., :-1, :], axis=-1) / slope[..., :-1]
+    rear = np.sum(along_m * tangent[..., 1:, :], axis=-1) / slope[..., 1:]
+    ratio = rear / front if swapped else front / rear
+    ones: Floats = np.ones((*theta.shape[:-1], 1))
+    return leader_m_s * np.concatenate((ones, np.cumprod(ratio, axis=-1)), axis=-1)
+
+
+# Question 2: when benches touch.
+def rectangles(p: Floats, width_m: float) -> Benches:
+    """Return the benches on handles (N+1, 2)."""
+    along_m = p[:-1] - p[1:]
+    length_m = np.hypot(*along_m.T)
+    return Benches(0.5 * (p[:-1] + p[1:]), along_m / length_m[:, None], 0.5 * length_m + 0.275,
+                   np.full(length_m.size, 0.5 * width_m))
+
+
+def head_gap(p: Floats, width_m: float = 0.3) -> float:
+    """Return the smallest gap between the head and the benches behind it that are not its neighbour."""
+    benches = rectangles(p, width_m)
+    others = np.arange(2, len(benches.centre))
+    return float(np.min(gaps(benches, np.zeros_like(others), others)))
+
+
+def front_gap(p: Floats, width_m: float = 0.3) -> float:
+    """Return how far the head's front corners are outside of these benches; negative is inside."""
+    benches = rectangles(p, width_m)
+    seen, axis = benches.corners[0, (0, 3)][:, None] - benches.centre[2:], benches.axis[2:]
+    ahead = np.abs(np.sum(seen * axis, axis=-1)) - benches.half_length[2:]
+    aside = np.abs(axis[:, 0] * seen[..., 1] - axis[:, 1] * seen[..., 0]) - benches.half_width[2:]
+    return float(np.min(np.maximum(ahead, aside)))
+
+
+def centre_gap(p: Floats, width_m: float = 0.3) -> float:
+    """Return how far the centre of the head is from the others' centres, less a bench's width."""
+    middle = 0.5 * (p[:-1] + p[1:])
+    return float(np.min(np.hypot(*(middle[2:] - middle[0]).T))) - width_m
+
+
+def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
+    """Return the first time at which a gap is not positive, looked for in steps of 0.05 s and then halved."""
+    high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
+    low = high - 0.05
+    while low < (middle := 0.5 * (low + high)) < high:
+        low, high = (low, middle) if gap(middle) <= 0 else (middle, high)
+    return high
+
+
+def touch_s(head: Head, rule: Rule, links_m: list[float] | None = None) -> float:
+    """Return the first contact of the head as a recipe has it; infinite without one."""
+    links = links_of(handles=FOLLOWING) if links_m is None else links_m
+    times: Floats = np.linspace(405.0, 413.45, 170)
+    every = points(placed_angles(head(times), rule, links))
+    first = next((n for n, p in enumerate(every) if head_gap(p) <= 0), None)
+    if first is None:
+        return inf
+
+    def gap(t_s: float) -> float:
+        return head_gap(points(placed_angles(head(np.array([t_s])), rule, links))[0])
+    return first_touch_s(gap, float(times[first]), float(times[first]) + 0.01)
+
+
+def gap_of(dragon: dict[str, float], gap: Gap = head_gap) -> Callable[[float], float]:
+    """Return the gap by time where handles are right, of a dragon that differs from the classic one."""
+    scene = Scene(dragon=Dragon(FOLLOWING, **dragon))
+    return lambda t_s: gap(state(scene, t_s).p, dragon.get('width_m', 0.3))
+
+
+def stepped_touch_s(gap: Callable[[float], float], step_s: float) -> float:
+    """Return the first multiple of a step at which a gap is not positive, from 405 s on."""
+    return next(k * step_s for k in range(ceil(405 / step_s), ceil(414 / step_s)) if gap(k * step_s) <= 0)
+
+
+def contact_times_s() -> Iterator[Answer]:
+    """Yield mistakes with the time of the first contact."""
+    exact, right = solved(arc_length), gap_of({})
+    yield Answer('none', {}, touch_s(exact, chord()))
+    for step_s in (1.0, 0.1, 0.01):
+        yield Answer('looked', {'step': step_s}, stepped_touch_s(right, step_s))
+    yield Answer('bracket_slip_short', {}, touch_s(bracket_slip(), chord()))
+    for step_s in (1.0, 0.01):
+        yield Answer('euler', {'step': step_s}, touch_s(euler(step_s), chord()))
+    for short_m in (1e-3, 1e-4, 1e-6):
+        yield Answer('chord_short', {'short': short_m}, touch_s(exact, chord(short_m)))
+    for near_m in (3e-3, 1e-3, 1e-4):
+        yield Answer('near_counts', {'near': near_m}, first_touch_s(_less(right, near_m)))
+
+
+def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
+    """Return a gap that is smaller by a distance."""
+    return lambda t_s: gap(t_s) - near_m
+
+
+# Question 3: the smallest pitch.
+def gap_at(pitch_m: float, radius_m: float, gap: Gap = head_gap) -> float:
+    """Return a gap with the head at a radius, on a spiral of a pitch."""
+    scene = Scene(dragon=Dragon(27), track=Spiral(pitch_m, radius_m / pitch_m), solver='march')
+    return gap(state(scene, 0.0).p, 0.3)
+
+
+def radii_m(pitch_m: float, step_s: float) -> Floats:
+    """Return where the head is at each step of time in the last 6 s before the circle."""
+    b = pitch_m / 2 / pi
+    theta = np.linspace(RADIUS_M / b, RADIUS_M / b + 2, 20_000)
+    gone = b * (arc_length(np.array(START)) - arc_length(theta))
+    times = np.arange(ceil((gone[0] - 6) / step_s), gone[0] / step_s) * step_s
+    return b * np.interp(times, gone[::-1], theta[::-1])
+
+
+def sampled_pitch_m(step_s: float) -> float:
+    """Return the smallest pitch, in steps of 10 um, above which no sample in time shows a contact."""
+    pitches = (0.45035 - 1e-5 * n for n in range(100))
+    return next(p for p in pitches if min(gap_at(p, r) for r in radii_m(p, step_s)) <= 0) + 1e-5
+
+
+def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) -> float:
+    """Return the pitch at which a gap changes its sign."""
+    while high_m - low_m > 2e-7:
+        middle = 0.5 * (low_m + high_m)
+        low_m, high_m = (middle, high_m) if gap(middle) <= 0 else (low_m, middle)
+    return high_m
+
+
+def pitches_m() -> Iterator[Answer]:
+    """Yield mistakes with the smallest pitch."""
+    yield Answer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
+    way_m = np.linspace(4.621, 4.627, 20).tolist()  # where they come nearest, within half a turn before the circle
+    yield Answer('front_corners', {}, least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495,
+                                                    0.4503))
+    for step_s in (1.0, 0.1):
+        yield Answer('pitch_looked', {'step': step_s}, sampled_pitch_m(step_s))
+
+
+# Questions 4 and 5: the turn, and the speeds on it.
+def turn_length_m(gamma: float) -> float:
+    """Return the length of two tangent arcs in the circle, which meet the spirals at an angle with the radius."""
+    return 2 * RADIUS_M * gamma / sin(gamma)
+
+
+def turn_lengths_m() -> Iterator[Answer]:
+    """Yield mistakes with the length of the turn."""
+    theta = RADIUS_M * 2 * pi / 1.7
+    slip = atan(atan(theta) + theta + pi)
+    yield Answer('half_turns', {}, pi * RADIUS_M)
+    yield Answer('angle_for_slope', {}, turn_length_m(slip))
+    yield Answer('angle_and_radii', {}, 2 * RADIUS_M * slip)
+
+
+def sampled_speed_m_s(step_s: float) -> float:
+    """Return the head's speed at which no sample of the turn exceeds 2 m/s."""
+    times = np.arange(0, 200 + step_s / 2, step_s).tolist()
+    velocity = velocity_of(turning(), states(turning(), times), times)
+    return 2 / float(np.max(np.hypot(velocity[..., 0], velocity[..., 1])))
+
+
+def head_speeds_m_s() -> Iterator[Answer]:
+    """Yield mistakes with the largest speed of the head."""
+    for step_s in (1.0, 0.5, 0.1):
+        yield Answer('speed_looked', {'step': step_s}, sampled_speed_m_s(step_s))
