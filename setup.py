@@ -25,7 +25,8 @@ setup(
     maintainer='dragon_ros maintainers',
     maintainer_email='maintainers@dragon-ros.example.org',
     packages=find_packages(include=[NAME, f'{NAME}.*']),
-    package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*']},
+    package_data={NAME: ['py.typed'], f'{NAME}.commands.view': ['web/*'],
+                  f'{NAME}.commands.grade': ['report.css']},
     # Executables are data: `ros2 run` looks in lib/dragon_ros, and names such as `sim` must never reach a bin/.
     data_files=[
         ('share/ament_index/resource_index/packages', [f'resource/{NAME}']),
@@ -41,7 +42,7 @@ setup(
     install_requires=['argcomplete>=3.1', 'lz4>=4.0', 'matplotlib>=3.6', 'mcap>=1.1', 'numpy>=1.26', 'PyYAML>=6.0',
                       'shapely>=2.0', 'tqdm>=4.64', 'zstandard>=0.22'],
     extras_require={'maps': ['pyproj>=3.6'], 'parquet': ['pyarrow>=15'], 'xlsx': ['openpyxl>=3.1.5'],
-                    'verify': ['python-flint>=0.6'],
+                    'grade': ['openpyxl>=3.1.5', 'python-calamine>=0.4'], 'verify': ['python-flint>=0.6'],
                     'study': ['cryptography>=42', 'dask>=2026.8', 'distributed>=2026.8', 'pyarrow>=15', 'scipy>=1.15',
                               'tornado>=6.4'],
                     'test': ['hypothesis', 'jsonschema>=4.10', 'mpmath>=1.2', 'pytest>=7.4', 'pytest-xdist>=3.4']},

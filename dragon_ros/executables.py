@@ -28,6 +28,8 @@ EXECUTABLES = {
     'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),
     'design': Executable('dragon_ros.commands.design', 'answer a question about what to build'),
     'study': Executable('dragon_ros.commands.study', 'vary a scene a thousand times or a million, and ask each'),
+    'grade': Executable('dragon_ros.commands.grade.command',
+                        'grade results of the contest, and say which mistake they look like'),
     'cost': Executable('dragon_ros.cost.command', 'measure what accuracy, effects, contact and bags cost here'),
     'demo': Executable(_COMMANDS, 'run everything once: sim, monitor, bag, replay, picture', 'demo'),
 }

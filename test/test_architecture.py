@@ -40,7 +40,7 @@ OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
              'scenes': {'numpy', 'yaml', 'shapely', 'pyproj'}, 'messages': {'numpy'},
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
-             'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'shapely'},
+             'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
              'cost': {'numpy', 'matplotlib'}}
 # What stands beside the package in a checkout alone, and which of its own folders each may import.
@@ -278,6 +278,7 @@ def test_a_wheel_puts_executables_in_lib_alone_and_carries_every_config(tmp_path
     assert 'share/dragon_ros/launch/dragon.launch.py' in data
     web = {path.relative_to(ROOT).as_posix() for path in (PACKAGE / 'commands' / 'view' / 'web').iterdir()}
     assert web <= set(names)
+    assert 'dragon_ros/commands/grade/report.css' in names
     packages = {path.parent.relative_to(ROOT).as_posix() for path in PACKAGE.rglob('*.py')}
     modules = [name for name in names if name.startswith('dragon_ros/') and name.endswith('.py')]
     assert packages == {name.rpartition('/')[0] for name in modules}

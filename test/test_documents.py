@@ -35,6 +35,8 @@ SUBSTITUTES = {
     './dragon docs': (None, 'it would write; a test below checks the tables'),
     './dragon python docs/examples/common_mistakes.py': (None, 'a test below runs it and compares'),
     './dragon python docs/examples/': (None, 'test/nodes/test_examples.py runs it beside a sim'),
+    './dragon grade result1.xlsx': ('grade --help', 'it takes files; test/commands/test_grade.py grades some'),
+    './dragon grade class': ('grade --help', 'it takes a class; test/commands/test_grade_files.py has a small one'),
     './dragon view': ('view --help', 'it serves until Ctrl-C; test/commands/test_view.py plays the page'),
     './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
     './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0 -p discovery_s:=0.0',

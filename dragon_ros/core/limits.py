@@ -48,6 +48,16 @@ VIEW_CONNECTIONS = 32
 VIEW_IDLE_S = 10.0
 VIEW_TICKS = 100_000
 
+# Workbooks that are graded
+BOOK_BYTES = 32 * MB
+BOOK_UNPACKED_BYTES = 128 * MB
+BOOK_PARTS = 1000
+BOOK_SHEETS = 50
+BOOK_ROWS = 100_000
+BOOK_COLUMNS = 2000
+BOOK_CELLS = 2_000_000
+GRADED_BOOKS = 10_000
+
 
 class Limit(NamedTuple):
     """One budget: the name of its constant, what it bounds, its unit, and what happens beyond it."""
@@ -100,4 +110,12 @@ LIMITS = (
           'the one that has been without a request longest is closed'),
     Limit('VIEW_IDLE_S', 'how long a request to `view` takes to arrive, however its bytes come', 'seconds', 'closed'),
     Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
+    Limit('BOOK_BYTES', 'a workbook that `grade` reads', 'bytes', 'refused'),
+    Limit('BOOK_UNPACKED_BYTES', 'the sheets and texts of a workbook, unpacked', 'bytes', 'refused'),
+    Limit('BOOK_PARTS', 'the files in a workbook', 'files', 'refused'),
+    Limit('BOOK_SHEETS', 'the sheets of a workbook', 'sheets', 'refused'),
+    Limit('BOOK_ROWS', 'the rows of a sheet', 'rows', 'refused'),
+    Limit('BOOK_COLUMNS', 'the columns of a sheet', 'columns', 'refused'),
+    Limit('BOOK_CELLS', 'the rows of a sheet times its columns', 'cells', 'refused'),
+    Limit('GRADED_BOOKS', 'the workbooks of a folder that `grade` reads', 'files', 'refused'),
 )

@@ -300,6 +300,50 @@ def message(folder: Path) -> Target:
                                *(bytes([n]) for n in range(len(names)))), [close])
 
 
+def workbook(folder: Path) -> Target:
+    """Sheets of workbooks that are graded: the XML in a good archive, or, after a Z, the archive."""
+    import zipfile
+
+    from dragon_ros.commands.grade.team import Team, grade_team
+    path = folder / 'result1.xlsx'
+    main = 'http://schemas.openxmlformats.org/spreadsheetml/2006/main'
+    office = 'http://schemas.openxmlformats.org/officeDocument/2006/relationships'
+    relations = 'http://schemas.openxmlformats.org/package/2006/relationships'
+    kinds = 'application/vnd.openxmlformats-officedocument.spreadsheetml'
+    parts = {
+        '[Content_Types].xml': f'<Types xmlns="{relations[:-13]}content-types"><Default '
+        f'Extension="xml" ContentType="{kinds}.worksheet+xml"/><Override PartName="/xl/workbook.xml" '
+        f'ContentType="{kinds}.sheet.main+xml"/></Types>',
+        '_rels/.rels': f'<Relationships xmlns="{relations}"><Relationship Id="a" Type="{office}/officeDocument" '
+        'Target="xl/workbook.xml"/></Relationships>',
+        'xl/workbook.xml': f'<workbook xmlns="{main}" xmlns:r="{office}"><sheets><sheet name="a" sheetId="1" '
+        'r:id="b"/></sheets></workbook>',
+        'xl/_rels/workbook.xml.rels': f'<Relationships xmlns="{relations}"><Relationship Id="b" '
+        f'Type="{office}/worksheet" Target="worksheets/sheet1.xml"/></Relationships>'}
+
+    def archive(page: bytes) -> bytes:
+        out = io.BytesIO()
+        with zipfile.ZipFile(out, 'w', zipfile.ZIP_DEFLATED) as book:
+            for name, part in parts.items():
+                book.writestr(name, part)
+            book.writestr('xl/worksheets/sheet1.xml', page)
+        return out.getvalue()
+
+    def run(data: bytes) -> None:
+        path.write_bytes(data[1:] if data[:1] == b'Z' else archive(data))
+        for grade in grade_team(Team('a', [path])).sheets:
+            assert grade.explains is None or grade.explains <= 1
+    cells = ''.join(f'<c r="{"BCD"[n]}2"><v>{n}.5</v></c>' for n in range(3))
+    page = (f'<worksheet xmlns="{main}"><sheetData><row r="1"><c r="A1" t="inlineStr"><is><t>handle</t></is></c>'
+            '<c r="B1" t="str"><v>x</v></c><c r="C1" t="str"><v>y</v></c><c r="D1" t="str"><v>v</v></c></row>'
+            f'<row r="2"><c r="A2"><v>0</v></c>{cells}</row></sheetData><mergeCells>'
+            '<mergeCell ref="A1:A1"/></mergeCells></worksheet>').encode()
+    return Target([page, b'Z' + archive(page)], run, (
+        b'r="XFD1048576"', b'<f>1</f>', b'<c/>', b'<row>', b'<v>1e400</v>', b'nan', b't="e"', b't="s"', b't="b"',
+        b'0 s', b'&#0;', b'<!DOCTYPE a>', b'\xff', b't="d"', b'<v>2024-01-01T00:00:00</v>',
+        b'<mergeCell ref="A1:XFD9"/>'))
+
+
 def command(folder: Path) -> Target:
     """Speeds for a led dragon on cmd_vel, as messages with and without a stamp; each is walked for a tick."""
     import rclpy
@@ -340,7 +384,7 @@ def command(folder: Path) -> Target:
 
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
-    'study': study, 'request': request, 'command_line': command_line, 'message': message,
+    'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'message': message,
     'command': command}
 
 

@@ -1,0 +1,110 @@
+"""``grade``: results and answers of the contest against the truth, with what they look like."""
+import sys
+from argparse import Namespace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from dragon_ros.cli import command_line
+from dragon_ros.cli.progress import Progress
+from dragon_ros.core.errors import InputError
+
+if TYPE_CHECKING:       # keeps --help free of numpy
+    from dragon_ros.commands.grade.team import Team, TeamGrade
+
+_ANSWERS = {'t_s': '--t', 'pitch_m': '--pitch', 'turn_m': '--turn', 'speed_m_s': '--speed'}
+
+
+def main(argv: list[str]) -> int:
+    """Grade; return the exit code (1 where a signal ended it early)."""
+    options = command_line.parser('grade', 'Grade result1, result2 and result4 of the contest (CUMCM 2024 A), and '
+                                  'answers to questions 2 to 5: errors against the truth, and which mistake they look '
+                                  'like.',
+                                  'grade result1.xlsx result2.xlsx --t 412.473838')
+    options.add_argument('paths', nargs='*', type=Path, metavar='FILE|FOLDER',
+                         help='workbooks of one team, or a folder with a folder for each team')
+    options.add_argument('--t', type=float, metavar='S', help='answer of question 2: the first contact')
+    options.add_argument('--pitch', type=float, metavar='M', help='answer of question 3: the smallest pitch')
+    options.add_argument('--turn', type=float, metavar='M', help='answer of question 4: the length of the turn')
+    options.add_argument('--speed', type=float, metavar='M/S', help='answer of question 5: the fastest head')
+    options.add_argument('--answers', type=Path, metavar='FILE', help='a YAML file with t_s, pitch_m, turn_m, '
+                         'speed_m_s, or with these by the name of each team')
+    options.add_argument('--lang', choices=('en', 'zh'), default='en', help='language of text and report (%(default)s)')
+    options.add_argument('--output', type=Path, metavar='FILE', help='write to a file: report.html is a page with '
+                         'pictures, .json and .csv are tables')
+    options.add_argument('--format', choices=('text', 'csv', 'json', 'html'), default=None,
+                         help='output format (text, or as the suffix of --output says)')
+    arguments = options.parse_args(argv)
+    return command_line.guarded('grade', partial(_run, arguments))
+
+
+def _run(arguments: Namespace) -> int:
+    form = _format_of(arguments)
+    teams = _teams(arguments)
+    from dragon_ros.cli.signals import stopped_by_signals
+    from dragon_ros.commands.grade.folders import grade_all
+    with stopped_by_signals() as stop, Progress('grade', 'teams', len(teams)) as bar:
+        grades, complete = grade_all(teams, stop, bar.update)
+    command_line.write_output(arguments.output, _content(form, grades, len(teams), arguments.lang))
+    if not complete:
+        print(f'grade: interrupted: {len(grades)} of {len(teams)} teams are graded', file=sys.stderr)
+        return command_line.FAILED
+    if arguments.output is not None:
+        print(arguments.output)
+    refused = [line for grade in grades for line in grade.problems]
+    if refused and len(grades) == 1 and not grades[0].sheets and not grades[0].answers:
+        print(f'grade: {refused[0]}', file=sys.stderr)
+        return command_line.BAD_INPUT
+    return command_line.OK
+
+
+def _format_of(arguments: Namespace) -> str:
+    """Return the format: as asked, as the suffix of the output says, or text. Raises InputError."""
+    suffix = {'.html': 'html', '.htm': 'html', '.json': 'json', '.csv': 'csv', '.txt': 'text'}
+    of_output = None if arguments.output is None else suffix.get(arguments.output.suffix.lower())
+    if arguments.output is not None and of_output is None and arguments.output.suffix:
+        raise InputError(f'--output {arguments.output}: is no format of grade; end it in .html, .json, .csv or .txt')
+    if arguments.format and of_output and arguments.format != of_output:
+        raise InputError(f'--format {arguments.format}: contradicts --output {arguments.output}; leave one of them out')
+    form = str(arguments.format or of_output or 'text')
+    if form == 'html' and arguments.output is None:
+        raise InputError('--format html: this one is written to a file only; give --output report.html')
+    return form
+
+
+def _teams(arguments: Namespace) -> 'list[Team]':
+    """Return the teams with their answers. Raises InputError."""
+    from dragon_ros.commands.grade.folders import teams_of
+    from dragon_ros.commands.grade.team import Team, answers_by_team, answers_of
+    from dragon_ros.core.checks import number
+    given = {key: number(option, value, above=0.0, high=1e6) for key, option in _ANSWERS.items()
+             if (value := getattr(arguments, option[2:])) is not None}
+    if not arguments.paths and not given and arguments.answers is None:
+        raise InputError('grade: nothing is given; name workbooks, a folder, or an answer such as --t 412.473838')
+    teams = teams_of(arguments.paths) if arguments.paths else [Team('answers', [])]
+    if given and len(teams) > 1:
+        raise InputError(f'{_ANSWERS[next(iter(given))]}: is the answer of one team, and {len(teams)} are given; write '
+                         '--answers FILE with the answers of each')
+    if arguments.answers is not None and len(teams) == 1:
+        teams[0].answers = answers_of(arguments.answers)
+    elif arguments.answers is not None:
+        by_team = answers_by_team(arguments.answers)
+        unknown = sorted(by_team.keys() - {team.name for team in teams})
+        if unknown:
+            raise InputError(f'{arguments.answers}: {unknown[0]}: is no team here; the first is {teams[0].name}')
+        for team in teams:
+            team.answers = by_team.get(team.name, {})
+    if given:
+        teams[0].answers |= given
+    return teams
+
+
+def _content(form: str, grades: 'list[TeamGrade]', whole: int, lang: str) -> str:
+    """Return the grades in a format."""
+    if form == 'html':
+        from dragon_ros.commands.grade.report import page
+        return page(grades, whole, lang)
+    from dragon_ros.commands.grade import tables
+    if form == 'text':
+        return tables.text_of(grades, lang)
+    return tables.json_text(grades) if form == 'json' else tables.csv_text(grades)

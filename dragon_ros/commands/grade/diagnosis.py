@@ -1,0 +1,754 @@
+"""Why a result differs from the truth: units, order and axes first, then mistakes that are remade with their parameter.
+
+Three stages are looked at one by one: where the head is, how the next handle follows from the one before, and how fast
+they are. What is found at each is put together and remade; the result looks like it only if that explains it: the
+share of the squared error that is gone when the remade result takes the place of the truth.
+"""
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cache
+from math import ceil, floor, pi
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.commands.contest import mistakes
+from dragon_ros.commands.contest.mistakes import (
+    BODY_LINK_M,
+    HEAD_LINK_M,
+    PITCH_M,
+    START,
+    Rule,
+    arc_length,
+    chord,
+    links_of,
+    placed_angles,
+    points,
+    solved,
+)
+from dragon_ros.commands.grade.layout import HANDLES
+from dragon_ros.commands.grade.truth import State, contact_s, state_at, turned_scene, wound_scene
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import STurn
+
+EXPLAINED = 0.99        # of the squared error: from here on a result looks like a mistake
+RIGHT = 2e-6            # metres, and metres a second: six decimals, rounded or cut
+_B_M = PITCH_M / 2 / pi
+_ON_TRACK_M = 0.02      # off the spiral, as a mean square, and still on it
+_FRONT = 20             # handles that errors of links have not reached
+_BETTER = 0.2           # of the error that another order or axis must leave at most
+_NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
+_GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
+                      reverse=True))
+_DIFFERENCES_S = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001)
+_UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
+_AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0, 1), 'rotated_180': (-1, 0, 0, -1),
+         'swapped': (0, 1, 1, 0), 'rotated_90': (0, -1, 1, 0), 'rotated_270': (0, 1, -1, 0),
+         'swapped_minus': (0, -1, -1, 0)}
+
+
+class Finding(NamedTuple):
+    """One thing that was found: its key in ``words``, the parameters of its sentence, and the share it explains."""
+
+    key: str
+    parameters: dict[str, object]
+    explains: float | None = None
+
+
+@dataclass
+class Diagnosis:
+    """What was found about one quantity of a result, and what it looks like once units, order and axes are undone.
+
+    ``explains`` is the share of the squared error that all findings together explain, None where nothing is wrong.
+    """
+
+    findings: list[Finding] = field(default_factory=list)
+    explains: float | None = None
+    undone: Floats | None = None
+
+
+def share(given: Floats, remade: Floats, truth: Floats) -> float:
+    """Return the share of the squared error of given values that remade ones explain, at most 1; below 0 is worse."""
+    there = np.isfinite(given) & np.isfinite(truth)
+    if not np.isfinite(remade[there]).all():
+        return 0.0
+    error = float(np.sum(np.square(given[there] - truth[there])))
+    return 1.0 - float(np.sum(np.square(given[there] - remade[there]))) / error if error > 0 else 0.0
+
+
+def rounded_to(values: Floats) -> int | None:
+    """Return to how many decimals values are rounded, if these are fewer than six."""
+    some = values[np.isfinite(values)]
+    for digits in range(6):
+        scaled = some * 10.0 ** digits
+        if some.size and np.all(np.abs(scaled - np.round(scaled)) < 1e-7 * np.maximum(1.0, np.abs(scaled) * 1e-3)):
+            return digits
+    return None
+
+
+def _tolerance(digits: int | None) -> float:
+    return RIGHT if digits is None else RIGHT + 10.0 ** -digits
+
+
+def nice(value: float, within: float = 0.03) -> float:
+    """Return the round number that a fitted value is near, or the value."""
+    near = min(_NICE, key=lambda one: abs(one - value))
+    return near if abs(near - value) <= within * near else value
+
+
+# Positions.
+def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: State) -> Diagnosis:
+    """Return what is wrong with positions (T, 224, 2)."""
+    digits = rounded_to(given)
+    found = Diagnosis(undone=given)
+    right = truth.handles_m
+    if digits is not None:
+        found.findings.append(Finding('rounded', {'digits': digits}))
+    if _few_differ(found, given, right, digits, times_s):
+        return found
+    raw = given
+    given = _in_metres(found, given, right)
+    if result != 'result4' and _polar(found, given, right):
+        return found
+    given = _in_order(found, given, right)
+    found.undone = given
+    undone = len(found.findings) > (digits is not None)
+    if undone and _worst(given, right) <= _tolerance(digits) * 2:
+        found.explains = 1.0
+        return found
+    rest = (_turned if result == 'result4' else _wound)(result, times_s, given, right, digits)
+    of_raw = share(raw, raw - given + right, right)
+    if undone and rest.findings[-1:] == [Finding('unknown', {})] and of_raw >= EXPLAINED:
+        rest = Diagnosis([*rest.findings[:-1], Finding('rest', {'worst': _worst(given, right)})], of_raw)
+    found.findings += rest.findings
+    found.explains = rest.explains
+    return found
+
+
+def _worst(given: Floats, right: Floats) -> float:
+    there = np.isfinite(given) & np.isfinite(right)
+    return float(np.max(np.abs(given[there] - right[there]), initial=0.0))
+
+
+def _few_differ(found: Diagnosis, given: Floats, right: Floats, digits: int | None, times_s: Floats) -> bool:
+    """Say whether all is right, or all but few cells."""
+    there = np.isfinite(given) & np.isfinite(right)
+    wrong = there & ~(np.abs(given - right) <= (RIGHT if digits is None else RIGHT + 0.501 * 10.0 ** -digits))
+    count = int(wrong.sum())
+    if count == 0:
+        found.explains = 1.0 if found.findings else None
+        return True
+    if count > 0.03 * there.sum():
+        return False
+    row, handle = np.argwhere(wrong)[0][:2].tolist()
+    found.findings.append(Finding('few_cells', {'count': count, 'handle': handle, 't': float(times_s[row])}))
+    found.explains = 1.0
+    return True
+
+
+def _in_metres(found: Diagnosis, given: Floats, right: Floats) -> Floats:
+    """Return values in metres; say so where they are not."""
+    there = np.isfinite(given) & np.isfinite(right)
+    ratio = float(np.sqrt(np.sum(np.square(given[there])) / np.sum(np.square(right[there]))))
+    for factor, name in _UNITS.items():
+        if abs(np.log(max(ratio, 1e-300) / factor)) < 0.3:
+            found.findings.append(Finding(name, {}))
+            return given / factor
+    return given
+
+
+def _polar(found: Diagnosis, given: Floats, right: Floats) -> bool:
+    """Say whether values are polar coordinates, or angles went through a wrong unit."""
+    radius = np.hypot(right[..., 0], right[..., 1])
+    theta = radius / _B_M
+    for key, angle in (('radians_as_degrees', np.radians(theta)), ('degrees_as_radians', np.degrees(theta))):
+        remade = radius[..., None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+        if share(given, remade, right) >= EXPLAINED:
+            return _said(found, key, given, remade, right)
+    for key, second in (('polar', theta), ('polar', theta % (2 * pi)), ('polar_degrees', np.degrees(theta)),
+                        ('polar_degrees', np.degrees(theta) % 360)):
+        remade = np.stack((radius, second), axis=-1)
+        if share(given, remade, right) >= EXPLAINED:
+            return _said(found, key, given, remade, right)
+    return False
+
+
+def _said(found: Diagnosis, key: str, given: Floats, remade: Floats, right: Floats) -> bool:
+    found.explains = share(given, remade, right)
+    found.findings.append(Finding(key, {}, found.explains))
+    return True
+
+
+def _in_order(found: Diagnosis, given: Floats, right: Floats) -> Floats:
+    """Return handles in the right order and axes; say so where they were not.
+
+    Orders and axes are compared on the first handles, which errors of links have hardly moved.
+    """
+    some = np.unique(np.linspace(0, len(given) - 1, 24).astype(int))
+    before = _misfit(given[some], right[some])
+    tried = {(axes, order): _misfit(_ordered(given[some] @ _matrix(axes), order), right[some])
+             for axes in _AXES for order in (0, 1, -1, 2, -2, None)}
+    axes, order = min(tried, key=lambda one: tried[one])
+    rigid = _rigid(given, right, before, tried[axes, order])
+    if rigid is not None:
+        found.findings.append(rigid[0])
+        return rigid[1]
+    if tried[axes, order] < _BETTER * before and (axes or order != 0):
+        if axes:
+            found.findings.append(Finding(axes, {}))
+        if order != 0:
+            found.findings.append(Finding('rows_reversed', {}) if order is None else
+                                  Finding('handles_shifted', {'by': order}))
+        return _ordered(given @ _matrix(axes), order)
+    order_of = _matched(given[some], right[some])
+    if order_of is not None:
+        found.findings.append(Finding('rows_mixed', {}))
+        return order_of(given)
+    return given
+
+
+def _matrix(axes: str) -> Floats:
+    """Return what undoes a change of axes, for row vectors."""
+    a, b, c, d = _AXES[axes]
+    return np.array(((a, b), (c, d)), dtype=np.float64)
+
+
+def _ordered(given: Floats, order: int | None) -> Floats:
+    """Return handles moved by ``order`` places, nan where none come from; None turns them round."""
+    if order is None:
+        return given[:, ::-1]
+    out = np.full_like(given, np.nan)
+    if order >= 0:
+        out[:, order:] = given[:, :given.shape[1] - order]
+    else:
+        out[:, :order] = given[:, -order:]
+    return out
+
+
+def _misfit(given: Floats, right: Floats) -> float:
+    """Return the mean square distance of the front handles, huge where few are there."""
+    error = np.square(given[:, :_FRONT] - right[:, :_FRONT])
+    there = np.isfinite(error)
+    return float(np.sqrt(error[there].mean())) if there.mean() > 0.3 else 1e9
+
+
+def _matched(given: Floats, right: Floats) -> Callable[[Floats], Floats] | None:
+    """Return what sorts rows of x and y that stand in another order, each matched with the nearest right one."""
+    if len(given) < 4 or not np.isfinite(given).all():
+        return None
+    rows, wanted = (each.transpose(1, 2, 0).reshape(2 * HANDLES, -1) for each in (given, right))
+    apart = (np.sum(rows * rows, axis=1)[:, None] + np.sum(wanted * wanted, axis=1) - 2 * rows @ wanted.T) / len(given)
+    place: Ints = np.argmin(apart, axis=1)
+    if np.unique(place).size < 2 * HANDLES or float(np.sqrt(np.maximum(apart.min(axis=1), 0).max())) > 0.3:
+        return None
+    if np.array_equal(place, np.arange(2 * HANDLES)):
+        return None
+
+    def sort(values: Floats) -> Floats:
+        flat = values.reshape(len(values), -1)
+        out = np.empty_like(flat)
+        out[:, place] = flat
+        return out.reshape(values.shape)
+    return sort
+
+
+def _rigid(given: Floats, right: Floats, before: float, otherwise: float) -> tuple[Finding, Floats] | None:
+    """Return the best rigid motion of the front handles and what undoes it, if nothing simpler fits nearly as well."""
+    front, wanted = given[:, :_FRONT].reshape(-1, 2), right[:, :_FRONT].reshape(-1, 2)
+    there = np.isfinite(front).all(axis=1) & np.isfinite(wanted).all(axis=1)
+    if there.sum() < 8 or before < 10 * RIGHT:
+        return None
+    a, b = front[there] @ (1, 1j), wanted[there] @ (1, 1j)
+    for mirrored, source in ((False, b), (True, b.conj())):
+        turn = np.sum((a - a.mean()) * (source - source.mean()).conj())
+        turn /= abs(turn) or 1.0
+        shift = a.mean() - turn * source.mean()
+        left = float(np.sqrt(np.mean(np.square(np.abs(a - turn * source - shift))) / 2))
+        if left < 1e-3 * before and left < 0.1 * otherwise:
+            back = (given @ np.array((1, 1j)) - shift) / turn
+            back = back.conj() if mirrored else back
+            return Finding('mirrored_rigid' if mirrored else 'rotated_rigid', {
+                'angle': float(np.degrees(np.angle(turn))), 'dx': float(shift.real), 'dy': float(shift.imag),
+            }), np.stack((back.real, back.imag), axis=-1)
+    return None
+
+
+# On the spiral: results 1 and 2.
+class _HeadFit(NamedTuple):
+    findings: list[Finding]
+    angles: Floats | None       # as remade; None where nothing explains them
+
+
+def _angles_of(p: Floats) -> tuple[Floats, float]:
+    """Return the polar angles (...) of handles on the spiral, and how far they are off it (mean square, m)."""
+    radius, angle = np.hypot(p[..., 0], p[..., 1]), np.arctan2(p[..., 1], p[..., 0])
+    theta = angle + 2 * pi * np.round((radius / _B_M - angle) / (2 * pi))
+    off = (radius - _B_M * theta)[np.isfinite(radius)]
+    return theta, float(np.sqrt(np.mean(np.square(off)))) if off.size else np.inf
+
+
+def _wound(result: str, times_s: Floats, given: Floats, right: Floats, digits: int | None) -> Diagnosis:
+    """Return what explains handles on the spiral."""
+    theta, off_m = _angles_of(given)
+    noise_m = max(8 * off_m, 2 * _tolerance(digits))
+    if result == 'result2':
+        head = _HeadFit(*_moment(theta[0, 0], noise_m))
+    else:
+        head = _head_of(times_s, given[:, 0], theta[:, 0], right[:, 0], noise_m)
+    found = Diagnosis()
+    pitch_m = next((float(str(one.parameters['pitch'])) for one in head.findings if one.key == 'pitch'), PITCH_M)
+    if pitch_m != PITCH_M and head.angles is not None:
+        return _on_other_spiral(head, pitch_m, given, right)
+    if off_m > _ON_TRACK_M:
+        paper = _as_paper(times_s, given, right) if result == 'result1' else None
+        return paper or _unknown([*head.findings, Finding('off_track', {'off': off_m})])
+    start = theta[:, 0] if head.angles is None else head.angles
+    if head.angles is None or not np.isfinite(start).all():
+        return _as_paper(times_s, given, right) or _unknown([Finding('head_unknown', {}), *_links_seen(given, noise_m)])
+    best: tuple[float, Rule, list[float], list[Finding]] = (-np.inf, chord(), links_of(), [])
+    for rule, links, said in _link_candidates(theta, given, noise_m):
+        remade = points(placed_angles(start, rule, links))
+        explains = share(given, remade if digits is None else np.round(remade, digits), right)
+        if 1 - explains < 0.5 * (1 - best[0]):
+            best = explains, rule, links, said
+        if explains > 1 - 1e-6:
+            break
+    explains, rule, links, said = best
+    if explains < EXPLAINED or any(one.key == 'grid' for one in said):
+        paper = _as_paper(times_s, given, right) if result == 'result1' else None
+        if paper is not None or explains < EXPLAINED:
+            return paper or _unknown([*head.findings, *_links_seen(given, noise_m)], explains)
+    found.findings, found.explains = [*head.findings, *said], explains
+    if result == 'result2' and said:
+        found.findings = [_contact_of(one, theta[0, 0], rule, links, noise_m) for one in found.findings]
+    return found
+
+
+def _links_seen(given: Floats, noise_m: float) -> list[Finding]:
+    """Return how far chords are off their links, where that is more than noise."""
+    off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
+    low, high = np.nanpercentile(off, (0.5, 99.5)).tolist() if np.isfinite(off).any() else (0.0, 0.0)
+    return [Finding('tolerance', {'low': low, 'high': high})] if max(-low, high) > noise_m else []
+
+
+def _unknown(findings: list[Finding], explains: float = 0.0) -> Diagnosis:
+    """Return a diagnosis that says which facts were seen, and that they do not explain the rest."""
+    return Diagnosis([*findings, Finding('unknown', {})], max(explains, 0.0))
+
+
+def _on_other_spiral(head: _HeadFit, pitch_m: float, given: Floats, right: Floats) -> Diagnosis:
+    assert head.angles is not None
+    remade = points(placed_angles(head.angles, chord(pitch_m=pitch_m), links_of()), pitch_m)
+    explains = share(given, remade, right)
+    return Diagnosis(head.findings, explains) if explains >= EXPLAINED else _unknown(head.findings, explains)
+
+
+def _head_of(times_s: Floats, head: Floats, theta: Floats, right: Floats, noise_m: float) -> _HeadFit:
+    """Return which mistake explains the places of the head (T, 2)."""
+    if _worst(head, right) <= noise_m:
+        return _HeadFit([], solved(arc_length)(times_s))
+    tried = []
+    for key, parameters, angles, pitch_m in _head_candidates(times_s, head, theta):
+        tried.append((share(head, points(angles, pitch_m), right), key, parameters, angles))
+    best = max((one[0] for one in tried), default=0.0)
+    if best < EXPLAINED:
+        return _HeadFit([], None)
+    left = 1 - best
+    explains, key, parameters, angles = next(one for one in tried if 1 - one[0] <= 2 * left + 1e-6)
+    return _HeadFit([Finding(key, parameters, explains)], angles)
+
+
+def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
+                     ) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
+    """Yield remade heads: key, parameters, angles (T,), and the pitch. The fewest parameters come first."""
+    exact = solved(arc_length)
+    radial_arc = mistakes.solved(mistakes.without_radial)(times_s)
+    yield 'radial_arc', {}, radial_arc, PITCH_M
+    yield 'bracket_slip', {}, mistakes.bracket_slip()(times_s), PITCH_M
+    late = (arc_length(np.array(START)) - arc_length(theta)) * _B_M - times_s      # seconds, at 1 m/s
+    there = np.isfinite(late)
+    if not there.any():
+        return
+    for key, radial, base in (('euler', True, exact(times_s)), ('euler_radial', False, radial_arc)):
+        step_s = _euler_step(theta[there], base[there], mistakes.euler(0.1, radial)(times_s)[there])
+        if 0.0004 < step_s < 30:
+            yield key, {'step': step_s}, mistakes.euler(step_s, radial)(times_s), PITCH_M
+    shift_s = float(np.median(late[there]))
+    turns = (START + 0.0) / (2 * pi)
+    start = solved(arc_length)(np.array([shift_s]))[0] / (2 * pi)
+    if abs(start - turns) > 0.2 and abs(2 * start - round(2 * start)) < 1e-4:
+        yield 'start_turns', {'turns': round(2 * start) / 2}, exact(times_s + shift_s), PITCH_M
+    yield 'time_shift', {'shift': shift_s}, exact(times_s + shift_s), PITCH_M
+    if times_s.size > 2:
+        gone = late[there] + times_s[there]
+        speed = float(np.sum(gone * times_s[there]) / np.sum(np.square(times_s[there])))
+        if abs(speed + 1) < 1e-3:
+            yield 'outward', {}, exact(-times_s), PITCH_M
+        yield 'speed', {'speed': speed}, exact(speed * times_s), PITCH_M
+        yield from _other_pitch(times_s, head)
+
+
+def _euler_step(theta: Floats, base: Floats, at_a_tenth: Floats) -> float:
+    """Return the step whose error, in proportion to that of 0.1 s, fits the head's."""
+    per_step = (at_a_tenth - base) / 0.1
+    return nice(float(np.sum((theta - base) * per_step) / np.sum(np.square(per_step))))
+
+
+def _other_pitch(times_s: Floats, head: Floats) -> Iterator[tuple[str, dict[str, object], Floats, float]]:
+    """Yield the head on a spiral of another pitch, which starts at the same angle."""
+    if np.max(np.diff(times_s), initial=0.0) > 2 or not np.isfinite(head).all():
+        return
+    turned = np.unwrap(np.arctan2(head[:, 1], head[:, 0]))
+    radius = np.hypot(head[:, 0], head[:, 1])
+    if np.ptp(turned) > 1:
+        pitch_m = abs(2 * pi * float(np.polyfit(turned, radius, 1)[0]))
+        pitch_m = round(pitch_m, 4) if abs(pitch_m - round(pitch_m, 4)) < 2e-6 else pitch_m
+        if 0.1 < pitch_m < 5 and abs(pitch_m - PITCH_M) > 1e-6:
+            yield 'pitch', {'pitch': pitch_m}, solved(arc_length, pitch_m=pitch_m)(times_s), pitch_m
+
+
+def _link_candidates(theta: Floats, given: Floats, noise_m: float,
+                     ) -> Iterator[tuple[Rule, list[float], list[Finding]]]:
+    """Yield how handles may follow each other: a rule, its links, and its name; only what chords and angles allow."""
+    exact = links_of()
+    off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - exact
+    if not np.isfinite(off).any():
+        return
+    if np.nanmax(np.abs(np.nanmedian(off, axis=0))) <= noise_m and np.nanpercentile(np.abs(off), 99.5) <= noise_m:
+        yield chord(), exact, []
+    if (constant := constant_links(off, noise_m)) is not None:
+        yield chord(), constant[0], constant[1]
+    arcs = np.diff(arc_length(theta), axis=1) * _B_M - exact
+    if np.nanpercentile(np.abs(arcs), 99) <= noise_m:
+        yield mistakes.along, exact, [Finding('along', {})]
+    if (found := _grid_of(theta, np.diff(theta, axis=1), off, noise_m)) is not None:
+        yield found[0], exact, found[1]
+
+
+def constant_links(off: Floats, noise_m: float) -> tuple[list[float], list[Finding]] | None:
+    """Return the lengths of links (T, 223 errors) if all times have the same, and their name; None if they vary."""
+    head, body, last = (float(np.nanmedian(each)) for each in (off[:, 0], off[:, 1:-1], off[:, -1]))
+    middle = np.concatenate(([head], np.full(off.shape[1] - 2, body), [last]))
+    if np.nanpercentile(np.abs(off - middle) - np.maximum(noise_m, 0.05 * np.abs(middle)), 98) > 0:
+        return None
+    lengths = HEAD_LINK_M + head, BODY_LINK_M + body, BODY_LINK_M + last
+    return links_of(*lengths), [_named_links(*lengths, noise_m)]
+
+
+def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) -> Finding:
+    """Return the name of a mistake that gives these lengths of links."""
+    def are(*wanted: float) -> bool:
+        near = max(noise_m, 1e-5)
+        return all(abs(one - other) <= near for one, other in zip((head_m, body_m, last_m), wanted, strict=True))
+    names = {'body_link_for_head': (1.65, 1.65, 1.65), 'head_link_for_body': (2.86, 2.86, 2.86),
+             'whole_benches': (3.41, 2.2, 2.2), 'one_hole': (3.135, 1.925, 1.925), 'swapped_links': (1.65, 2.86, 2.86),
+             'last_link': (2.86, 1.65, 2.86)}
+    for key, lengths in names.items():
+        if are(*lengths):
+            return Finding(key, {})
+    short = BODY_LINK_M - body_m
+    if abs(HEAD_LINK_M - head_m - short) < max(noise_m, 0.05 * abs(short)):
+        return Finding('chord_short', {'short': nice(short, 0.05)}) if short > 0 else Finding('chord_long', {
+            'long': nice(-short, 0.05)})
+    return Finding('links', {'head': head_m, 'body': body_m})
+
+
+def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
+             ) -> tuple[Rule, list[Finding]] | None:
+    """Return the rule of a grid of angles that every handle is on, as seen from the one before."""
+    blur = noise_m / float(np.nanmin(theta) * _B_M)
+    for grid in _GRIDS:
+        if blur > 0.2 * grid:
+            return None
+        count = np.round(step / grid)
+        if np.nanpercentile(np.abs(step / grid - count), 95) < 0.08:
+            before = np.hypot(*np.moveaxis(points(theta[:, :-1] + (count - 1) * grid) - points(theta[:, :-1]), -1, 0))
+            links = [HEAD_LINK_M, *[BODY_LINK_M] * (off.shape[1] - 1)]
+            body = slice(0, -1)         # the paper's last link is another
+            lowest, highest = -np.nanmin(off[:, body]), float(np.nanmin((links - before)[:, body]))
+            within = next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
+            if within is None:
+                return None
+            key = 'grid' if within else 'grid_past'
+            return mistakes.grid(grid, within), [Finding(key, {'step': grid, 'within': within})]
+    return None
+
+
+@cache
+def _paper_at(times_s: tuple[float, ...]) -> Floats:
+    scene = replace(mistakes.winding(), accuracy='paper')
+    return np.stack([state(scene, t_s).p for t_s in times_s])
+
+
+def _as_paper(times_s: Floats, given: Floats, right: Floats) -> Diagnosis | None:
+    """Return that positions are the paper's own, if they are at some of the times."""
+    some = [n for n in np.unique(np.linspace(0, times_s.size - 1, 6).astype(int)).tolist()
+            if 0 <= times_s[n] <= 412 and abs(times_s[n] * 100 - round(times_s[n] * 100)) < 1e-9]
+    if not some:
+        return None
+    explains = share(given[some], _paper_at(tuple(times_s[some].tolist())), right[some])
+    return Diagnosis([Finding('paper', {}, explains)], explains) if explains >= EXPLAINED else None
+
+
+# Result 2: when it is.
+def _moment(theta: float, noise_m: float) -> tuple[list[Finding], Floats | None]:
+    """Return at which moment the head is where result 2 has it, and which mistake ends there."""
+    if not np.isfinite(theta):
+        return [], None
+    t_s = float(arc_length(np.array(START)) - arc_length(np.array(theta))) * _B_M
+    near_s = max(5e-6, noise_m)
+    if abs(t_s - contact_s()) <= near_s:
+        return [], np.array([theta])
+    return [Finding('moment', {'t': t_s}), *contact_findings(t_s, near_s)], np.array([theta])
+
+
+@cache
+def _known_contacts() -> tuple[mistakes.Answer, ...]:
+    return tuple(mistakes.contact_times_s())
+
+
+def contact_findings(t_s: float, near_s: float) -> list[Finding]:
+    """Return which mistakes give a time of the first contact, to ``near_s``: remade, or with their parameter fitted."""
+    for answer in _known_contacts():
+        if answer.key != 'none' and abs(answer.value - t_s) <= near_s:
+            return [Finding(answer.key, dict(answer.parameters))]
+    for step_s in _NICE[:12]:
+        if abs(ceil(contact_s() / step_s) * step_s - t_s) <= near_s:
+            return [Finding('looked', {'step': step_s})]
+        if abs(floor(contact_s() / step_s) * step_s - t_s) <= near_s:
+            return [Finding('looked_before', {'step': step_s})]
+    if abs(t_s - 412.3) <= near_s:
+        return [Finding('paper_contact', {})]
+    if 405 < t_s < contact_s():
+        gap = mistakes.gap_of({})
+        near_m = gap(t_s)
+        if near_m < 0.02 and all(gap(one) > near_m for one in np.arange(405.0, t_s - 0.02, 0.02).tolist()):
+            return [Finding('near_counts', {'near': near_m})]
+    return []
+
+
+def _contact_of(finding: Finding, theta: float, rule: Rule, links: list[float], noise_m: float) -> Finding:
+    """Return the finding about the moment, if wrong links alone explain it."""
+    if finding.key != 'moment':
+        return finding
+    t_s = mistakes.touch_s(solved(arc_length), rule, links[:mistakes.FOLLOWING - 1])
+    own_s = float(str(finding.parameters['t']))
+    return Finding('moment_of_links', {'t': own_s}) if abs(t_s - own_s) <= max(2e-4, noise_m) else finding
+
+
+# On the turn: result 4.
+def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: int | None) -> Diagnosis:
+    """Return what explains handles on the turn."""
+    noise_m = 2 * _tolerance(digits)
+    findings, track, shift_s, speed = list[Finding](), None, 0.0, 1.0
+    if _worst(given[:, 0], right[:, 0]) > noise_m:
+        fitted = _turn_fit(times_s, given[:, 0], right[:, 0])
+        findings.append(fitted[0] if fitted else _before_turn(times_s, given[:, 0], noise_m))
+        _, track, shift_s, speed = fitted or (None, None, 0.0, 1.0)
+    off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
+    links = links_of()
+    if np.nanpercentile(np.abs(off), 99.5) > noise_m:
+        constant = constant_links(off, noise_m)
+        if constant is None:
+            near = np.abs(off[np.isfinite(off)]) <= noise_m
+            low, high = np.nanpercentile(off, (0.5, 99.5)).tolist()
+            seen = {'low': low, 'high': high}
+            return _unknown([*findings, Finding('links_in_part', {'share': float(near.mean()), **seen})
+                             if near.mean() > 0.2 else Finding('tolerance', seen)])
+        links, said = constant
+        findings += said
+    if findings and findings[0].key in ('head_unknown', 'circle_before'):
+        return _unknown(findings)
+    dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
+    try:
+        remade = _turn_state(times_s, dragon, track, shift_s, speed).handles_m
+    except DragonError:         # arcs that are too tight for these links
+        return _unknown(findings)
+    explains = share(given, remade if digits is None else np.round(remade, digits), right)
+    return Diagnosis(findings, explains) if explains >= EXPLAINED else _unknown(findings, explains)
+
+
+def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: float, speed: float) -> State:
+    scene, offset_s = turned_scene(dragon, track)
+    return state_at(scene, speed * times_s + shift_s + offset_s)
+
+_TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
+                                              'diameter': (9.0,), 'pitch': (1.7,)}
+_ALONE = Dragon(1, head_length_m=0.65)      # a head alone may turn as tightly as it likes
+Turn = tuple[Finding, STurn | None, float, float]
+
+
+def _turn_fit(times_s: Floats, head: Floats, right: Floats) -> Turn | None:
+    """Return the one parameter of the turn, or circle and ratio, that explain where the head is, by least squares."""
+    some = np.unique(np.linspace(0, times_s.size - 1, 41).astype(int))
+    times, wanted = times_s[some], head[some]
+    circles_m = _circles_m(times, wanted)
+    tries = [(name, value, 0.0) for name, starts in _TURN_STARTS.items() for value in starts]
+    tries += [('diameter', circle, 0.0) for circle in circles_m]
+    tries += [('both', ratio, circle) for circle in circles_m for ratio in (2.0, 1.0, 0.5)]
+    best: tuple[float, str, float, float] = (0.0, '', 0.0, 0.0)
+    for name, value, circle in tries:
+        if best[0] > 1 - 1e-9:
+            break
+        try:
+            explains, fitted = _fitted(name, value, circle, times, wanted, right[some])
+        except DragonError:     # no such turn
+            continue
+        if explains > best[0] + 1e-6:
+            best = explains, name, fitted, circle
+    explains, name, value, circle = best
+    if explains < EXPLAINED:
+        return None
+    value, circle = (round(one, 4) if abs(one - round(one, 4)) < 2e-6 else one for one in (value, circle))
+    return Finding(f'turn_{name}', {'ratio' if name == 'both' else name: value, 'diameter': circle} if name == 'both'
+                   else {name: value}, explains), *_turn_of(name, value, circle)
+
+
+def _before_turn(times_s: Floats, head: Floats, noise_m: float) -> Finding:
+    """Return the circle that the head comes to, if it is right up to there."""
+    for circle_m in _circles_m(times_s, head):
+        before = times_s < 0
+        remade = _turn_state(times_s[before], _ALONE, STurn(diameter_m=circle_m), 0.0, 1.0).handles_m[:, 0]
+        if _worst(head[before], remade) <= max(noise_m, 1e-5):
+            return Finding('circle_before', {'diameter': circle_m})
+    return Finding('head_unknown', {})
+
+
+def _turn_of(name: str, value: float, circle_m: float) -> tuple[STurn | None, float, float]:
+    """Return the track, the shift of times, and the speed that a parameter's value means."""
+    if name in ('shift', 'speed'):
+        return None, value if name == 'shift' else 0.0, value if name == 'speed' else 1.0
+    if name == 'both':
+        return STurn(diameter_m=circle_m, ratio=value), 0.0, 1.0
+    return STurn(**{{'ratio': 'ratio', 'diameter': 'diameter_m', 'pitch': 'pitch_m'}[name]: value}), 0.0, 1.0
+
+
+def _fitted(name: str, value: float, circle_m: float, times: Floats, wanted: Floats, right: Floats,
+            ) -> tuple[float, float]:
+    """Return the share that the best value of one parameter explains, and it: Gauss-Newton from a start."""
+    def at(one: float) -> Floats:
+        return _turn_state(times, _ALONE, *_turn_of(name, one, circle_m)).handles_m[:, 0]
+    here = at(value)
+    for _ in range(8):
+        slope = (at(value + 1e-5) - here) / 1e-5
+        change = float(np.nansum((wanted - here) * slope) / np.nansum(np.square(slope)))
+        value += float(np.clip(change, -0.5, 0.5))
+        here = at(value)
+        if abs(change) < 1e-8 or (abs(change) > 1e-3 and share(wanted, here, right) < -3):
+            break
+    return share(wanted, here, right), value
+
+
+def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
+    """Return the diameter of the circle that the head enters at 0 s, by where it is on the spiral before."""
+    before = (times < 0) & np.isfinite(head).all(axis=1)
+    if not before.any():
+        return ()
+    b_m = STurn.pitch_m / 2 / pi
+    theta = np.hypot(head[before, 0], head[before, 1]) / b_m
+    left = arc_length(theta) + times[before] / b_m
+    return (2 * b_m * float(np.median(mistakes.inverted(arc_length, left))),)
+
+
+# Speeds.
+def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: State, positions: Diagnosis) -> Diagnosis:
+    """Return what is wrong with speeds (T, 224)."""
+    digits, found = rounded_to(given), Diagnosis(undone=given)
+    right = truth.speed_m_s
+    digits = None if np.all(given[np.isfinite(given)] == 1) else digits
+    if digits is not None:
+        found.findings.append(Finding('rounded', {'digits': digits}))
+    if _few_differ(found, given[..., None], right[..., None], digits, times_s):
+        return found
+    level = float(np.nanmedian(given))
+    for factor, key in ((100.0, 'centimetres'), (1000.0, 'millimetres'), (-1.0, 'negative')):
+        if abs(level / factor - 1) < 0.2:
+            found.findings.append(Finding(key, {}))
+            given = given / factor
+    found.undone = given
+    tried = [(share(given, remade if digits is None else np.round(remade, digits), right), n, finding)
+             for n, (finding, remade) in enumerate(_speed_candidates(result, times_s, given, truth, positions))]
+    if found.findings and _worst(given, right) <= 2 * _tolerance(digits):
+        found.explains = 1.0
+        return found
+    best = max((one[0] for one in tried), default=0.0)
+    explains, _, finding = next((one for one in tried if 1 - one[0] <= 2 * (1 - best) + 1e-6), (0.0, 0, None))
+    if finding is None or best < EXPLAINED:
+        found.findings.append(Finding('unknown', {}))
+        found.explains = max(best, 0.0)
+        return found
+    found.findings.append(finding._replace(explains=explains))
+    found.explains = explains
+    return found
+
+
+def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: State, positions: Diagnosis,
+                      ) -> Iterator[tuple[Finding, Floats]]:
+    """Yield remade speeds (T, 224) with their names; the fewest parameters come first."""
+    right = truth.speed_m_s
+    yield Finding('all_one', {}), np.ones_like(right)
+    for order in (1, -1, None):
+        moved = _ordered(right, order)
+        moved = np.where(np.isnan(moved), given, moved)
+        yield (Finding('rows_reversed', {}) if order is None else Finding('handles_shifted', {'by': -order})), moved
+    if result != 'result4':
+        yield from _wound_speeds(given, truth, positions)
+    yield from _by_differences(result, times_s, given, right)
+
+
+def _wound_speeds(given: Floats, truth: State, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
+    """Yield speeds on the spiral: of the given positions, by the inverted ratio, and by the paper's power law."""
+    places = [(truth.handles_m, '')]
+    if positions.undone is not None and positions.findings and np.isfinite(positions.undone).all():
+        places.append((positions.undone, '_given'))
+    for p, suffix in places:
+        theta, off_m = _angles_of(p)
+        if off_m > _ON_TRACK_M:
+            continue
+        if suffix:
+            yield Finding('speeds_of_given', {}), mistakes.projected(theta)
+        yield Finding('inverted', {}), mistakes.projected(theta, swapped=True)
+        yield Finding('power_law', {}), (theta[:, :1] / theta) ** 0.02
+        yield Finding('rigid_turn', {}), theta / theta[:, :1]
+
+
+def _by_differences(result: str, times_s: Floats, given: Floats, right: Floats) -> Iterator[tuple[Finding, Floats]]:
+    """Yield speeds by differences of positions, with the step of time fitted."""
+    if result == 'result2':
+        times_s = np.array([contact_s()])
+    scene, offset_s = turned_scene() if result == 'result4' else wound_scene()
+    some = np.unique(np.linspace(0, times_s.size - 1, 16).astype(int))
+    tried = []
+    for kind in ('forward', 'backward', 'central'):
+        for step_s in _DIFFERENCES_S:
+            try:
+                remade = mistakes.differences(scene, times_s[some] + offset_s, step_s, kind)
+            except DragonError:     # a step beyond the lock
+                continue
+            tried.append((share(given[some], remade, right[some]), kind, step_s))
+    if tried and (best := max(tried))[0] > 0.9:
+        _, kind, step_s = best
+        yield Finding('differences', {'kind': kind, 'step': step_s}), mistakes.differences(
+            scene, times_s + offset_s, step_s, kind)
+
+
+# Answers in one number.
+def answer_findings(question: str, value: float) -> list[Finding]:
+    """Return which mistakes give an answer of questions 2 to 5, to the digits that tables of them have."""
+    if question == 't_s':
+        return contact_findings(value, 1.5e-6)
+    answers, near = _known_answers(question)
+    for answer in answers:
+        if abs(answer.value - value) <= near:
+            return [Finding(answer.key, dict(answer.parameters))]
+    return []
+
+
+@cache
+def _known_answers(question: str) -> tuple[tuple[mistakes.Answer, ...], float]:
+    make, near = {'pitch_m': (mistakes.pitches_m, 6e-6), 'turn_m': (mistakes.turn_lengths_m, 6e-5),
+                  'speed_m_s': (mistakes.head_speeds_m_s, 6e-5)}[question]
+    return tuple(make()), near

@@ -1,0 +1,133 @@
+"""Which workbooks belong to which team, and all teams graded on all cores."""
+import re
+import signal
+from collections.abc import Callable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from multiprocessing import get_context
+from os import cpu_count, walk
+from pathlib import Path
+from threading import Event
+
+from dragon_ros.commands.grade.team import Team, TeamGrade, grade_team
+from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.limits import GRADED_BOOKS
+
+_BOOKS = ('.xlsx', '.xlsm', '.xls', '.xlsb', '.xltx')
+_ANSWERS = ('.yaml', '.yml')
+_RESULT = re.compile(r'[\s_\-]*(?:result|结果|附件|res)[\s_\-]*0?[124](?!\d)[\s_\-]*', re.IGNORECASE)
+_AT_ONCE_S = 0.2        # between two looks at whether to stop
+_ALONE = 2              # teams for which starting processes takes longer
+
+
+def teams_of(paths: list[Path]) -> list[Team]:
+    """Return the teams of files and folders.
+
+    Files are one team. In a folder each folder with workbooks is a team; in one folder, names that differ in more than
+    the number of the result are several. Raises InputError, MissingError.
+    """
+    missing = [path for path in paths if not path.exists()]
+    if missing:
+        raise MissingError(f'{missing[0]}: is not there; give workbooks, or a folder with a folder for each team')
+    files = [path for path in paths if not path.is_dir()]
+    teams = _split(_name_of(files), files) if files else []
+    for path in paths:
+        if path.is_dir():
+            teams += list(_in_folder(path))
+    if not teams:
+        raise InputError(f'{paths[0]}: holds no workbook (.xlsx); give result1.xlsx, result2.xlsx, result4.xlsx, or a '
+                         'folder with a folder for each team')
+    return teams
+
+
+def _name_of(files: list[Path]) -> str:
+    """Return the name of a team that gave these files: what their names share, or their folder's."""
+    shared = _RESULT.sub('', files[0].stem)
+    return shared or files[0].resolve().parent.name or 'team'
+
+
+def _in_folder(root: Path) -> Iterator[Team]:
+    """Yield the teams of a folder in order of their names."""
+    room = GRADED_BOOKS
+    for folder, folders, names in walk(root):
+        folders.sort()
+        here = Path(folder)
+        books = [here / name for name in sorted(names) if _is(name, _BOOKS)]
+        room -= len(books)
+        if room < 0:
+            raise InputError(f'{root}: holds more than {GRADED_BOOKS} workbooks; grade it in parts')
+        answers = [here / name for name in sorted(names) if _is(name, _ANSWERS)]
+        if books or answers:
+            name = here.relative_to(root).as_posix()
+            teams = _split(root.resolve().name if name == '.' else name, books)
+            for team in teams:
+                team.answers_file = answers[0] if answers and len(teams) == 1 else None
+            yield from teams
+
+
+def _is(name: str, kinds: tuple[str, ...]) -> bool:
+    return name.lower().endswith(kinds) and not name.startswith(('~$', '.'))
+
+
+def _split(name: str, books: list[Path]) -> list[Team]:
+    """Return the team of a folder, or the teams, where what surrounds the number of the result differs."""
+    if not books:
+        return [Team(name, [])]
+    groups: dict[str, list[Path]] = {}
+    for path in books:
+        groups.setdefault(_RESULT.sub('', path.stem) if _RESULT.search(path.stem) else '', []).append(path)
+    if len(groups) <= 1 or sum(len(group) > 1 for group in groups.values()) < 2:
+        return [Team(name, books)]
+    return [Team(key or name, group) for key, group in groups.items()]
+
+
+def grade_all(teams: list[Team], stop: Event, done: Callable[[], object],
+              ) -> tuple[list[TeamGrade], bool]:
+    """Return the grades of teams in their order, and whether all are there; ``done()`` is called after each.
+
+    A signal sets ``stop``: what is under way is ended, and what is done is kept.
+    """
+    grades: dict[int, TeamGrade] = {}
+    if len(teams) <= _ALONE:
+        for n, team in enumerate(teams):
+            if stop.is_set():
+                break
+            grades[n] = grade_team(team)
+            done()
+    else:
+        _in_processes(teams, grades, stop, done)
+    return [grades[n] for n in sorted(grades)], len(grades) == len(teams)
+
+
+def _in_processes(teams: list[Team], grades: dict[int, TeamGrade], stop: Event, done: Callable[[], object]) -> None:
+    """Grade teams on all cores; where a workbook ends a process, teams are tried again, each in one of its own."""
+    workers = min(len(teams), cpu_count() or 1)
+    if _run(teams, list(range(len(teams))), workers, grades, stop, done):
+        return
+    for n in range(len(teams)):
+        if n not in grades and not stop.is_set() and not _run(teams, [n], 1, grades, stop, done):
+            grades[n] = TeamGrade(teams[n].name, tuple(path.name for path in teams[n].files), (), (), (),
+                                  ('a workbook ended the process that read it; save it again as .xlsx',))
+            done()
+
+
+def _run(teams: list[Team], numbers: list[int], workers: int, grades: dict[int, TeamGrade], stop: Event,
+         done: Callable[[], object]) -> bool:
+    """Grade some teams; return False where a process has ended."""
+    with ProcessPoolExecutor(workers, get_context('spawn'), initializer=_ignore_interrupts) as pool:
+        waiting: dict[Future[TeamGrade], int] = {pool.submit(grade_team, teams[n]): n for n in numbers}
+        while waiting and not stop.is_set():
+            for future in wait(waiting, _AT_ONCE_S, FIRST_COMPLETED).done:
+                try:
+                    grades[waiting[future]] = future.result()
+                except BrokenProcessPool:
+                    return False
+                del waiting[future]
+                done()
+        pool.shutdown(wait=True, cancel_futures=True)
+    return True
+
+
+def _ignore_interrupts() -> None:
+    """Leave Ctrl-C to the process that shares the work out."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)

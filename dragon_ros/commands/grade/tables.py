@@ -1,0 +1,130 @@
+"""Grades as text, CSV and JSON; the latter two are described in ``docs/grading.md`` and stay as they are."""
+import json
+from collections.abc import Iterable
+from typing import Any
+
+from dragon_ros.cli.command_line import csv_of
+from dragon_ros.commands.grade.diagnosis import EXPLAINED, Finding
+from dragon_ros.commands.grade.team import BOUNDS, QUESTIONS, SHEETS, AnswerGrade, SheetGrade, TeamGrade
+from dragon_ros.commands.grade.truth import RESULTS
+from dragon_ros.commands.grade.words import handle_name, sentence
+
+FORMAT = 1      # of JSON and CSV
+
+
+def json_text(teams: list[TeamGrade]) -> str:
+    """Return all grades as one object."""
+    return json.dumps({'format': FORMAT, 'bounds': BOUNDS, 'teams': [_values(team) for team in teams]},
+                      ensure_ascii=False, indent=1)
+
+
+def _values(team: TeamGrade) -> dict[str, Any]:
+    return {'team': team.name, 'files': list(team.files), 'results': [_sheet_values(one) for one in team.sheets],
+            'answers': [{'question': one.question, 'given': one.given, 'truth': one.truth, 'error': one.error,
+                         'verdict': one.verdict, 'findings': list(map(_finding_values, one.findings))}
+                        for one in team.answers],
+            'notes': [{'key': key, 'parameters': parameters, 'text': sentence(key, parameters)}
+                      for key, parameters in team.notes], 'problems': list(team.problems)}
+
+
+def _sheet_values(one: SheetGrade) -> dict[str, Any]:
+    return {'result': one.result, 'sheet': one.sheet, 'verdict': one.verdict, 'cells': one.cells,
+            'expected': one.expected, 'worst': one.worst, 'handle': one.handle, 't_s': one.t_s,
+            'within': list(one.within), 'explains': one.explains, 'findings': list(map(_finding_values, one.findings))}
+
+
+def _finding_values(one: Finding) -> dict[str, Any]:
+    return {'key': one.key, 'parameters': one.parameters, 'text': sentence(one.key, one.parameters),
+            'explains': one.explains}
+
+
+COLUMNS = ('team', *(f'{result}_{sheet}_{what}' for result in RESULTS for sheet in SHEETS for what in (
+    'verdict', 'cells', 'worst', *(f'within_{bound:g}' for bound in BOUNDS), 'diagnosis', 'explains')),
+    *(f'{question}_{what}' for question in QUESTIONS for what in ('given', 'error', 'verdict', 'diagnosis')),
+    'problems')
+
+
+def csv_text(teams: list[TeamGrade]) -> str:
+    """Return a row for each team."""
+    return csv_of(COLUMNS, map(_row, teams)).rstrip('\n')
+
+
+def _row(team: TeamGrade) -> Iterable[object]:
+    sheets = {(one.result, one.sheet): one for one in team.sheets}
+    answers = {one.question: one for one in team.answers}
+    row: list[object] = [_harmless(team.name)]
+    for result in RESULTS:
+        for sheet in SHEETS:
+            one = sheets.get((result, sheet))
+            row += ['missing', 0, '', *[''] * len(BOUNDS), '', ''] if one is None else [
+                one.verdict, one.cells, '' if one.worst is None else one.worst, *one.within, keys_of(one.findings),
+                '' if one.explains is None else one.explains]
+    for question in QUESTIONS:
+        answer = answers.get(question)
+        row += ['', '', 'missing', ''] if answer is None else [answer.given, answer.error, answer.verdict,
+                                                               keys_of(answer.findings)]
+    return [*row, _harmless('; '.join(team.problems))]
+
+
+def _harmless(text: str) -> str:
+    """Return a text that a spreadsheet does not take for a formula."""
+    return f"'{text}" if text.startswith(('=', '+', '-', '@', '\t', '\r')) else text
+
+
+def keys_of(findings: Iterable[Finding]) -> str:
+    """Return the keys of findings with their numbers, such as ``euler(step=1)``."""
+    out = []
+    for one in findings:
+        values = ', '.join(f'{name}={value:.6g}' if isinstance(value, float) else f'{name}={value}'
+                           for name, value in one.parameters.items())
+        out.append(f'{one.key}({values})' if values else one.key)
+    return ' + '.join(out)
+
+
+def looks_like(one: SheetGrade | AnswerGrade, lang: str) -> str:
+    """Return the diagnosis as a sentence: what it looks like and how much that explains, or what is seen."""
+    if not one.findings:
+        return ''
+    explains = one.explains if isinstance(one, SheetGrade) else None
+    unknown = any(finding.key == 'unknown' for finding in one.findings)
+    what = ' + '.join(sentence(finding.key, finding.parameters, lang) for finding in one.findings
+                      if finding.key != 'unknown')
+    if unknown:
+        return sentence('unknown', {}, lang) + (f'; {sentence("seen", {"what": what}, lang)}' if what else '')
+    if explains is None or explains < EXPLAINED:
+        return sentence('seen', {'what': what}, lang) if isinstance(one, SheetGrade) else what
+    return sentence('looks_like', {'what': what, 'share': sentence('explains', {'share': explains}, lang)}, lang)
+
+
+def place_of(one: SheetGrade, lang: str) -> str:
+    """Return where the worst error is, as a text."""
+    if one.handle is None or one.t_s is None:
+        return ''
+    return sentence('at_time', {'handle': handle_name(one.handle, lang), 't': one.t_s}, lang)
+
+
+def text_of(teams: list[TeamGrade], lang: str) -> str:
+    """Return the grades for a person to read in a terminal."""
+    return '\n\n'.join('\n'.join(_lines(team, lang)) for team in teams)
+
+
+def _lines(team: TeamGrade, lang: str) -> Iterable[str]:
+    yield team.name
+    for one in team.sheets:
+        name = f'  {one.result} {sentence(one.sheet, None, lang)}: {sentence(one.verdict, None, lang)}'
+        if one.worst is None:
+            yield name
+            continue
+        shares = ', '.join(f'{share:.2%} {sentence("within", {"bound": bound}, lang)}'
+                           for bound, share in zip(BOUNDS, one.within, strict=True))
+        yield (f'{name}, {one.cells}/{one.expected} {sentence("cells", None, lang)}, '
+               f'{sentence("worst", None, lang)} {one.worst:.3g} ({place_of(one, lang)}); {shares}')
+        if one.findings:
+            yield f'    {looks_like(one, lang)}'
+    for answer in team.answers:
+        why = f'; {looks_like(answer, lang)}' if answer.findings else ''
+        yield (f'  {sentence(answer.question, None, lang)}: {answer.given:.10g}, '
+               f'{sentence(answer.verdict, None, lang)} ({answer.truth:.10g}, {sentence("error", None, lang)} '
+               f'{answer.error:.3g}){why}')
+    yield from (f'  - {sentence(key, parameters, lang)}' for key, parameters in team.notes)
+    yield from (f'  ! {line}' for line in team.problems)

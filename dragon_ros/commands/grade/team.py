@@ -1,0 +1,235 @@
+"""One team: its workbooks and answers against the truth, as plain values that can be sent between processes."""
+import re
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+
+from dragon_ros.commands.contest.mistakes import turning
+from dragon_ros.commands.grade.diagnosis import (
+    RIGHT,
+    Diagnosis,
+    Finding,
+    answer_findings,
+    diagnose_positions,
+    diagnose_speeds,
+)
+from dragon_ros.commands.grade.heat import Heat, heat_of
+from dragon_ros.commands.grade.layout import HANDLES, Given, given_by
+from dragon_ros.commands.grade.reading import read_book
+from dragon_ros.commands.grade.truth import RESULTS, contact_s, truth_at
+from dragon_ros.commands.grade.words import sentence
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.tracks.spec import STurn
+from dragon_ros.scenes.yaml import plain_number, read_document
+
+BOUNDS = (1e-6, 1e-4, 1e-2)     # of which the share of cells is told
+QUESTIONS = ('t_s', 'pitch_m', 'turn_m', 'speed_m_s')
+SHEETS = ('positions', 'speeds')
+_TIMES = {'result1': 301, 'result2': 1, 'result4': 201}
+_LEAST_DECIMALS = {'t_s': 2}    # of an answer that counts as right; four of the others
+_NAMED = re.compile(r'(?:result|结果|附件|res)[\s_\-]*0?([124])(?!\d)', re.IGNORECASE)
+_HALF_ULP = 0.5000001           # a difference of six decimals is not exact
+
+
+@dataclass(frozen=True)
+class SheetGrade:
+    """One quantity of one result: cells against the truth, in m or m/s, and what explains the difference.
+
+    ``worst`` and its place are None where nothing is given; ``within`` has the shares of the cells by ``BOUNDS``.
+    """
+
+    result: str
+    sheet: str
+    cells: int
+    expected: int
+    worst: float | None
+    handle: int | None
+    t_s: float | None
+    within: tuple[float, ...]
+    findings: tuple[Finding, ...]
+    explains: float | None
+    heat: Heat | None
+
+    @property
+    def verdict(self) -> str:
+        """``missing``, ``right``, ``close`` (all within the largest bound), or ``wrong``."""
+        if self.worst is None:
+            return 'missing'
+        if self.worst <= RIGHT:
+            return 'right'
+        return 'close' if self.worst <= BOUNDS[-1] else 'wrong'
+
+
+@dataclass(frozen=True)
+class AnswerGrade:
+    """An answer of questions 2 to 5 in one number."""
+
+    question: str
+    given: float
+    truth: float
+    verdict: str
+    findings: tuple[Finding, ...]
+
+    @property
+    def error(self) -> float:
+        """Given minus right."""
+        return self.given - self.truth
+
+
+@dataclass(frozen=True)
+class TeamGrade:
+    """All of a team. ``notes`` are keys of ``words`` with parameters, ``problems`` lines about what was refused."""
+
+    name: str
+    files: tuple[str, ...]
+    sheets: tuple[SheetGrade, ...]
+    answers: tuple[AnswerGrade, ...]
+    notes: tuple[tuple[str, dict[str, object]], ...] = ()
+    problems: tuple[str, ...] = ()
+
+
+@dataclass
+class Team:
+    """What is graded: a name, workbooks, and answers in one number by question."""
+
+    name: str
+    files: list[Path]
+    answers: dict[str, float] = field(default_factory=dict)
+    answers_file: Path | None = None
+
+
+def grade_team(team: Team) -> TeamGrade:
+    """Return the grade of a team; whatever cannot be read is one line of its problems."""
+    problems: list[str] = []
+    notes: list[tuple[str, dict[str, object]]] = []
+    given: dict[str, Given] = {}
+    for path in team.files:
+        try:
+            _take(path, given, notes)
+        except InputError as error:
+            problems.append(' '.join(str(error).split()))
+    answers = dict(team.answers)
+    if team.answers_file is not None:
+        try:
+            answers = {**answers_of(team.answers_file), **answers}
+        except InputError as error:
+            problems.append(' '.join(str(error).split()))
+    sheets = [grade for result in RESULTS if result in given for grade in grades_of(result, given[result])]
+    graded = [answer_grade(question, answers[question]) for question in QUESTIONS if question in answers]
+    return TeamGrade(team.name, tuple(path.name for path in team.files), tuple(sheets), tuple(graded), tuple(notes),
+                     tuple(problems))
+
+
+def _take(path: Path, given: dict[str, Given], notes: list[tuple[str, dict[str, object]]]) -> None:
+    """Add what a workbook gives. Raises InputError."""
+    def refuse(key: str, parameters: dict[str, object]) -> InputError:
+        return InputError(f'{path}: {sentence(key, parameters)}')
+    found = given_by(read_book(path), refuse)
+    notes += found.notes
+    if not found.times_s.size:
+        raise InputError(f'{path}: {sentence("no_result")}; give it the layout of the contest (docs/grading.md)')
+    named = _NAMED.search(path.stem)
+    for held, part in _by_result(found, f'result{named[1]}' if named else None):
+        if named and held != f'result{named[1]}':
+            notes.append(('other_result', {'named': path.name, 'held': held}))
+        if held in given:
+            notes.append(('given_twice', {'result': held, 'name': path.name}))
+        else:
+            given[held] = part
+
+
+def _by_result(found: Given, named: str | None) -> list[tuple[str, Given]]:
+    """Return what a workbook holds by result: cells without a time are those of the contact."""
+    untimed = np.isnan(found.times_s)
+    out = [('result2', Given(found.times_s[untimed], found.cells[untimed]))] if untimed.any() else []
+    timed = Given(found.times_s[~untimed], found.cells[~untimed])
+    if timed.times_s.size == 1 and named == 'result2':
+        return [('result2', Given(np.array([np.nan]), timed.cells))]
+    if timed.times_s.size:
+        before = timed.times_s.min() < 0
+        late = timed.times_s.max() > 200
+        kind = 'result4' if before else 'result1' if late or named != 'result4' else 'result4'
+        out.append((kind, timed))
+    return out
+
+
+def grades_of(result: str, given: Given) -> list[SheetGrade]:
+    """Return the grades of positions and speeds of a result."""
+    truth = truth_at(result, given.times_s)
+    places, speeds = given.cells[..., :2], given.cells[..., 2]
+    positions = diagnose_positions(result, given.times_s, places, truth) if given.has('x') or given.has('y') else None
+    out = [_grade(result, 'positions', given.times_s, places, truth.handles_m, positions)]
+    moving = diagnose_speeds(result, given.times_s, speeds, truth, positions or Diagnosis()) if given.has('v') else None
+    out.append(_grade(result, 'speeds', given.times_s, speeds[..., None], truth.speed_m_s[..., None], moving))
+    return out
+
+
+def _grade(result: str, sheet: str, times_s: Floats, given: Floats, right: Floats, why: Diagnosis | None) -> SheetGrade:
+    expected = max(_TIMES[result], times_s.size if result != 'result2' else 1) * HANDLES * given.shape[-1]
+    error = np.abs(given - right)
+    there = np.isfinite(error)
+    if why is None or not there.any():
+        return SheetGrade(result, sheet, 0, expected, None, None, None, tuple(0.0 for _ in BOUNDS), (), None, None)
+    row, handle, _ = np.unravel_index(int(np.nanargmax(error)), error.shape)
+    within = tuple(float(np.mean(error[there] <= bound * (1 + 1e-9))) for bound in BOUNDS)
+    t_s = contact_s() if result == 'result2' else float(times_s[row])
+    return SheetGrade(result, sheet, int(there.sum()), expected, float(np.nanmax(error)), int(handle), t_s, within,
+                      tuple(why.findings), why.explains, heat_of(times_s, given, right))
+
+
+# Answers in one number.
+def answers_of(path: Path) -> dict[str, float]:
+    """Return the answers in a YAML file by question. Raises InputError with file, line and key."""
+    document = read_document(path)
+    document.check_keys('', document.values, QUESTIONS)
+    return {key: _checked(f'{document.place(key)}: {key}', plain_number(value))
+            for key, value in document.values.items()}
+
+
+def answers_by_team(path: Path) -> dict[str, dict[str, float]]:
+    """Return the answers of all teams in a YAML file, by their names. Raises InputError with file, line and key."""
+    document = read_document(path)
+    out = {}
+    for name in document.values:
+        values: Mapping[str, object] = document.section(name)
+        document.check_keys(f'{name}.', values, QUESTIONS)
+        out[str(name)] = {key: _checked(f'{document.place(f"{name}.{key}")}: {key}', plain_number(value))
+                          for key, value in values.items()}
+    return out
+
+
+def _checked(field_name: str, value: object) -> float:
+    return number(field_name, value, above=0.0, high=1e6)
+
+
+def answer_grade(question: str, given: float) -> AnswerGrade:
+    """Return the grade of an answer: right to its own decimals, if these are enough."""
+    truth = truth_of(question)
+    decimals = len(repr(given).partition('.')[2].rstrip('0')) if 'e' not in repr(given) else 9
+    error = abs(given - truth)
+    allowed = max(1e-6, _HALF_ULP * 10.0 ** -decimals) if decimals >= _LEAST_DECIMALS.get(question, 4) else 1e-6
+    verdict = 'right' if error <= allowed else 'close' if error <= BOUNDS[1] * max(1.0, truth) else 'wrong'
+    findings = () if verdict == 'right' else tuple(answer_findings(question, given)) or (Finding('unknown', {}),)
+    return AnswerGrade(question, given, truth, verdict, findings)
+
+
+@cache
+def truth_of(question: str) -> float:
+    """Return the right answer of a question in one number."""
+    from dragon_ros.core.chain.dragon import Dragon
+    if question == 't_s':
+        return contact_s()
+    if question == 'pitch_m':
+        from dragon_ros.core.search.min_pitch import min_pitch
+        return min_pitch(Dragon()).high_m
+    if question == 'turn_m':
+        track = turning().track
+        assert isinstance(track, STurn)
+        return track.length_m
+    from dragon_ros.core.search.max_speed import max_speed
+    return max_speed(turning()).leader_m_s(2.0)[0]

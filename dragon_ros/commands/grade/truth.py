@@ -1,0 +1,79 @@
+"""What is right: the contest's results at any time, and the answers to its questions."""
+from dataclasses import replace
+from functools import cache
+from math import pi
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.commands.contest.mistakes import SPEED_M_S, START, arc_length, turning, winding
+from dragon_ros.core.batches import states, velocity_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.certificate import Contact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.tracks.spec import Spiral, STurn
+
+RESULTS = ('result1', 'result2', 'result4')
+_MORE_TURNS = 2                 # before the start, for answers that are late
+_BEFORE_S = 300.0               # the turn, likewise
+_LATEST_S = 1000.0
+
+
+class State(NamedTuple):
+    """Handles (T, 224, 2) in m and speeds (T, 224) in m/s; nan where there is no state."""
+
+    handles_m: Floats
+    speed_m_s: Floats
+
+
+@cache
+def contact_s() -> float:
+    """Return when benches first touch."""
+    found = first_contact(winding())
+    assert isinstance(found, Contact)
+    return found.t_s
+
+
+def wound_scene(dragon: Dragon | None = None, pitch_m: float = Spiral.pitch_m) -> tuple[Scene, float]:
+    """Return the dragon that winds in, from two turns before its start on, and when it is at the start."""
+    b_m = pitch_m / 2 / pi
+    ahead = np.array((START + 2 * pi * _MORE_TURNS, START))
+    longer, start = arc_length(ahead).tolist()
+    track = Spiral(pitch_m, START / 2 / pi + _MORE_TURNS)
+    return Scene(dragon=dragon or Dragon(), track=track), b_m * (longer - start) / SPEED_M_S
+
+
+def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tuple[Scene, float]:
+    """Return the dragon that turns, from 300 s before its turn on, and when it enters it."""
+    default = turning().track
+    assert isinstance(default, STurn)
+    run = Run(stop_s=_BEFORE_S + _LATEST_S)
+    return Scene(dragon=dragon or Dragon(), track=replace(track or default, before_m=_BEFORE_S), run=run), _BEFORE_S
+
+
+def state_at(scene: Scene, times_s: Floats) -> State:
+    """Return the state of a scene at many times, nan where it has none."""
+    end_s = compile_scene(scene).end.t_s
+    there = (times_s >= 0) & (times_s <= end_s)
+    handles = np.full((times_s.size, scene.dragon.benches + 1, 2), np.nan)
+    speed = np.full(handles.shape[:2], np.nan)
+    if there.any():
+        times = times_s[there].tolist()
+        chain = states(scene, times)
+        velocity = velocity_of(scene, chain, times)
+        handles[there], speed[there] = chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
+    return State(handles, speed)
+
+
+@cache
+def _scene_of(result: str) -> tuple[Scene, float]:
+    return turned_scene() if result == 'result4' else wound_scene()
+
+
+def truth_at(result: str, times_s: Floats) -> State:
+    """Return the right state of a result at its times; result2 has the time of the contact."""
+    scene, offset_s = _scene_of(result)
+    return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

@@ -1,0 +1,309 @@
+"""Grading: mistakes remade with noise and rounding are named, and nothing that they do not explain is."""
+import json
+from dataclasses import replace
+from math import pi
+
+import numpy as np
+import pytest
+
+from dragon_ros.commands.contest import mistakes
+from dragon_ros.commands.contest.mistakes import (
+    along,
+    arc_length,
+    chord,
+    differences,
+    euler,
+    grid,
+    links_of,
+    placed_angles,
+    points,
+    solved,
+)
+from dragon_ros.commands.grade.diagnosis import answer_findings, nice, rounded_to, share
+from dragon_ros.commands.grade.layout import Given
+from dragon_ros.commands.grade.tables import COLUMNS, csv_text, json_text, keys_of, looks_like, text_of
+from dragon_ros.commands.grade.team import Team, TeamGrade, answer_grade, grade_team, grades_of
+from dragon_ros.commands.grade.truth import contact_s, state_at, truth_at, turned_scene, wound_scene
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.step import state
+from dragon_ros.core.tracks.spec import STurn
+
+TIMES = np.arange(0.0, 301.0, 25.0)
+TURNING = np.arange(-100.0, 101.0, 10.0)
+EXACT = solved(arc_length)
+
+
+def given(p, speed=None, times=TIMES):
+    speed = np.full(p.shape[:2], np.nan) if speed is None else speed
+    return Given(times, np.concatenate((p, speed[..., None]), axis=-1))
+
+
+def right(result='result1', times=TIMES):
+    return truth_at(result, times)
+
+
+def wound(head=EXACT, rule=None, links=None, times=TIMES):
+    return points(placed_angles(head(times), rule or chord(), links or links_of()))
+
+
+def polar(scale):
+    """Positions whose angles went through cos and sin in a wrong unit."""
+    radius = np.hypot(*np.moveaxis(right().handles_m, -1, 0))
+    angle = radius * 2 * pi / 0.55 * scale
+    return radius[..., None] * np.stack((np.cos(angle), np.sin(angle)), axis=-1)
+
+
+def turned(angle, mirrored=False, shift=(0.0, 0.0)):
+    p = right().handles_m * (1, -1 if mirrored else 1)
+    c, s = np.cos(angle), np.sin(angle)
+    return p @ np.array(((c, s), (-s, c))) + shift
+
+
+def shifted(p, by):
+    return np.concatenate((p[:, by:], p[:, -1:] + np.arange(by)[:, None] + 1), axis=1)
+
+
+def one_pitch(pitch_m):
+    times = np.arange(0.0, 41.0)
+    p = points(placed_angles(solved(arc_length, pitch_m=pitch_m)(times), chord(pitch_m=pitch_m), links_of()), pitch_m)
+    return p, times
+
+
+POSITIONS = {
+    'radial_arc': lambda: wound(solved(mistakes.without_radial)),
+    'bracket_slip': lambda: wound(mistakes.bracket_slip()),
+    'euler(step=1)': lambda: wound(euler(1.0)),
+    'euler(step=0.01)': lambda: wound(euler(0.01)),
+    'euler_radial(step=0.01)': lambda: wound(euler(0.01, radial=False)),
+    'along': lambda: wound(rule=along),
+    'chord_short(short=0.01)': lambda: wound(rule=chord(0.01)),
+    'chord_short(short=0.0001)': lambda: wound(rule=chord(0.0001)),
+    'body_link_for_head': lambda: wound(links=links_of(1.65)),
+    'head_link_for_body': lambda: wound(links=links_of(2.86, 2.86)),
+    'whole_benches': lambda: wound(links=links_of(3.41, 2.2)),
+    'links(head=2.86, body=1.7)': lambda: wound(links=links_of(2.86, 1.7)),
+    'grid(step=0.01, within=0.01)': lambda: wound(rule=grid(0.01, 0.01)),
+    'grid_past(step=0.001, within=0)': lambda: wound(rule=grid(0.001, 0.0)),
+    'paper': lambda: np.stack([state(replace(mistakes.winding(), accuracy='paper'), t_s).p for t_s in TIMES.tolist()]),
+    'time_shift(shift=1)': lambda: wound(lambda t_s: EXACT(t_s + 1)),
+    'start_turns(turns=17)': lambda: wound(solved(arc_length, start=34 * pi)),
+    'speed(speed=1.01)': lambda: wound(lambda t_s: EXACT(1.01 * t_s)),
+    'outward': lambda: wound(lambda t_s: EXACT(-t_s)),
+    'euler(step=0.5) + chord_short(short=0.001)': lambda: wound(euler(0.5), chord(0.001)),
+    'centimetres': lambda: 100 * right().handles_m,
+    'radians_as_degrees': lambda: polar(pi / 180),
+    'degrees_as_radians': lambda: polar(180 / pi),
+    'mirrored_x': lambda: right().handles_m * (1, -1),
+    'swapped': lambda: right().handles_m[..., ::-1],
+    'rotated_90': lambda: turned(pi / 2),
+    'rotated_rigid(angle=30, dx=0.5, dy=-0.25)': lambda: turned(pi / 6, shift=(0.5, -0.25)),
+    'mirrored_rigid(angle=30, dx=0, dy=0)': lambda: turned(pi / 6, True),
+    'rows_reversed': lambda: right().handles_m[:, ::-1],
+    'handles_shifted(by=1)': lambda: shifted(right().handles_m, 1),
+    'mirrored_y + chord_short(short=0.01)': lambda: wound(rule=chord(0.01)) * (-1, 1),
+    'rows_mixed': lambda: np.moveaxis(right().handles_m, 1, -1).reshape(len(TIMES), 224, 2),
+}
+
+
+def plain(findings):
+    """The keys of findings, without what rounding alone says, and without the zeros of an approximate shift."""
+    kept = [one._replace(parameters={name: round(value, 5) + 0.0 if isinstance(value, float) else value
+                                     for name, value in one.parameters.items()}) for one in findings]
+    return keys_of(one for one in kept if one.key != 'rounded')
+
+
+@pytest.mark.parametrize('key', POSITIONS)
+def test_a_remade_mistake_is_named_with_its_parameter_in_spite_of_six_decimals(key):
+    positions, _ = grades_of('result1', given(np.round(POSITIONS[key](), 6)))
+    assert plain(positions.findings) == key
+    assert positions.explains >= 0.99
+    assert positions.worst > 1e-5
+
+
+@pytest.mark.parametrize(('key', 'noise_m', 'digits'), [
+    ('euler(step=1)', 1e-3, 6), ('chord_short(short=0.01)', 1e-4, 6), ('along', 1e-3, 6), ('along', 0.0, 3),
+    ('euler(step=1)', 0.0, 2), ('mirrored_x', 1e-3, 3), ('body_link_for_head', 1e-3, 3)])
+def test_noise_and_rounding_do_not_hide_a_mistake(key, noise_m, digits):
+    p = POSITIONS[key]() + np.random.default_rng(1).normal(0, noise_m, (len(TIMES), 224, 2))
+    positions, _ = grades_of('result1', given(np.round(p, digits)))
+    assert key in plain(positions.findings)
+    assert ('rounded' in {one.key for one in positions.findings}) == (digits < 6)
+    assert positions.explains >= 0.99
+
+
+def test_a_pitch_that_differs_is_fitted():
+    p, times = one_pitch(0.5)
+    positions, _ = grades_of('result1', given(np.round(p, 6), times=times))
+    assert plain(positions.findings) == 'pitch(pitch=0.5)'
+
+
+@pytest.mark.parametrize('p', [
+    pytest.param(lambda rng: right().handles_m + rng.normal(0, 0.1, (len(TIMES), 224, 2)), id='noise'),
+    pytest.param(lambda rng: rng.uniform(-9, 9, (len(TIMES), 224, 2)), id='anywhere'),
+    pytest.param(lambda rng: wound(lambda t_s: EXACT(t_s + 0.3 * np.sin(t_s))), id='swinging head'),
+    pytest.param(lambda rng: np.cumsum(rng.normal(0, 0.2, (len(TIMES), 224, 2)), axis=1), id='walk'),
+    pytest.param(lambda rng: right().handles_m * (1.2, 1.0), id='stretched')])
+def test_what_no_mistake_explains_is_unknown(p):
+    positions, _ = grades_of('result1', given(p(np.random.default_rng(2))))
+    assert positions.findings[-1].key == 'unknown'
+    assert positions.explains < 0.99
+    assert looks_like(positions, 'en').startswith('unknown')
+
+
+def test_a_tolerance_that_scatters_is_seen_and_not_called_an_explanation():
+    rng = np.random.default_rng(3)
+    p = wound(rule=lambda theta, link_m: chord()(theta, link_m + rng.uniform(-1e-3, 1e-3)) + rng.uniform(
+        -1e-4, 1e-4, theta.shape))
+    positions, _ = grades_of('result1', given(p))
+    assert [one.key for one in positions.findings] == ['tolerance', 'unknown']
+
+
+def test_the_truth_is_right_and_a_few_wrong_cells_are_counted():
+    p, speed = (np.round(one, 6) for one in right())
+    assert [(one.verdict, one.findings, one.within) for one in grades_of('result1', given(p, speed))] == [
+        ('right', (), (1.0, 1.0, 1.0))] * 2
+    p[3, 5, 0] += 0.5
+    positions, _ = grades_of('result1', given(p, speed))
+    assert plain(positions.findings) == 'few_cells(count=1, handle=5, t=75)'
+    assert (positions.worst, positions.handle, positions.t_s) == (pytest.approx(0.5, abs=1e-6), 5, 75.0)
+
+
+@pytest.mark.parametrize('digits', [0, 2, 4])
+def test_rounded_digits_alone_are_all_that_is_wrong(digits):
+    positions, _ = grades_of('result1', given(*(np.round(one, digits) for one in right())))
+    assert plain(positions.findings) == ''
+    assert positions.findings[0].parameters == {'digits': digits}
+    assert positions.explains == 1.0
+
+
+SPEEDS = {
+    'all_one': lambda: np.ones((len(TIMES), 224)),
+    'centimetres': lambda: 100 * right().speed_m_s,
+    'negative': lambda: -right().speed_m_s,
+    'differences(kind=forward, step=1)': lambda: by_differences(1.0, 'forward'),
+    'differences(kind=backward, step=0.1)': lambda: by_differences(0.1, 'backward'),
+    'differences(kind=central, step=1)': lambda: by_differences(1.0, 'central'),
+    'inverted': lambda: 1 / right().speed_m_s,
+    'power_law': lambda: power_law(),
+    'rows_reversed': lambda: right().speed_m_s[:, ::-1],
+}
+
+
+def by_differences(step_s, kind):
+    scene, offset_s = wound_scene()
+    return differences(scene, TIMES + offset_s, step_s, kind)
+
+
+def power_law():
+    radius = np.hypot(*np.moveaxis(right().handles_m, -1, 0))
+    return (radius[:, :1] / radius) ** 0.02
+
+
+@pytest.mark.parametrize('key', SPEEDS)
+def test_a_mistake_of_speeds_is_named(key):
+    _, speeds = grades_of('result1', given(right().handles_m, np.round(SPEEDS[key](), 8)))
+    assert plain(speeds.findings) == key
+    assert speeds.explains >= 0.99
+
+
+def test_speeds_that_follow_from_wrong_positions_are_said_to():
+    theta = placed_angles(EXACT(TIMES), chord(0.01), links_of())
+    _, speeds = grades_of('result1', given(points(theta), mistakes.projected(theta)))
+    assert plain(speeds.findings) == 'speeds_of_given'
+
+
+@pytest.mark.parametrize(('t_s', 'keys'), [
+    (413.0, 'moment(t=413) + looked(step=1)'), (412.5, 'moment(t=412.5) + looked(step=0.1)'),
+    (412.0, 'moment(t=412) + looked_before(step=1)'), (410.1234, 'moment(t=410.123)'),
+    (412.48, 'moment(t=412.48) + looked(step=0.01)')])
+def test_result_2_says_which_moment_it_is_and_what_ends_there(t_s, keys):
+    p = np.round(wound(times=np.array([t_s])), 6)
+    positions, _ = grades_of('result2', given(p, times=np.array([np.nan])))
+    assert keys_of(positions.findings).startswith(keys)
+    assert positions.explains >= 0.99
+
+
+def test_result_2_of_short_chords_is_the_contact_of_these():
+    t_s = mistakes.touch_s(EXACT, chord(0.001))
+    p = np.round(wound(rule=chord(0.001), times=np.array([t_s])), 8)
+    positions, _ = grades_of('result2', given(p, times=np.array([np.nan])))
+    assert {'chord_short', 'moment_of_links'} <= {one.key for one in positions.findings} | {
+        'moment_of_links' if one.key == 'chord_short' else one.key for one in positions.findings}
+
+
+@pytest.mark.parametrize(('dragon', 'track', 'shift_s', 'keys'), [
+    ({}, {'ratio': 1.0}, 0.0, 'turn_ratio(ratio=1)'), ({}, {'diameter_m': 9.1}, 0.0, 'turn_diameter(diameter=9.1)'),
+    ({}, {}, 1.0, 'turn_shift(shift=1)'),
+    ({'body_length_m': 2.21, 'head_length_m': 3.42}, {}, 0.0, 'chord_long(long=0.01)'),
+    ({}, {'diameter_m': 9.1, 'ratio': 1.5}, 0.0, 'turn_both(ratio=1.5, diameter=9.1)')])
+def test_a_mistake_on_the_turn_is_fitted(dragon, track, shift_s, keys):
+    scene, offset_s = turned_scene(Dragon(**dragon), STurn(**track))
+    p, speed = state_at(scene, TURNING + shift_s + offset_s)
+    positions, _ = grades_of('result4', given(np.round(p, 6), speed, TURNING))
+    assert plain(positions.findings) == keys
+    assert positions.explains >= 0.99
+
+
+def test_times_that_count_from_0_are_read_as_result_4_shifted():
+    scene, offset_s = turned_scene()
+    p, speed = state_at(scene, TURNING + offset_s)
+    positions, _ = grades_of('result4', given(np.round(p, 6), speed, TURNING + 100))
+    assert plain(positions.findings) == 'turn_shift(shift=-100)'
+
+
+def test_a_wrong_parameter_explains_less():
+    p, true = wound(euler(1.0)), right().handles_m
+    assert share(p, wound(euler(1.0)), true) == 1.0
+    assert share(p, wound(euler(0.5)), true) < 0.8
+    assert share(p, true, true) == 0.0
+
+
+@pytest.mark.parametrize(('question', 'value', 'verdict', 'keys'), [
+    ('t_s', 412.473838, 'right', ''), ('t_s', 412.47, 'right', ''), ('t_s', 412.474054, 'close', 'bracket_slip_short'),
+    ('t_s', 413.0, 'wrong', 'looked(step=1)'), ('t_s', 412.3, 'wrong', 'paper_contact'),
+    ('t_s', 409.700394, 'wrong', 'near_counts(near=0.001)'), ('t_s', 400.0, 'wrong', 'unknown'),
+    ('pitch_m', 0.450337, 'right', ''), ('pitch_m', 0.45034, 'right', ''), ('pitch_m', 0.417138, 'wrong', 'on_circle'),
+    ('turn_m', 13.621245, 'right', ''), ('turn_m', 13.7146, 'wrong', 'angle_and_radii'),
+    ('speed_m_s', 1.246266, 'right', ''), ('speed_m_s', 1.406277, 'wrong', 'speed_looked(step=1)')])
+def test_answers_in_one_number_are_graded(question, value, verdict, keys):
+    grade = answer_grade(question, value)
+    assert (grade.verdict, keys_of(grade.findings)) == (verdict, keys)
+
+
+def test_nice_numbers_are_taken_only_close_to_the_fitted_ones():
+    assert [nice(value) for value in (0.0101, 0.98, 0.37)] == [0.01, 1.0, 0.37]
+    assert [rounded_to(np.array(values)) for values in ([1.5, 2.25], [1.0], [0.1234567])] == [2, 0, None]
+    assert answer_findings('pitch_m', 0.3) == []
+    assert contact_s() == pytest.approx(412.473837682115, abs=1e-9)
+
+
+def graded():
+    speed = right().speed_m_s
+    sheets = grades_of('result1', given(np.round(wound(rule=chord(0.01)), 6), speed))
+    return TeamGrade('=team "1"', ('result1.xlsx',), tuple(sheets), (answer_grade('t_s', 412.3),),
+                     (('sheet_empty', {'sheet': 'a'}),), ('b.xlsx: is empty',))
+
+
+def test_json_and_csv_have_the_keys_that_are_documented():
+    values = json.loads(json_text([graded()]))
+    assert list(values) == ['format', 'bounds', 'teams']
+    team = values['teams'][0]
+    assert list(team) == ['team', 'files', 'results', 'answers', 'notes', 'problems']
+    assert list(team['results'][0]) == ['result', 'sheet', 'verdict', 'cells', 'expected', 'worst', 'handle', 't_s',
+                                        'within', 'explains', 'findings']
+    assert team['results'][0]['findings'][0]['key'] == 'chord_short'
+    head, row = csv_text([graded()]).splitlines()
+    assert tuple(head.split(',')) == COLUMNS
+    assert row.startswith('"\'=team')
+    assert len(COLUMNS) == 1 + 6 * 8 + 4 * 4 + 1
+
+
+def test_text_says_what_it_looks_like_and_how_much_that_explains():
+    said = text_of([graded()], 'en')
+    assert 'looks like: the first angle whose chord is within 0.01 m of the link (explains 100.00% of' in said
+    assert "the paper's own answer" in said
+    assert '弦长容差 0.01 m' in text_of([graded()], 'zh')
+
+
+def test_a_team_without_anything_has_nothing():
+    assert grade_team(Team('a', [])) == TeamGrade('a', (), (), ())

@@ -1,0 +1,283 @@
+"""Grading of files: layouts of students, folders of teams, reports, and workbooks that are hostile or broken."""
+import io
+import json
+import re
+import zipfile
+
+import numpy as np
+import pytest
+
+from dragon_ros.__main__ import main
+from dragon_ros.commands.contest.result_files import handle_names
+from dragon_ros.commands.grade import reading
+from dragon_ros.commands.grade.folders import grade_all, teams_of
+from dragon_ros.commands.grade.reading import read_book
+from dragon_ros.commands.grade.team import Team, grade_team
+from dragon_ros.commands.grade.truth import truth_at
+from dragon_ros.core import limits
+from dragon_ros.core.errors import InputError
+
+openpyxl = pytest.importorskip('openpyxl')
+NAMES = handle_names(223)
+TIMES = np.array([0.0, 60.0, 120.0, 240.0, 300.0])
+STATE = truth_at('result1', TIMES)
+P, V = np.round(STATE.handles_m, 6), np.round(STATE.speed_m_s, 6)
+PLACES = [[f'{name}{axis} (m)', *P[:, k, n].tolist()] for k, name in enumerate(NAMES) for n, axis in enumerate('xy')]
+SPEEDS = [[f'{name} (m/s)', *V[:, k].tolist()] for k, name in enumerate(NAMES)]
+HEAD = ['', *(f'{t:g} s' for t in TIMES)]
+
+
+def book(path, **sheets):
+    made = openpyxl.Workbook()
+    made.remove(made.active)
+    for name, rows in sheets.items():
+        page = made.create_sheet(name)
+        for row in rows:
+            page.append([None if cell == '' else cell for cell in row])
+    made.save(path)
+    return path
+
+
+def transposed(rows):
+    return [list(row) for row in zip(*rows, strict=True)]
+
+
+def contest():
+    return {'位置': [HEAD, *PLACES], '速度': [HEAD, *SPEEDS]}
+
+
+LAYOUTS = {
+    'contest': contest,
+    'other names of sheets': lambda: {'Sheet1': [HEAD, *PLACES], 'Sheet2': [HEAD, *SPEEDS]},
+    'transposed': lambda: {name: transposed(rows) for name, rows in contest().items()},
+    'title rows': lambda: {'位置': [['板凳龙位置结果'], [], HEAD, *PLACES], '速度': [['各把手速度'], HEAD, *SPEEDS]},
+    'one sheet': lambda: {'result': [HEAD, *PLACES, *SPEEDS]},
+    'english': lambda: {
+        'positions': [['', *(f't={t:g}' for t in TIMES)],
+                      *([f'{name} {axis}', *P[:, k, n].tolist()] for k, name in enumerate(english())
+                        for n, axis in enumerate('xy'))],
+        'speed': [['', *(f't={t:g}' for t in TIMES)],
+                  *([name, *V[:, k].tolist()] for k, name in enumerate(english()))]},
+    'bare numbers': lambda: {'位置': [['', *TIMES.tolist()], *PLACES], '速度': [['', *TIMES.tolist()], *SPEEDS]},
+    'grouped headings': lambda: {'all': [
+        ['', *(cell for t in TIMES for cell in (f'{t:g} s', '', ''))], ['', *['x', 'y', '速度'] * len(TIMES)], *(
+            [name, *(cell for n in range(len(TIMES)) for cell in (*P[n, k].tolist(), float(V[n, k])))]
+            for k, name in enumerate(NAMES))]},
+    'long': lambda: {'data': [['time', 'handle', 'x', 'y', 'v'], *(
+        [t, k, *P[n, k].tolist(), float(V[n, k])] for n, t in enumerate(TIMES.tolist()) for k in range(224))]},
+    'numbers as text': lambda: {name: [rows[0], *([row[0], *(f'{cell:.6f}' for cell in row[1:])] for row in rows[1:])]
+                                for name, rows in contest().items()},
+    'x first, then y': lambda: {'位置': [HEAD, *PLACES[::2], *PLACES[1::2]], '速度': [HEAD, *SPEEDS]},
+    'sorted by name': lambda: {'位置': [HEAD, *sorted(PLACES)], '速度': [HEAD, *sorted(SPEEDS)]},
+    'two columns of labels': lambda: {
+        '位置': [['把手', '坐标', *HEAD[1:]], *([name if axis == 'x' else '', axis, *P[:, k, n].tolist()]
+                                            for k, name in enumerate(NAMES) for n, axis in enumerate('xy'))],
+        '速度': [HEAD, *SPEEDS]}}
+
+
+def english():
+    return ['head', *(f'section {n}' for n in range(1, 222)), 'tail', 'tail (rear)']
+
+
+@pytest.fixture(params=['python_calamine', 'openpyxl'])
+def reader(request, monkeypatch):
+    pytest.importorskip(request.param)
+    monkeypatch.setattr(reading, 'find_spec', lambda name: name if name == request.param else None)
+    return request.param
+
+
+@pytest.mark.parametrize('layout', LAYOUTS)
+def test_layouts_of_students_are_read_to_the_last_cell(layout, tmp_path, reader):
+    grade = grade_team(Team('a', [book(tmp_path / 'result1.xlsx', **LAYOUTS[layout]())]))
+    assert grade.problems == ()
+    assert [(one.sheet, one.verdict, one.cells) for one in grade.sheets] == [
+        ('positions', 'right', 224 * 2 * len(TIMES)), ('speeds', 'right', 224 * len(TIMES))]
+    if layout == 'transposed':
+        assert [key for key, _ in grade.notes] == ['transposed', 'transposed']
+
+
+def test_missing_and_empty_sheets_and_other_names_are_told(tmp_path):
+    path = book(tmp_path / 'result4.xlsx', 位置=[HEAD, *PLACES], 速度=[])
+    grade = grade_team(Team('a', [path, path]))
+    assert [one.verdict for one in grade.sheets] == ['right', 'missing']
+    assert [key for key, _ in grade.notes] == [*['sheet_empty', 'other_result'] * 2, 'given_twice']
+
+
+def changed(data, **parts):
+    """A workbook with other parts; None leaves one out."""
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(data)) as old, zipfile.ZipFile(out, 'w', zipfile.ZIP_DEFLATED) as new:
+        for entry in old.infolist():
+            if entry.filename not in parts:
+                new.writestr(entry.filename, old.read(entry))
+        for name, part in parts.items():
+            if part is not None:
+                new.writestr(name, part)
+    return out.getvalue()
+
+
+SHEET = 'xl/worksheets/sheet1.xml'
+PAGE = ('<worksheet xmlns="http://schemas.openxmlformats.org/spreadsheetml/2006/main"><sheetData>{}</sheetData></worksheet>')
+
+
+def plain_book():
+    out = io.BytesIO()
+    made = openpyxl.Workbook()
+    made.active['A1'], made.active['B2'] = 'x', 1.5
+    made.save(out)
+    return out.getvalue()
+
+
+def merged_book():
+    out = io.BytesIO()
+    made = openpyxl.Workbook()
+    for row in [HEAD, *PLACES]:
+        made.active.append(row)
+    made.active.merge_cells('B5:C6')
+    made.save(out)
+    return out.getvalue()
+
+
+HOSTILE = {
+    'empty file': (lambda: b'', 'is empty'), 'no zip': (lambda: b'x,y\n1,2\n', 'is no XLSX'),
+    'truncated': (lambda: plain_book()[:-400], 'damaged or cut off'),
+    'xls': (lambda: b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1' + bytes(512), 'Excel 97'),
+    'password': (lambda: b'\xd0\xcf\x11\xe0\xa1\xb1\x1a\xe1' + 'EncryptedPackage'.encode('utf-16-le'), 'password'),
+    'macros': (lambda: changed(plain_book(), **{'xl/vbaProject.bin': b'x'}), 'has macros'),
+    'links': (lambda: changed(plain_book(), **{'xl/externalLinks/externalLink1.xml': '<a/>'}), 'links to other'),
+    'formula': (lambda: changed(plain_book(), **{SHEET: PAGE.format('<row r="1"><c r="A1"><f>1+1</f></c></row>')}),
+                'formula without a value in A1'),
+    'formula, empty value': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c r="B1" t="n"><f>A1</f><v></v></c></row>')}), 'formula without a value in B1'),
+    'merged': (merged_book, 'cells B5:C6 are merged'),
+    'million rows': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1048576"><c r="A1048576"><v>1</v></c></row>')}), '1048576 rows'),
+    'far column': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c r="XFD1"><v>1</v></c></row>')}), '16384 columns'),
+    'many unnamed rows': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        '<row><c><v>1</v></c></row>' * 100_001)}), 'rows'),
+    'wide and long': (lambda: changed(plain_book(), **{SHEET: PAGE.format(
+        f'<row>{"<c><v>1</v></c>" * 1500}</row>' + '<row><c><v>1</v></c></row>' * 3000)}), 'cells'),
+    'bomb': (lambda: changed(plain_book(), **{SHEET: PAGE.format(' ' * (limits.BOOK_UNPACKED_BYTES + 1))}),
+             'unpacks to'),
+    'entities': (lambda: changed(plain_book(), **{SHEET: '<!DOCTYPE a [<!ENTITY b "c">]>' + PAGE.format('')}),
+                 'plain XML'),
+    'many parts': (lambda: changed(plain_book(), **{f'a{n}': b'' for n in range(limits.BOOK_PARTS)}), 'files in it'),
+    'no sheets': (lambda: changed(plain_book(), **{SHEET: None}), 'holds no sheets'),
+    'no xml': (lambda: changed(plain_book(), **{SHEET: 'x'}), ''),
+    'no workbook': (lambda: changed(plain_book(), **{'xl/workbook.xml': '<'}), 'damaged'),
+}
+
+
+@pytest.mark.parametrize('name', HOSTILE)
+def test_a_hostile_or_broken_workbook_is_refused_in_one_line(name, tmp_path, capsys, reader):
+    make, says = HOSTILE[name]
+    (tmp_path / 'result1.xlsx').write_bytes(make())
+    assert main(['grade', str(tmp_path / 'result1.xlsx')]) == 2
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1
+    assert said.startswith('grade: ')
+    assert says in said
+
+
+def test_merged_headings_are_read(tmp_path):
+    path = tmp_path / 'result1.xlsx'
+    made = openpyxl.Workbook()
+    for row in [['板凳龙'], HEAD, *PLACES]:
+        made.active.append([None if cell == '' else cell for cell in row])
+    made.active.merge_cells('A1:F1')
+    made.save(path)
+    assert grade_team(Team('a', [path])).sheets[0].verdict == 'right'
+
+
+def test_values_of_formulas_are_read_and_never_computed(tmp_path, reader):
+    path = tmp_path / 'a.xlsx'
+    path.write_bytes(changed(plain_book(), **{SHEET: PAGE.format(
+        '<row r="1"><c r="A1"><f>1+1</f><v>7</v></c></row>')}))
+    assert read_book(path)[0].rows == [[7.0]]
+
+
+def test_macros_in_a_file_that_is_called_xlsm_are_refused_in_a_folder_too(tmp_path):
+    (tmp_path / 'a').mkdir()
+    (tmp_path / 'a' / 'result1.xlsm').write_bytes(changed(plain_book(), **{'xl/vbaProject.bin': b'x'}))
+    (grade,) = map(grade_team, teams_of([tmp_path]))
+    assert 'has macros' in grade.problems[0]
+
+
+@pytest.fixture(scope='module')
+def room(tmp_path_factory):
+    """A class of four teams: two with a folder each, and two in one folder."""
+    folder = tmp_path_factory.mktemp('room')
+    for name in ('一队', '<script>alert(1)</script>'.replace('/', '_')):
+        (folder / name).mkdir()
+        book(folder / name / 'result1.xlsx', **contest())
+    (folder / '一队' / 'answers.yaml').write_text('t_s: 413.0\n')
+    (folder / 'both').mkdir()
+    for colour in ('red', 'blue'):
+        book(folder / 'both' / f'{colour}_result1.xlsx', **contest())
+        book(folder / 'both' / f'{colour}_result2.xlsx', a=[['', 'x', 'y', '速度'], ['龙头', 1.209931, 1.942784, 1.0]])
+    return folder
+
+
+def test_a_folder_has_a_team_for_each_folder_and_for_each_name(room):
+    assert sorted(team.name for team in teams_of([room])) == ['<script>alert(1)<_script>', 'blue', 'red', '一队']
+
+
+def test_a_report_is_one_file_that_loads_nothing_and_escapes_names(room, tmp_path, capsys):
+    out = tmp_path / 'report.html'
+    assert main(['grade', str(room), '--lang', 'zh', '--output', str(out)]) == 0
+    page = out.read_text(encoding='utf-8')
+    assert '<script' not in page
+    assert '&lt;script&gt;alert(1)&lt;_script&gt;' in page
+    assert not re.search(r'(?:src|href)="(?!#|data:)', page)
+    assert "default-src 'none'" in page
+    assert page.count('<section class="team"') == 4
+    assert '螺距' not in page or '评分报告' in page
+    assert capsys.readouterr().out.strip() == str(out)
+
+
+def test_a_pool_of_processes_gives_what_one_does_and_an_interruption_keeps_what_is_done(room):
+    from threading import Event
+    teams = teams_of([room])
+    together, complete = grade_all(teams, Event(), lambda: None)
+    assert complete
+    assert together == [grade_team(team) for team in teams]
+    stop = Event()
+    some, complete = grade_all(teams[:2], stop, stop.set)
+    assert (len(some), complete) == (1, False)
+
+
+def test_formats_by_suffix(room, tmp_path, capsys):
+    for name in ('a.json', 'a.csv'):
+        assert main(['grade', str(room / '一队'), '--output', str(tmp_path / name)]) == 0
+    assert json.loads((tmp_path / 'a.json').read_text())['teams'][0]['answers'][0]['findings'][0]['key'] == 'looked'
+    assert (tmp_path / 'a.csv').read_text().count('\n') == 2
+    capsys.readouterr()
+    for wrong in (['--output', 'a.pdf'], ['--format', 'html'], ['--format', 'csv', '--output', 'a.json']):
+        assert main(['grade', str(room / '一队'), *wrong]) == 2
+        assert capsys.readouterr().err.count('\n') == 1
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    ([], 'nothing is given'), (['nowhere'], 'is not there'), (['--t', '-3'], 'must exceed 0'),
+    (['--answers', 'a.yaml'], 'did you mean t_s?'), (['--answers', 'b.yaml'], "b.yaml:1: t_s: 'soon'"),
+    (['.'], 'no workbook')])
+def test_what_cannot_be_graded_is_said_in_one_line(arguments, says, tmp_path, monkeypatch, capsys):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / 'a.yaml').write_text('t_: 412\n')
+    (tmp_path / 'b.yaml').write_text('t_s: soon\n')
+    (tmp_path / 'c').mkdir()
+    assert main(['grade', *(['c'] if arguments == ['.'] else arguments)]) == 2
+    said = capsys.readouterr().err
+    assert said.count('\n') == 1
+    assert says in said
+
+
+def test_budgets_are_held_by_the_bytes_that_come_out_whatever_a_workbook_claims(tmp_path):
+    data = bytearray(changed(plain_book(), **{SHEET: PAGE.format(' ' * 10**6)}))
+    for at in [found.start() for found in re.finditer(b'PK\x01\x02', bytes(data))]:
+        data[at + 24:at + 28] = (10).to_bytes(4, 'little')
+    path = tmp_path / 'a.xlsx'
+    path.write_bytes(data)
+    with pytest.raises(InputError):
+        read_book(path)
