@@ -1,6 +1,6 @@
 """Launch a dragon: a sim or the replay of a bag, a monitor, and optionally a recorder and RViz.
 
-Several dragons can run side by side, each with its own namespace and frame_id.
+Several dragons can run side by side, each with its own namespace and frame_id. The launch fails where a node does.
 """
 import os
 import tempfile
@@ -8,68 +8,59 @@ from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
+import yaml
 from ament_index_python.packages import PackageNotFoundError, get_package_prefix, get_package_share_directory
 from launch import LaunchContext, LaunchDescription
 from launch.actions import DeclareLaunchArgument, EmitEvent, LogInfo, OpaqueFunction, RegisterEventHandler
 from launch.event_handlers import OnProcessExit
 from launch.events import Shutdown
+from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
-from dragon_ros.nodes.launch_plan import Plan, Start, plan
-
-YES_NO = ['true', 'false']
-ARGUMENTS = (
-    DeclareLaunchArgument('scene', default_value='winding', description='scene: a name, or a .yaml file'),
-    DeclareLaunchArgument('accuracy', default_value='', description='largest position error: metres or a tier; empty: '
-                          'that of the scene'),
-    DeclareLaunchArgument('rate', default_value='', description='ticks per second of simulation; empty: that '
-                          'of the scene'),
-    DeclareLaunchArgument('time_scale', default_value='1.0', description='seconds of simulation per second, also '
-                          'of a replay; 0: as fast as the readers follow'),
-    DeclareLaunchArgument('at_end', default_value='hold', choices=['stop', 'hold', 'loop'], description='at the end of '
-                          'the run: stop (everything), hold (the sim stays for control) or loop'),
-    DeclareLaunchArgument('on_contact', default_value='continue', choices=['continue', 'hold', 'stop'],
-                          description='at the first contact: continue, hold or stop there'),
-    DeclareLaunchArgument('namespace', default_value='dragon', description='namespace of all nodes and topics'),
-    DeclareLaunchArgument('frame_id', default_value='', description='frame of all messages; empty: as the namespace, '
-                          'or that of the bag'),
-    DeclareLaunchArgument('use_sim_time', default_value='false', choices=YES_NO, description='the sim or replay '
-                          'publishes /clock, which the other nodes follow'),
-    DeclareLaunchArgument('publish_tf', default_value='false', choices=YES_NO, description='head and tail on /tf'),
-    DeclareLaunchArgument('monitor', default_value='true', choices=YES_NO, description='report contacts and clearance'),
-    DeclareLaunchArgument('warn_below', default_value='0.02', description='clearance in m below which the monitor '
-                          'warns'),
-    DeclareLaunchArgument('clearance_vector', default_value='false', choices=YES_NO, description='publish the shortest '
-                          'vector between the closest benches'),
-    DeclareLaunchArgument('record', default_value='', description='bag to write (.mcap); empty: none'),
-    DeclareLaunchArgument('replay', default_value='', description='bag to replay in place of a sim; empty: none'),
-    DeclareLaunchArgument('rviz', default_value='true', choices=YES_NO, description='show it in RViz'),
-    DeclareLaunchArgument('headless', default_value='false', choices=YES_NO, description='open no window, even '
-                          'with rviz:=true'),
-    DeclareLaunchArgument('json', default_value='false', choices=YES_NO, description='log as JSON, for machines'),
-)
+from dragon_ros.core.errors import DragonError
+from dragon_ros.nodes.launch_plan import ARGUMENTS, Plan, Start, plan
 
 
 def generate_launch_description() -> LaunchDescription:
     """Return the arguments and the actions that follow from them."""
-    return LaunchDescription([*ARGUMENTS, OpaqueFunction(function=actions)])
+    return LaunchDescription([
+        *(DeclareLaunchArgument(one.name, default_value=one.default, description=one.text, choices=one.choices or None)
+          for one in ARGUMENTS), OpaqueFunction(function=actions)])
 
 
 def actions(context: LaunchContext) -> list[Any]:
     """Return the actions for the given arguments."""
-    given = {argument.name: context.launch_configurations[argument.name] for argument in ARGUMENTS}
+    given = {one.name: context.launch_configurations[one.name] for one in ARGUMENTS}
     what = plan(given)
     nodes = {start.executable: node(what.namespace, start) for start in (*what.readers, what.source)}
     # A recorder ends by itself once the source has left and everything has been written.
     last = RegisterEventHandler(OnProcessExit(target_action=nodes[(what.recorder or what.source).executable], on_exit=[
         EmitEvent(event=Shutdown(reason='the run has ended'))]))
-    return [*nodes.values(), last, *view(given, what)]
+    faults = [RegisterEventHandler(OnProcessExit(target_action=one, on_exit=fail)) for one in nodes.values()]
+    return [*(LogInfo(msg=note) for note in what.notes), *faults, last, *nodes.values(), *view(given, what)]
+
+
+def fail(event: ProcessExited, _: LaunchContext) -> None:
+    """Raise where a node ended with an error: that ends the launch, which then returns 1 itself."""
+    if event.returncode:
+        raise DragonError(f'{event.process_name} ended with exit code {event.returncode}; see what it said')
 
 
 def node(namespace: str, start: Start) -> Node:
     """Return one executable of the package as a node."""
+    parameters: list[Any] = [start.parameters]
+    if start.file:
+        parameters += [start.file, *([written(start)] if start.asked else [])]
     return Node(package='dragon_ros', executable=start.executable, name=start.executable, namespace=namespace,
-                output='screen', arguments=start.arguments, parameters=[start.parameters])
+                output='screen', arguments=start.arguments, parameters=parameters)
+
+
+def written(start: Start) -> str:
+    """Return a file with the parameters that arguments asked for: under /**, which counts after all others."""
+    handle, name = tempfile.mkstemp(prefix='dragon_', suffix='.yaml')
+    with os.fdopen(handle, 'w', encoding='utf-8') as file:
+        yaml.safe_dump({'/**': {'ros__parameters': {key: start.parameters[key] for key in sorted(start.asked)}}}, file)
+    return name
 
 
 def view(given: dict[str, str], what: Plan) -> Iterator[Any]:

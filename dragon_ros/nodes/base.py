@@ -1,11 +1,17 @@
 """What all nodes of the package share: namespace, parameters from a table, log, and a check of /clock."""
+from collections.abc import Mapping
+from types import MappingProxyType
 from typing import Any
 
 from rcl_interfaces.msg import FloatingPointRange, IntegerRange, ParameterDescriptor, SetParametersResult
 from rclpy.clock import Clock, ClockType
-from rclpy.exceptions import InvalidParameterValueException
+from rclpy.exceptions import InvalidParameterValueException, ParameterException
 from rclpy.node import Node
 from rclpy.parameter import Parameter as RosParameter
+from rclpy.publisher import Publisher
+from rclpy.qos import QoSPolicyKind
+from rclpy.qos_overriding_options import QoSOverridingOptions
+from rclpy.subscription import Subscription
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
 from dragon_ros.nodes import logs
@@ -75,7 +81,9 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
 NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 _NO_CLOCK_S = 3.0
-_OF_ROS = 'qos_overrides.'      # what ROS 2 itself asks for, where a node lets it
+_QOS = 'qos_overrides.'         # of names of parameters that override the QoS of a topic, as everywhere in ROS 2
+_POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
+             'liveliness_lease_duration')
 _MISSPELT = 0.85                # of difflib: rate_hx is rate_hz (0.86), publish_rate of others is not publish_tf (0.82)
 
 
@@ -85,6 +93,8 @@ class DragonNode(Node):
     ``setting`` holds the values of its parameters. A subclass rejects values in ``refuse`` and acts on changes in
     ``changed``.
     """
+
+    _given: Mapping[str, Any] = MappingProxyType({})        # rclpy makes topics of its own before the values are known
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
@@ -102,10 +112,12 @@ class DragonNode(Node):
         self._table = {parameter.name: parameter for parameter in table}
         self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
         self._check_names(given)
+        self._given = given
         self.add_pre_set_parameters_callback(self._widen)
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
         self._ros_time = self.get_clock()
+        self._created = self.create_timer(0.0, self._check_overrides, clock=STEADY)
         self._patience = self.create_timer(_NO_CLOCK_S, self._check_clock, clock=STEADY)
 
     def get_logger(self) -> logs.Logger:
@@ -115,7 +127,7 @@ class DragonNode(Node):
     def _check_names(self, given: dict[str, Any]) -> None:
         """Raise InputError for a name that looks misspelt; warn of others, since a file may be for several nodes."""
         for name in given:
-            if self.has_parameter(name) or name.startswith(_OF_ROS):
+            if self.has_parameter(name) or name.startswith(_QOS):
                 continue
             unknown = f'parameter {name}: {self.get_name()} has none of that name'
             if name not in NAMES and (meant := did_you_mean(name, self._table, '', _MISSPELT)):
@@ -123,6 +135,41 @@ class DragonNode(Node):
             known = f'it has {", ".join(self._table)}' if self._table else 'it has none of its own'
             hint = known if name in NAMES else did_you_mean(name, self._table, known)
             self.get_logger().warning(f'{unknown}, it is ignored; {hint}')
+
+    def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
+        """Create a publisher as rclpy does, with the overrides of its QoS. Raises InputError where they are none."""
+        return self._overridden(super().create_publisher, 'publisher', topic, (msg_type, topic, qos_profile), options)
+
+    def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any,
+                            **options: Any) -> Subscription:
+        """Create a subscription as rclpy does, with the overrides of its QoS. Raises InputError where they are none."""
+        return self._overridden(super().create_subscription, 'subscription', topic,
+                                (msg_type, topic, callback, qos_profile), options)
+
+    def _overridden(self, create: Any, kind: str, topic: str, arguments: tuple[Any, ...],
+                    options: dict[str, Any]) -> Any:
+        """Create a publisher or subscription; only policies that are overridden become parameters."""
+        prefix = f'{_QOS}{self.resolve_topic_name(topic)}.{kind}.' if self._given else ''
+        policies = [name.removeprefix(prefix) for name in self._given if prefix and name.startswith(prefix)]
+        if not policies:
+            return create(*arguments, **options)
+        for policy in policies:
+            if policy not in _POLICIES:
+                raise InputError(f'parameter {prefix}{policy}: is no policy; they are {", ".join(_POLICIES)}')
+        try:
+            return create(*arguments, **options, qos_overriding_options=QoSOverridingOptions(
+                [QoSPolicyKind[policy.upper()] for policy in policies]))
+        except (RuntimeError, TypeError, ValueError, ParameterException) as error:
+            raise InputError(f'parameters {prefix}*: {" ".join(str(error).split())}') from None
+
+    def _check_overrides(self) -> None:
+        """Warn, once all topics are there, of overrides of the QoS of none of them."""
+        self._created.cancel()
+        for name in self._given:
+            if name.startswith(_QOS) and not self.has_parameter(name):
+                self.get_logger().warning(
+                    f'parameter {name}: {self.get_name()} has no such topic, it is ignored; write '
+                    f'{_QOS}TOPIC.publisher.POLICY or {_QOS}TOPIC.subscription.POLICY with the full name of the topic')
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError, with the reason, where a live parameter may not take a value."""

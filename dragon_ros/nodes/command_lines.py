@@ -75,10 +75,11 @@ def replay(argv: list[str]) -> int:
     options.add_argument('--end', type=float, metavar='S', help='second of the bag to stop at (its end)')
     options.add_argument('--loop', action='store_true', help='start again at the end')
     options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
-    options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics (full names)')
+    options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full '
+                         'names, or those below the only dragon of the bag, such as handles')
     options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (as recorded)")
     options.add_argument('--wait-subscribers', type=_names, default=[], metavar='NAME=N,...',
-                         help='start when these topics have this many subscribers')
+                         help='start when these topics, named likewise, have this many subscribers')
     arguments = _parse(options, argv)
     from dragon_ros.nodes import shell
     return shell.run('replay', argv, partial(_replay, arguments), arguments.json)

@@ -38,8 +38,8 @@ class PlaySource(Protocol):
     def rewind(self) -> None:
         """Move to the first frame."""
 
-    def seek(self, t_ns: int) -> None:
-        """Move to the last frame at or before ``t_ns``. Raises DragonError where there is none."""
+    def seek(self, t_ns: int | None) -> None:
+        """Move to the last frame at or before ``t_ns``; None: the first. Raises DragonError where there is none."""
 
     def place(self) -> str:
         """Return the position of the last frame shown, as text."""
@@ -88,10 +88,8 @@ class Player:
 
     def seek(self) -> str:
         """Move to the last frame at or before ``seek_s`` (negative: the first) and show it. A pause is kept."""
-        if (seek_s := self._node.setting['seek_s']) < 0:
-            self._source.rewind()
-        else:
-            self._source.seek(round(seek_s * NS))
+        seek_s = self._node.setting['seek_s']
+        self._source.seek(None if seek_s < 0 else round(seek_s * NS))
         return self._show_now(1)
 
     def set_speed(self, time_scale: float) -> None:

@@ -55,8 +55,11 @@ class Frames:
         """Move to the first frame."""
         self.k = 0
 
-    def seek(self, t_ns: int) -> None:
-        """Move to the last frame at or before ``t_ns``. Raises FieldError outside of the run."""
+    def seek(self, t_ns: int | None) -> None:
+        """Move to the last frame at or before ``t_ns``; None: the first. Raises FieldError outside of the run."""
+        if t_ns is None:
+            self.rewind()
+            return
         self.check_time(t_ns)
         k = min(self._scene.run.tick_at(t_ns), self._ticks - 1)
         self.k = self._ticks if self._last and t_ns >= self._last.t_ns else k

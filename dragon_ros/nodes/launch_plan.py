@@ -2,35 +2,89 @@
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 from dragon_ros.bags.read.frames import FRAME_ID, frame_of_bag, namespace_of
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.core.errors import DragonError, InputError
+from dragon_ros.core.scene import NS
 from dragon_ros.messages.channels import Channel, channels, live
 from dragon_ros.nodes.params import DISCOVERY_S
 from dragon_ros.scenes.load import load_scene
 
 _WATCHED = ('handles', 'benches')
+_ARGUMENT_OF = {'rate_hz': 'rate', 'warn_below_m': 'warn_below', 'publish_clock': 'use_sim_time'}     # of a parameter
+YES_NO = ('true', 'false')
+
+
+class Argument(NamedTuple):
+    """One argument of the launch file: name, default, meaning, choices, and the only executable that it concerns."""
+
+    name: str
+    default: str
+    text: str
+    choices: tuple[str, ...] = ()
+    concerns: str = ''
+
+
+ARGUMENTS = (
+    Argument('scene', 'winding', 'scene: a name, or a .yaml file', concerns='sim'),
+    Argument('set', '', 'overrides of scene keys, separated by semicolons: key=value; key=value', concerns='sim'),
+    Argument('accuracy', '', 'largest position error: metres or a tier; empty: that of the scene', concerns='sim'),
+    Argument('rate', '', 'ticks per second of simulation; empty: that of the scene', concerns='sim'),
+    Argument('start_s', '', 'first tick in seconds of simulation, also of a replay; empty: that of the scene or bag'),
+    Argument('stop_s', '', 'end in seconds of simulation, also of a replay; empty: that of the scene or bag'),
+    Argument('time_scale', '1.0', 'seconds of simulation per second, also of a replay; 0: as fast as the readers '
+             'follow'),
+    Argument('discovery_s', f'{DISCOVERY_S:g}', 'seconds that the first tick waits for readers to be found'),
+    Argument('at_end', '', 'at the end of the run: stop (everything), hold (the sim stays for control) or loop; empty: '
+             'hold, but stop with on_contact:=stop', ('', 'stop', 'hold', 'loop')),
+    Argument('on_contact', 'continue', 'at the first contact: continue, hold or stop there',
+             ('continue', 'hold', 'stop'), concerns='sim'),
+    Argument('namespace', 'dragon', 'namespace of all nodes and topics'),
+    Argument('frame_id', '', 'frame of all messages; empty: as the namespace, or that of the bag'),
+    Argument('params_file', '', 'YAML file with parameters of the nodes; arguments that are given take precedence'),
+    Argument('use_sim_time', 'false', 'the sim or replay publishes /clock, which the other nodes follow', YES_NO),
+    Argument('publish_tf', 'false', 'head and tail on /tf', YES_NO, concerns='sim'),
+    Argument('monitor', 'true', 'report contacts and clearance, where there are benches', YES_NO),
+    Argument('warn_below', '0.02', 'clearance in m below which the monitor warns', concerns='monitor'),
+    Argument('clearance_vector', 'false', 'publish the shortest vector between the closest benches', YES_NO,
+             concerns='monitor'),
+    Argument('record', '', 'bag to write (.mcap); empty: none'),
+    Argument('replay', '', 'bag to replay in place of a sim; empty: none'),
+    Argument('rviz', 'true', 'show it in RViz', YES_NO),
+    Argument('headless', 'false', 'open no window, even with rviz:=true', YES_NO),
+    Argument('json', 'false', 'log as JSON, for machines', YES_NO),
+)
 
 
 @dataclass(frozen=True)
 class Start:
-    """One executable of the package, with its arguments and ROS parameters."""
+    """One executable of the package, with its arguments and ROS parameters.
+
+    A parameter ``file`` of the user's takes precedence over all parameters but those in ``asked``, which arguments of
+    the launch asked for.
+    """
 
     executable: str
     arguments: list[str] = field(default_factory=list)
     parameters: dict[str, Any] = field(default_factory=dict)
+    file: str = ''
+    asked: frozenset[str] = frozenset()
 
 
 @dataclass(frozen=True)
 class Plan:
-    """What is started: the readers (the recorder last), then the source; and namespace and frame of the dragon."""
+    """What is started: the readers (the recorder last), then the source; and namespace and frame of the dragon.
+
+    ``notes`` say what is left out, and why.
+    """
 
     namespace: str
     frame_id: str
     readers: list[Start]
     source: Start
+    notes: tuple[str, ...] = ()
 
     @property
     def recorder(self) -> Start | None:
@@ -38,26 +92,56 @@ class Plan:
         return next((one for one in self.readers if one.executable == 'record'), None)
 
 
+@dataclass(frozen=True)
+class _Source:
+    """A sim or replay, the frame of its messages, and whether a monitor sees anything of it (None: not known)."""
+
+    start: Start
+    frame_id: str
+    seen: bool | None
+
+
 def plan(given: Mapping[str, str]) -> Plan:
     """Return what to start for the arguments of the launch file, all as text. Raises InputError that names one."""
     namespace = '/' + given['namespace'].strip('/')
-    frame_id = given['frame_id'] or namespace.strip('/').replace('/', '_')
+    watching = _on(given, 'monitor')
+    source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)
+    notes = []
+    if watching and source.seen is False:
+        watching = False
+        notes.append('there are no benches to see, so no monitor is started: '
+                     + ('the bag has none' if given['replay'] else 'switch on the effect benches of the scene'))
     watch = {'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below')}
-    readers = [Start('monitor', [], watch)] if _on(given, 'monitor') else []
+    readers = [Start('monitor', [], watch)] if watching else []
     readers += [Start('record', ['--output', given['record']])] if given['record'] else []
-    if given['replay']:
-        found = _replay(given, namespace)
-        source, frame_id = found[0], given['frame_id'] or found[1]
-    else:
-        source = _sim(given, frame_id)
-    finish = [_common(given, one) for one in (*readers, source)]
-    return Plan(namespace, frame_id, finish[:-1], finish[-1])
+    started = [*readers, source.start]
+    _refuse_idle(given, [one.executable for one in started], notes)
+    finish = [_common(given, one) for one in started]
+    return Plan(namespace, source.frame_id, finish[:-1], finish[-1], tuple(notes))
+
+
+def _is_given(given: Mapping[str, str], name: str) -> bool:
+    """Return whether an argument is not its default."""
+    return given[name] != next(one.default for one in ARGUMENTS if one.name == name)
+
+
+def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str]) -> None:
+    """Raise InputError for an argument that concerns nothing that is started."""
+    for one in ARGUMENTS:
+        if one.concerns and one.concerns not in started and _is_given(given, one.name):
+            why = 'replay:= stands in its place' if one.concerns == 'sim' else notes[0] if notes else 'monitor:=false'
+            raise InputError(f'launch argument {one.name}:={given[one.name]}: concerns {one.concerns} alone, which is '
+                             f'not started ({why}); leave it out', field=one.name)
 
 
 def _common(given: Mapping[str, str], one: Start) -> Start:
     """Add what all nodes have."""
-    return replace(one, arguments=[*one.arguments, *(['--json'] if _on(given, 'json') else [])],
-                   parameters={'use_sim_time': _on(given, 'use_sim_time'), **one.parameters})
+    parameters = {'use_sim_time': _on(given, 'use_sim_time'), **one.parameters}
+    known = {argument.name for argument in ARGUMENTS}
+    asked = {name for name in parameters
+             if (argument := _ARGUMENT_OF.get(name, name)) in known and _is_given(given, argument)}
+    return replace(one, parameters=parameters, file=given['params_file'], asked=frozenset(asked),
+                   arguments=[*one.arguments, *(['--json'] if _on(given, 'json') else [])])
 
 
 def _on(given: Mapping[str, str], name: str) -> bool:
@@ -74,49 +158,76 @@ def _number(given: Mapping[str, str], name: str) -> float:
                          field=name) from None
 
 
-def _wanted(given: Mapping[str, str], row: Channel) -> int:
+def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
     """Return how many subscribers a topic will have."""
-    return (_on(given, 'monitor') and row.name in _WATCHED) + bool(given['record'])
+    return (watching and row.name in _WATCHED) + bool(given['record'])
 
 
-def _sim(given: Mapping[str, str], frame_id: str) -> Start:
+def _at_end(given: Mapping[str, str]) -> str:
+    """Return what to do at the end: what stops at a contact ends there."""
+    return given['at_end'] or ('stop' if given['on_contact'] == 'stop' else 'hold')
+
+
+def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
     """Return the simulator.
 
     It starts when the monitor and the recorder have subscribed, and all had time to find each other: a recorder takes
     what the monitor says, and somebody else may record too.
     """
-    optional = {'rate_hz': _number(given, 'rate')} if given['rate'] else {}
+    optional = {key: _number(given, name) for key, name in (
+        ('rate_hz', 'rate'), ('start_s', 'start_s'), ('stop_s', 'stop_s')) if given[name]}
+    frame_id = given['frame_id'] or namespace.strip('/').replace('/', '_')
+    changes, wait, seen = [text.strip() for text in given['set'].split(';') if text.strip()], [''], None
     try:
-        topics = live(load_scene(given['scene']).effects)
+        topics = live(load_scene(given['scene'], changes).effects)
     except DragonError:
-        topics = []     # the sim says what is wrong with the scene
-    return Start('sim', [], {
-        'scene': given['scene'], 'accuracy': given['accuracy'], 'at_end': given['at_end'],
+        pass            # the sim says what is wrong with the scene
+    else:
+        if not given['params_file']:        # which may name another scene
+            seen = set(_WATCHED) <= {row.name for row in topics}
+            wait = [f'{row.name}={_wanted(given, row, watching and seen)}' for row in topics]
+    return _Source(Start('sim', [], {
+        'scene': given['scene'], 'set': changes or [''], 'accuracy': given['accuracy'], 'at_end': _at_end(given),
         'time_scale': _number(given, 'time_scale'), 'on_contact': given['on_contact'], 'frame_id': frame_id,
         'publish_clock': _on(given, 'use_sim_time'), 'publish_tf': _on(given, 'publish_tf'),
-        'wait_subscribers': [f'{row.name}={_wanted(given, row)}' for row in topics] or [''],
-        'discovery_s': DISCOVERY_S, **optional})
+        'wait_subscribers': wait, 'discovery_s': _number(given, 'discovery_s'), **optional}), frame_id, seen)
 
 
-def _replay(given: Mapping[str, str], namespace: str) -> tuple[Start, str]:
-    """Return the replay of a bag in a namespace, and the frame of its messages.
+def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
+    """Return the replay of a bag in a namespace.
 
     What a monitor reported is left out where a monitor runs: each topic has one publisher.
     """
-    parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': given['at_end'],
-                  'discovery_s': DISCOVERY_S}
-    arguments, clock, frame_id = [given['replay'], '--into', namespace], _on(given, 'use_sim_time'), FRAME_ID
+    parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': _at_end(given),
+                  'discovery_s': _number(given, 'discovery_s')}
+    arguments, clock = [given['replay'], '--into', namespace], _on(given, 'use_sim_time')
+    frame_id, seen = FRAME_ID, None
     try:
         with BagReader(Path(given['replay'])) as bag:
             root, names = namespace_of(bag), [topic.name for topic in bag.topics if topic.messages]
-            frame_id = frame_of_bag(bag, root)
+            frame_id, span_ns = frame_of_bag(bag, root), (bag.start_ns, bag.end_ns)
     except DragonError:
         pass                # the replay says what is wrong with the bag
     else:
         rows = {name if name.startswith('/') else f'{root}/{name}': row for name, row in channels().items()}
-        played = [name for name in names if not (_on(given, 'monitor') and name in rows
-                                                 and rows[name].publisher == 'monitor')]
-        waited = [f'{name}={_wanted(given, rows[name])}' for name in played if name in rows]
-        arguments += ['--topics', ','.join(played), '--wait-subscribers', ','.join(waited)]
+        seen = {f'{root}/{name}' for name in _WATCHED} <= set(names)
+        watching = watching and seen
+        played = [name for name in names if not (watching and name in rows and rows[name].publisher == 'monitor')]
+        waited = [f'{name}={_wanted(given, rows[name], watching)}' for name in played if name in rows]
+        arguments += ['--topics', ','.join(played), '--wait-subscribers', ','.join(waited), *_part(given, *span_ns)]
         clock = clock and '/clock' not in names
-    return Start('replay', arguments, {**parameters, 'publish_clock': clock}), frame_id
+    start = Start('replay', arguments, {**parameters, 'publish_clock': clock})
+    return _Source(start, given['frame_id'] or frame_id, seen)
+
+
+def _part(given: Mapping[str, str], start_ns: int, end_ns: int) -> list[str]:
+    """Return the options of a replay for the part of a bag to play, in seconds from its start. Raises InputError."""
+    options = []
+    for name, option in (('start_s', '--start'), ('stop_s', '--end')):
+        if given[name]:
+            t_ns = round(_number(given, name) * NS)
+            if not start_ns <= t_ns <= end_ns:
+                raise InputError(f'launch argument {name}:={given[name]}: the bag goes from {start_ns / NS:.9g} s to '
+                                 f'{end_ns / NS:.9g} s', field=name)
+            options += [option, repr((t_ns - start_ns) / NS)]
+    return options

@@ -14,11 +14,13 @@ from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Limit, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import led_tick
-from dragon_ros.nodes.base import DragonNode
+from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.frames import build_tables
 
 TOPIC = 'cmd_vel'
 _DEPTH = 10
+_LOOK_S = 1.0       # interval of looks for publishers of the other type
+_KINDS = {True: 'geometry_msgs/msg/TwistStamped', False: 'geometry_msgs/msg/Twist'}
 
 
 class Commands:
@@ -29,12 +31,27 @@ class Commands:
         self.taken, self.dropped = 0, Counter[str]()
         self._node, self._timeout_s = node, timeout_s
         self._speed_m_s, self._until_s, self._stamp_ns = 0.0, 0.0, 0
+        self._type, self._named = _KINDS[stamped], set[str]()
+        node.create_timer(_LOOK_S, self._look, clock=STEADY)
         node.create_subscription(TwistStamped if stamped else Twist, TOPIC,
                                  self._on_stamped if stamped else self._take, _DEPTH)
 
     def wanted_m_s(self) -> float:
         """Return the speed that holds now: 0 after the timeout."""
         return self._speed_m_s if time.monotonic() < self._until_s else 0.0
+
+    def _look(self) -> None:
+        """Warn once of each node that publishes commands of the other type: nothing of them arrives."""
+        topic = self._node.resolve_topic_name(TOPIC)
+        for one in self._node.get_publishers_info_by_topic(topic):
+            name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
+            if one.topic_type != self._type and name not in self._named:
+                self._named.add(name)
+                stamped = self._type == _KINDS[True]
+                self._node.get_logger().warning(
+                    f'{topic}: {name} publishes {one.topic_type}, and this sim takes {self._type} alone: it hears '
+                    f'nothing of it; start the sim with cmd_vel_stamped:={str(not stamped).lower()}, or have {name} '
+                    f'publish {self._type}' + (' (teleop_twist_keyboard: -p stamped:=true)' if stamped else ''))
 
     def summary(self) -> str:
         """Return how many commands were taken and dropped."""
@@ -125,9 +142,10 @@ class LedFrames:
         """Start again, at rest."""
         self.k, self._law, self._stopped, self._brakes = 0, None, '', False
 
-    def seek(self, t_ns: int) -> None:
-        """Raise FieldError: what will be commanded is not known."""
-        raise FieldError('seek_s', t_ns / NS, 'a led dragon has no other ticks to go to', 'reset it')
+    def seek(self, t_ns: int | None) -> None:
+        """Raise FieldError: what will be commanded is not known, and what was is gone."""
+        raise FieldError('seek_s', -1 if t_ns is None else t_ns / NS, 'a led dragon has no other ticks to go to',
+                         'reset it')
 
     def check_time(self, t_ns: int) -> None:
         """Raise FieldError, as ``seek``."""

@@ -47,7 +47,8 @@ class Replay(DragonNode):
         self.source = ReplaySource(bag, self.topic_publishers, start_ns, end_ns,
                                    self.get_logger().warning)
         self.late_us: Counter[int] = Counter()
-        gate = publisher_queue.StartGate(self.topic_publishers, choice.wait_subscribers, self.setting['discovery_s'])
+        waited = [full_name(text, bag) for text in choice.wait_subscribers]
+        gate = publisher_queue.StartGate(self.topic_publishers, waited, self.setting['discovery_s'])
         self.player = Player(self, self.source, self.setting['time_scale'], gate.is_open)
         self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
@@ -86,7 +87,8 @@ class Replay(DragonNode):
 
     def _advertise(self, bag: BagReader, choice: Choice) -> dict[str, Publisher]:
         """Return the publishers by recorded name."""
-        rows = [row for row in bag.topics if choice.topics is None or row.name in choice.topics]
+        wanted = None if choice.topics is None else {full_name(name, bag) for name in choice.topics}
+        rows = [row for row in bag.topics if wanted is None or row.name in wanted]
         profiles = {row.name: qos.of_bag(row.qos) for row in rows}
         root = None if choice.into is None else namespace_of(bag)
         names = {row.name: moved(row.name, root, choice.into or '') for row in rows}
@@ -112,6 +114,11 @@ def moved(topic: str, root: str | None, into: str) -> str:
     return f'/{into.strip("/")}/{topic.removeprefix(f"{root}/")}'.replace('//', '/') if inside else topic
 
 
+def full_name(name: str, bag: BagReader) -> str:
+    """Return the recorded name of a topic: a relative one is of the only dragon of the bag. Raises InputError."""
+    return name if not name or name.startswith('/') else f'{namespace_of(bag)}/{name}'
+
+
 def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
     """Return the first and the last log time to play. Raises InputError where the bag does not have it."""
     length_s = (bag.end_ns - bag.start_ns) / NS
@@ -121,7 +128,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
         raise InputError(f'--end {choice.end_s:g}: must not be before --start {choice.start_s:g}')
     known = [row.name for row in bag.topics]
     for name in choice.topics or []:
-        if name not in known:
+        if full_name(name, bag) not in known:
             raise InputError(f'--topics {name}: is not in the bag; it has {", ".join(known)}')
     end_ns = bag.end_ns if choice.end_s is None else bag.start_ns + round(min(length_s, choice.end_s) * NS)
     return bag.start_ns + round(choice.start_s * NS), end_ns

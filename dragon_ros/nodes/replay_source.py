@@ -73,8 +73,11 @@ class ReplaySource:
         """Move to the first message."""
         self._go_to(self._start_ns)
 
-    def seek(self, t_ns: int) -> None:
-        """Move to the last messages at or before ``t_ns``. Raises FieldError outside the played part."""
+    def seek(self, t_ns: int | None) -> None:
+        """Move to the last messages at or before ``t_ns``; None: the first. Raises FieldError outside of them."""
+        if t_ns is None:
+            self.rewind()
+            return
         self.check_time(t_ns)
         last = self._start_ns
         for message in self._bag.messages(list(self._publishers), max(self._start_ns, t_ns - NS)):

@@ -453,3 +453,25 @@ def test_the_script_keeps_bytecode_although_the_shell_wants_none_beside_sources(
     assert by_script('python', '-c', shown) == 'False None\n'
     kept = f'False {ROOT.resolve()}/.venv/cache/bytecode\n'
     assert by_script('python', '-c', shown, PYTHONDONTWRITEBYTECODE='1') == kept
+
+
+def test_the_quality_of_a_topic_can_be_overridden_and_what_cannot_gets_a_word(start, node):
+    from rclpy.qos import DurabilityPolicy, ReliabilityPolicy
+    sim = start('sim', '--ros-args', '-p', 'qos_overrides./dragon/handles.publisher.reliability:=best_effort',
+                '-p', 'qos_overrides./dragon/velocities.publisher.durability:=transient_local',
+                '-p', 'qos_overrides./dragon/handle.publisher.depth:=5')
+    start('monitor', '--ros-args', '-p', 'qos_overrides./dragon/handles.subscription.reliability:=best_effort')
+    node.until(lambda: node.count_publishers('velocities') and node.count_subscribers('handles'))
+    quality = {name: node.get_publishers_info_by_topic(f'/dragon/{name}')[0].qos_profile
+               for name in ('handles', 'velocities', 'benches')}
+    assert [one.reliability == ReliabilityPolicy.BEST_EFFORT for one in quality.values()] == [True, False, False]
+    assert [one.durability == DurabilityPolicy.TRANSIENT_LOCAL for one in quality.values()] == [False, True, False]
+    (heard,) = node.get_subscriptions_info_by_topic('/dragon/handles')
+    assert heard.qos_profile.reliability == ReliabilityPolicy.BEST_EFFORT
+    sim.wait_for('parameter qos_overrides./dragon/handle.publisher.depth: sim has no such topic, it is ignored')
+    for wrong, says in (('history:=some', "'history'|`history`: `some`"), ('depht:=5', 'depht: is no policy'),
+                        ('depth:=many', 'depth')):
+        failed = start('sim', '--ros-args', '-p', f'qos_overrides./dragon/handles.publisher.{wrong}')
+        assert failed.end() == 2, failed.text
+        assert any(part in failed.text for part in says.split('|')), failed.text
+        assert 'Traceback' not in failed.text

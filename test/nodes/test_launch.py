@@ -3,6 +3,7 @@ import os
 import sys
 from pathlib import Path
 
+import psutil
 import pytest
 
 pytest.importorskip('rclpy')
@@ -99,7 +100,7 @@ def test_dragons_stand_side_by_side_by_namespace(launch, node):
 def test_each_argument_of_the_run_reaches_the_node_that_it_is_for(launch, node):
     launch('scene:=first_contact', 'rate:=10', 'time_scale:=2', 'accuracy:=fine', 'use_sim_time:=true',
            'on_contact:=stop', 'warn_below:=0.1', 'headless:=true')
-    values = {'scene': 'first_contact', 'accuracy': 'fine', 'at_end': 'hold', 'on_contact': 'stop',
+    values = {'scene': 'first_contact', 'accuracy': 'fine', 'at_end': 'stop', 'on_contact': 'stop',
               'frame_id': 'dragon'}
     assert {key: parameter(node, '/dragon/sim', key).string_value for key in values} == values
     assert parameter(node, '/dragon/sim', 'rate_hz').double_value == 10
@@ -107,6 +108,38 @@ def test_each_argument_of_the_run_reaches_the_node_that_it_is_for(launch, node):
     assert parameter(node, '/dragon/monitor', 'warn_below_m').double_value == 0.1
     assert parameter(node, '/dragon/monitor', 'use_sim_time').bool_value
     assert parameter(node, '/dragon/sim', 'publish_clock').bool_value
+
+
+@pytest.mark.parametrize('whose', ['/**', '/dragon/sim', '/**/sim'])
+def test_a_file_of_parameters_yields_to_arguments_alone(launch, node, tmp_path, whose):
+    (tmp_path / 'mine.yaml').write_text(f'{whose}: {{ros__parameters: {{rate_hz: 5.0, time_scale: 3.0}}}}\n')
+    launch('params_file:=mine.yaml', 'rate:=10', 'headless:=true', 'monitor:=false', 'discovery_s:=0')
+    assert parameter(node, '/dragon/sim', 'rate_hz').double_value == 10
+    assert parameter(node, '/dragon/sim', 'time_scale').double_value == 3
+    assert parameter(node, '/dragon/sim', 'at_end').string_value == 'hold'
+
+
+def test_a_run_that_stops_at_its_contact_ends_the_launch_with_0(launch):
+    run = launch('scene:=first_contact', 'start_s:=412.3', 'on_contact:=stop', 'headless:=true', 'discovery_s:=0')
+    assert run.end() == 0, run.text
+    assert 'saw 10 ticks' in run.text
+
+
+def test_without_benches_no_monitor_is_started_and_that_is_said(launch):
+    run = launch('scene:=minimal', 'stop_s:=0.1', 'at_end:=stop', 'headless:=true', 'discovery_s:=0')
+    assert run.end() == 0, run.text
+    assert 'no monitor is started' in run.text
+    assert 'WARN' not in run.text
+
+
+def test_a_launch_fails_where_a_node_does(launch, node):
+    run = launch('headless:=true', 'discovery_s:=0')
+    run.wait_for('starts at 0.000 s')
+    (process,) = [one for one in psutil.Process(run.pid).children(recursive=True) if 'monitor' in one.cmdline()[1]]
+    process.kill()
+    assert run.end() == 1, run.text
+    assert 'ended with exit code -9' in run.text
+    assert 'saw' not in run.text
 
 
 def test_a_bag_is_replayed_in_place_of_a_sim(launch, tmp_path):
@@ -158,5 +191,5 @@ def test_without_rviz_it_says_so_and_runs(launch):
                                                 ('at_end:=never', '"never" is not valid')])
 def test_what_cannot_be_ends_everything_with_the_reason(launch, argument, says):
     run = launch(argument, 'headless:=true')
-    run.end()
+    assert run.end() == 1
     assert says in run.text

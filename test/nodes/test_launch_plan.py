@@ -1,6 +1,5 @@
 """What dragon.launch.py starts, with or without the launch library; the processes are real."""
 import struct
-from dataclasses import replace
 
 import pytest
 
@@ -16,18 +15,14 @@ from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.decode import read_diagnostics
 from dragon_ros.messages.encode import encoders
-from dragon_ros.nodes.launch_plan import plan
+from dragon_ros.nodes.launch_plan import ARGUMENTS, plan
 from dragon_ros.scenes.provenance import RECORD, run_metadata, scene_file
 
 SCENE = Scene(run=Run(412.2, 412.7))
-DEFAULTS = {'scene': 'winding', 'accuracy': '', 'rate': '', 'time_scale': '1.0', 'at_end': 'hold',
-            'on_contact': 'continue', 'namespace': 'dragon', 'frame_id': '', 'use_sim_time': 'false',
-            'publish_tf': 'false', 'monitor': 'true', 'warn_below': '0.02', 'clearance_vector': 'false',
-            'record': '', 'replay': '', 'json': 'false'}
 
 
 def planned(**given):
-    return plan({**DEFAULTS, **given})
+    return plan({**{one.name: one.default for one in ARGUMENTS}, **given})
 
 
 @pytest.fixture
@@ -101,7 +96,60 @@ def test_what_cannot_be_read_is_left_to_the_node_that_says_why():
     assert planned(replay='nothing.mcap').source.arguments == ['nothing.mcap', '--into', '/dragon']
 
 
-@pytest.mark.parametrize('name', ['time_scale', 'rate', 'warn_below'])
+@pytest.mark.parametrize('changes', [{'scene': 'minimal'}, {'set': 'effects=[velocity]; dragon.benches=9'}])
+def test_no_monitor_is_started_that_could_see_nothing(changes):
+    what = planned(**changes, record='run.mcap')
+    assert [one.executable for one in what.readers] == ['record']
+    assert 'handles=1' in what.source.parameters['wait_subscribers']
+    assert 'switch on the effect benches' in what.notes[0]
+    assert not planned(scene='winding').notes
+
+
+def test_no_monitor_is_started_on_a_bag_without_benches(tmp_path):
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        bag.add_channel('/dragon/handles', channels()['handles'])
+        bag.write('/dragon/handles', encoders(SCENE)['handles'](tick(SCENE, 0)), SCENE.run.time_ns(0), 1)
+    what = planned(replay=str(tmp_path / 'a.mcap'))
+    assert what.readers == []
+    assert what.notes == ('there are no benches to see, so no monitor is started: the bag has none',)
+
+
+def test_what_stops_at_a_contact_stops_everything_unless_told_otherwise():
+    ends = {text: planned(on_contact=text).source.parameters['at_end'] for text in ('continue', 'hold', 'stop')}
+    assert ends == {'continue': 'hold', 'hold': 'hold', 'stop': 'stop'}
+    assert planned(on_contact='stop', at_end='loop').source.parameters['at_end'] == 'loop'
+
+
+def test_each_argument_of_a_run_is_passed_to_the_node_that_it_is_for(watched):
+    sim = planned(set=' run.stop_s=9 ; effects=[benches, clearance];', start_s='1.5', stop_s='8',
+                  discovery_s='0.5').source
+    assert sim.parameters['set'] == ['run.stop_s=9', 'effects=[benches, clearance]']
+    assert [sim.parameters[name] for name in ('start_s', 'stop_s', 'discovery_s')] == [1.5, 8.0, 0.5]
+    assert not {'start_s', 'stop_s', 'rate_hz'} & set(planned().source.parameters)
+    replay = planned(replay=str(watched), start_s='412.3', stop_s='412.35', discovery_s='0.5').source
+    assert replay.arguments[-4:] == ['--start', '0.1', '--end', '0.15']
+    assert replay.parameters['discovery_s'] == 0.5
+    with pytest.raises(InputError, match='start_s:=400: the bag goes from 412.2 s to 412.7 s'):
+        planned(replay=str(watched), start_s='400')
+
+
+@pytest.mark.parametrize('name', [one.name for one in ARGUMENTS if one.concerns])
+def test_an_argument_that_concerns_nothing_that_is_started_is_refused(watched, name):
+    who = next(one.concerns for one in ARGUMENTS if one.name == name)
+    given = {'replay': str(watched)} if who == 'sim' else {'monitor': 'false'}
+    with pytest.raises(InputError, match=f'launch argument {name}:=0.5: concerns {who} alone, which is not started'):
+        planned(**given, **{name: '0.5'})
+
+
+def test_a_file_of_parameters_yields_to_arguments_alone_and_only_what_is_always_there_is_waited_for(tmp_path):
+    what = planned(params_file='mine.yaml', rate='10', warn_below='0.1', record='run.mcap')
+    assert {one.file for one in (*what.readers, what.source)} == {'mine.yaml'}
+    assert what.source.asked == {'rate_hz'}
+    assert what.readers[0].asked == {'warn_below_m'}
+    assert what.source.parameters['wait_subscribers'] == ['']       # the file may name another scene
+
+
+@pytest.mark.parametrize('name', ['time_scale', 'rate', 'warn_below', 'start_s', 'discovery_s'])
 def test_an_argument_that_is_no_number_is_named(name):
     with pytest.raises(InputError, match=f'launch argument {name}:=abc'):
         planned(**{name: 'abc'})
@@ -127,15 +175,11 @@ def said(path, dragon):
 
 def test_at_any_rate_every_recorded_value_stands_at_the_time_of_its_tick(launched, watched, tmp_path):
     """A monitor lags behind what is published as fast as possible; its values are those of real time all the same."""
-    (tmp_path / 'short.yaml').write_text('run: {start_s: 412.2, stop_s: 412.7}\n')
-    ran = {}
-    for dragon, given in {
-            'one': {'time_scale': '1.0'}, 'two': {'time_scale': '0.0'},
-            'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():
-        what = planned(**{'scene': str(tmp_path / 'short.yaml'), 'namespace': dragon, 'frame_id': dragon,
-                          'record': f'{dragon}.mcap', 'at_end': 'stop', **given})
-        ran[dragon] = launched(replace(what, source=replace(
-            what.source, parameters={**what.source.parameters, 'discovery_s': 1.0})))
+    short, ran = {'start_s': '412.2', 'stop_s': '412.7'}, {}
+    for dragon, given in {'one': short, 'two': {'time_scale': '0.0', **short},
+                          'six': {'time_scale': '0.0', 'replay': str(watched)}}.items():
+        ran[dragon] = launched(planned(namespace=dragon, frame_id=dragon, record=f'{dragon}.mcap', at_end='stop',
+                                       discovery_s='1', **given))
     for nodes in ran.values():
         assert nodes['record'].end() == 0, nodes['record'].text
     live, quick, again = (said(tmp_path / f'{dragon}.mcap', dragon) for dragon in ran)

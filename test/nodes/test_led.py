@@ -110,16 +110,33 @@ def test_a_led_dragon_stops_with_the_first_tick_in_contact(start, node, act):
 
 
 def test_a_led_dragon_has_a_pace_and_no_other_ticks(start, node):
+    from rcl_interfaces.srv import SetParameters
+    from rclpy.parameter import Parameter
     from std_srvs.srv import Trigger
     fast = start('sim', *LED, '--ros-args', '-p', 'time_scale:=0.0')
     assert fast.end() == 2
     assert 'commands come in real time' in fast.text
     leader = Leader(node)
-    start('sim', *LED, '--ros-args', '-p', 'wait_subscribers:=[leader=1]', '-p', 'seek_s:=0.0')
+    start('sim', *LED, '--ros-args', '-p', 'wait_subscribers:=[leader=1]')
     node.until(lambda: leader.speeds)
     client = node.create_client(Trigger, 'sim/seek')
     node.until(client.service_is_ready)
-    done = client.call_async(Trigger.Request())
+    done = client.call_async(Trigger.Request())      # to the start, by default; there is reset for that
     node.until(done.done)
     assert not done.result().success
+    assert 'seek_s: -1' in done.result().message
     assert 'reset it' in done.result().message
+    put = node.create_client(SetParameters, 'sim/set_parameters')
+    node.until(put.service_is_ready)
+    done = put.call_async(SetParameters.Request(parameters=[Parameter('seek_s', value=0.0).to_parameter_msg()]))
+    node.until(done.done)
+    assert 'a led dragon has no other ticks to go to' in done.result().results[0].reason
+
+
+def test_a_command_of_the_other_type_gets_a_word_with_its_cure(start, node):
+    from geometry_msgs.msg import Twist
+    node.create_publisher(Twist, 'cmd_vel', 1)
+    sim = start('sim', *LED)
+    sim.wait_for('/dragon/cmd_vel: /dragon/observer publishes geometry_msgs/msg/Twist, and this sim takes '
+                 'geometry_msgs/msg/TwistStamped alone')
+    assert 'cmd_vel_stamped:=false' in sim.text

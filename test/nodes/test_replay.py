@@ -89,6 +89,17 @@ def test_replaying_into_the_recorder_gives_the_same_messages_byte_for_byte(start
     assert ('behind the steady clock' in replay.text) == (rate != '0')
 
 
+def test_replay_takes_names_below_the_only_dragon_of_its_bag(start, node, recorded, stamps):
+    replay = start('replay', recorded, '--rate', '0', '--topics', 'handles,/dragon/scene', '--wait-subscribers',
+                   'handles=1')
+    assert replay.end() == 0, replay.text
+    node.until(lambda: len(stamps) == 21)
+    for option in ('--topics', '--wait-subscribers'):
+        wrong = start('replay', recorded, option, 'handle=1')
+        assert wrong.end() == 2, wrong.text
+        assert '/dragon/handles' in wrong.text
+
+
 def test_replay_plays_from_start_to_end(start, node, recorded, stamps):
     replay = start('replay', recorded, '--start', '0.35', '--end', '0.82', '--rate', '5', '--topics',
                    '/dragon/handles', '--wait-subscribers', '/dragon/handles=1')
