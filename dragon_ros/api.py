@@ -168,6 +168,9 @@ class Simulated:
         Raises FieldError where it cannot.
         """
         times = _times(times_s)
+        if out is not None and not (isinstance(out, (tuple, list)) and len(out) == 2
+                                    and all(isinstance(one, np.ndarray) for one in out)):
+            raise FieldError('out', out, 'it is not two arrays', 'give arrays for handles and velocities')
         handles, velocity = out or (None, None)
         chain = states(self.scene, times, handles)
         return Motion(np.array(times), chain.p, velocity_of(self.scene, chain, times, velocity),
@@ -201,6 +204,8 @@ class Simulated:
         is one for the track. Raises FieldError for an unknown key and a scene that is not covered (one spiral, led by
         the head), DragonError where nothing can be proved, naming the tolerance to blame.
         """
+        if not isinstance(tolerances, Mapping):
+            raise FieldError('tolerances', tolerances, 'it is not a mapping', "write {'dragon.width_m': 0.005}")
         return first_contact_within(self.scene, tolerances, progress)
 
     def track_m(self, sag_m: float = 1e-4) -> Floats:

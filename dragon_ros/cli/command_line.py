@@ -23,6 +23,7 @@ class _Default(str):
 
 
 _SUFFIXES = {'.csv': 'csv', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet', '.txt': 'text', '.xlsx': 'xlsx'}
+_OTHERS = frozenset(('.docx', '.html', '.mat', '.ods', '.tex', '.xls'))      # that no table is written in
 DEFAULT_SCENE = _Default('winding')
 
 
@@ -74,7 +75,10 @@ class Parser(argparse.ArgumentParser):
 
 
 def _finite(text: str) -> float:
-    value = float(text)
+    try:
+        value = float(text)
+    except ValueError:
+        raise argparse.ArgumentTypeError(f'{shown(text)} is not a number; write digits alone, such as 0.5') from None
     if not isfinite(value):
         raise argparse.ArgumentTypeError(f'{shown(text)} is not a finite number')
     return value
@@ -164,6 +168,9 @@ def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespac
     """Choose the format by the suffix of the output; refuse a format that contradicts it."""
     output, formats = arguments.output, arguments.formats
     chosen = _SUFFIXES.get(output.suffix.lower()) if output is not None else None
+    if output is not None and output.suffix.lower() in _OTHERS:
+        parser.error(f'argument --output: {output} would be {output.suffix[1:]}; the formats here are '
+                     f'{", ".join(formats)}')
     if chosen is None or chosen == arguments.format:
         return
     if chosen not in formats:
