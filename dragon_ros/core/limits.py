@@ -38,6 +38,8 @@ LED_TICKS = 2_000_000
 COORDINATE_M = 1e30
 MARKER_RUNS = 10_000
 MONITOR_BYTES = 256 * MB
+INBOX_BYTES = 128 * MB
+INBOX_MESSAGES = 10_000
 HELD_BYTES = 64 * MB
 REPLAYED_BYTES = 64 * MB
 RECORDED_SCENES = 16
@@ -100,6 +102,9 @@ LIMITS = (
     Limit('MARKER_RUNS', 'the markers of a message that differ in layout from the one before', 'markers', 'refused'),
     Limit('MONITOR_BYTES', 'messages that the monitor holds until their partner arrives', 'bytes',
           'the oldest is dropped, with a warning'),
+    Limit('INBOX_BYTES', 'messages that wait until the monitor reads them', 'bytes',
+          'from half of it on whole ticks are skipped evenly, which `/diagnostics` says at once'),
+    Limit('INBOX_MESSAGES', 'their number', 'messages', 'likewise'),
     Limit('HELD_BYTES', 'messages without a stamp that the recorder holds until there is a tick', 'bytes',
           'the oldest is left out, and counted'),
     Limit('REPLAYED_BYTES', 'messages of one log time that `replay` holds', 'bytes', 'published part by part'),

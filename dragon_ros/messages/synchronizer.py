@@ -55,6 +55,10 @@ class Synchronizer:
         """Add benches that arrived at ``now_s``; return (handles, benches) once both are present."""
         return self._add(_BENCHES, shown if self._stamps[_HANDLES][shown.t_ns] else shown.to_wait(), now_s)
 
+    def add(self, topic: str, message: Poses | BenchMarkers | BenchCubes, now_s: float) -> Pair | None:
+        """Add handles or benches, by the name of their topic."""
+        return self.add_handles(message, now_s) if isinstance(message, Poses) else self.add_benches(message, now_s)
+
     def expire(self, before_s: float) -> None:
         """Drop messages that have waited since before ``before_s``."""
         for topic, waiting in self._waiting.items():

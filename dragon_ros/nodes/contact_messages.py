@@ -1,6 +1,6 @@
 """The messages of the monitor: contacts and health."""
 from collections.abc import Mapping
-from math import isnan
+from math import inf, isnan
 
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from geometry_msgs.msg import Point, PointStamped
@@ -8,6 +8,9 @@ from std_msgs.msg import Header
 
 from dragon_ros.core.geometry.tracker import NS, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
+
+_AGAIN_S = 1.0      # between two times that it is said that ticks are not seen
+_OVER_S = 3.0       # after the last one that was not
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
@@ -79,6 +82,52 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
         't_s': '{}.{:09d}'.format(*stamp_of(report.observation.t_ns)), 'clearance_m': f'{report.clearance_m:.12f}',
         'closest': pair, 'warn_below_m': f'{warn_below_m:g}', 'in_contact': str(report.count),
         'dropped': str(dropped)}, dragon)
+
+
+class Pace:
+    """Which ticks a monitor does not see, and how long it looks away: contacts that are shorter may be missed."""
+
+    def __init__(self) -> None:
+        """Start having missed nothing."""
+        self.skipped = 0        # of them by choice, since more arrive than are read
+        self._unseen, self._step_ns = 0, 0
+        self._since_s = self._told_s = -inf         # when there was something to say, and when it was said
+        self._last: tuple[int, int] | None = None       # stamp and number of the last tick that was seen
+
+    def see(self, t_ns: int, number: int, now_s: float) -> bool:
+        """Note the next tick that is seen and the number of its handles; return whether to say something now."""
+        last, self._last = self._last, (t_ns, number)
+        if last is None or number <= last[1] + 1:
+            return False
+        self._unseen += number - last[1] - 1
+        self._step_ns = max(self._step_ns, t_ns - last[0])
+        return self._news(now_s)
+
+    def skip(self, skipped: int, now_s: float) -> bool:
+        """Note how many ticks were skipped so far; return whether to say something now."""
+        self.skipped = skipped
+        return self._news(now_s)
+
+    def _news(self, now_s: float) -> bool:
+        self._since_s, due = now_s, now_s - self._told_s > _AGAIN_S
+        self._told_s = now_s if due else self._told_s
+        return due
+
+    def text(self) -> str:
+        """Return one line of what was not seen; nothing if all was."""
+        if not (self._unseen or self.skipped):
+            return ''
+        missed = f': a contact of less than {self._step_ns / NS:.9f} s may be missed' if self._step_ns else ''
+        return (f'{max(self._unseen, self.skipped)} ticks are not seen, {self.skipped} of them skipped because more '
+                f'arrive than are read{missed}')
+
+    def warnings(self, dragon: str, now_s: float) -> list[DiagnosticStatus]:
+        """Return a WARN while ticks are not seen; nothing a few seconds later."""
+        if now_s - self._since_s > _OVER_S:
+            return []
+        return [_status(DiagnosticStatus.WARN, f'{dragon}: monitor: pace', self.text(), {
+            'unseen': str(self._unseen), 'skipped': str(self.skipped),
+            'longest_step_s': f'{self._step_ns / NS:.9f}'}, dragon)]
 
 
 def _status(level: bytes, name: str, message: str, values: Mapping[str, str],

@@ -5,6 +5,7 @@ It observes one dragon: where several publish on its topics, it stays with the o
 import threading
 import time
 from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 from diagnostic_msgs.msg import DiagnosticArray
@@ -12,6 +13,7 @@ from std_msgs.msg import Bool
 
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.tracker import NS, ContactTracker, Report
+from dragon_ros.core.limits import INBOX_MESSAGES
 from dragon_ros.messages.bench_reader import BenchReader
 from dragon_ros.messages.cdr import float64_of
 from dragon_ros.messages.channels import channels
@@ -21,6 +23,7 @@ from dragon_ros.messages.synchronizer import Pair, Synchronizer
 from dragon_ros.nodes import contact_messages as messages
 from dragon_ros.nodes import publisher_queue, publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.inbox import Inbox
 from dragon_ros.nodes.params import MONITOR
 
 _PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
@@ -41,9 +44,12 @@ class Monitor(DragonNode):
         super().__init__('monitor', MONITOR, overrides)
         self._warn_below_m = float(self.setting['warn_below_m'])
         rows = channels()
-        self._benches, self._pairs, self._tracker = BenchReader(), Synchronizer(), ContactTracker()
+        self._pairs, self._tracker = Synchronizer(), ContactTracker()
+        self._read: dict[str, Callable[[bytes], Any]] = {'handles': read_handles, 'benches': BenchReader().read}
         self._sources = {name: publishers.Publishers(self, self.resolve_topic_name(name))
                          for name in ('handles', 'benches')}
+        self._inbox = Inbox(self, self._sources, self._take, self._skip)
+        self.pace, self._numbers = messages.Pace(), dict[int, int]()
         self._several: dict[str, list[str]] = {}
         self.seen = self.dropped = 0
         self._last: Report | None = None
@@ -53,28 +59,36 @@ class Monitor(DragonNode):
                                  for name, row in rows.items() if name in names}
         self.topic_publishers['collision/active'].publish(Bool(data=False))
         self.create_timer(_HEALTH_S, self._on_timer, clock=STEADY)
-        for name, take in (('handles', self._on_handles), ('benches', self._on_benches)):
+        for name in self._sources:
             row = rows[name]
-            raw_subscription.subscribe_raw(self, shell.message_type(row.type), name, take,
-                                           qos.lossless(qos.of_channel(row)))
+            raw_subscription.subscribe_raw(self, shell.message_type(row.type), name,
+                                           partial(self._inbox.put, name, row.type), qos.lossless(qos.of_channel(row)),
+                                           self._inbox.work)
 
     def changed(self, name: str) -> None:
         """Apply another limit from the next tick on."""
         self._warn_below_m = float(self.setting['warn_below_m'])
 
-    def _on_handles(self, data: bytes, info: Any) -> None:
-        self._take('handles', info, lambda: read_handles(data), self._pairs.add_handles)
-
-    def _on_benches(self, data: bytes, info: Any) -> None:
-        self._take('benches', info, lambda: self._benches.read(data), self._pairs.add_benches)
-
-    def _take(self, topic: str, info: Any, read: Callable[[], Any], add: Callable[[Any, float], Any]) -> None:
+    def _take(self, topic: str, data: bytes, info: Any) -> None:
         """Read a message, and examine the pair that it completes if it is of the dragon that this node stays with."""
         def take() -> None:
-            half = read()
-            if self._sources[topic].keeps(raw_subscription.number(info), half.t_ns):
-                self._observe(add(half, time.monotonic()))
+            half, number = self._read[topic](data), raw_subscription.number(info)
+            if self._sources[topic].keeps(number, half.t_ns):
+                if topic == 'handles':
+                    self._number(half.t_ns, number)
+                self._observe(self._pairs.add(topic, half, time.monotonic()))
         self._guarded(take)
+
+    def _number(self, t_ns: int, number: int) -> None:
+        """Keep the number of handles until their tick is seen."""
+        self._numbers[t_ns] = number
+        if len(self._numbers) > INBOX_MESSAGES:
+            del self._numbers[next(iter(self._numbers))]
+
+    def _skip(self) -> None:
+        """Say at once that ticks are skipped."""
+        if self.pace.skip(self._inbox.skipped, time.monotonic()):
+            self._publish_health(always=True)
 
     def _on_timer(self) -> None:
         """Drop messages whose partner has not arrived, look for other publishers, and publish the health."""
@@ -99,6 +113,9 @@ class Monitor(DragonNode):
         self._drop_unmatched()
         if pair is None:
             return
+        t_ns = pair[0].t_ns
+        if self.pace.see(t_ns, self._numbers.pop(t_ns, 0), time.monotonic()):
+            self._publish_health(always=True)
         observation = observation_of(*pair)
         for source in self._sources.values():       # these two publish a dragon: from now on it is this one
             source.streams.adopt(observation.t_ns)
@@ -159,7 +176,8 @@ class Monitor(DragonNode):
         if always or level != self._level:
             self._level = level
             status = messages.health_of(dragon, self._last, self._warn_below_m, self.dropped)
-            message = DiagnosticArray(status=[status, *publishers.warnings_of(f'{dragon}: monitor', self._several)])
+            message = DiagnosticArray(status=[status, *self.pace.warnings(dragon, time.monotonic()),
+                                              *publishers.warnings_of(f'{dragon}: monitor', self._several)])
             message.header.stamp = self.get_clock().now().to_msg()
             self.topic_publishers['/diagnostics'].publish(message)
 
@@ -173,6 +191,8 @@ def run(stop: threading.Event) -> int:
         return code
     finally:
         node.get_logger().info(f'saw {node.seen} ticks')
+        if unseen := node.pace.text():
+            node.get_logger().warning(unseen)
         if node.dropped:
             node.get_logger().warning(f'{node.dropped} messages were dropped')
         node.destroy_node()

@@ -6,16 +6,18 @@ from collections.abc import Iterable
 from diagnostic_msgs.msg import DiagnosticStatus, KeyValue
 
 from dragon_ros.messages.synchronizer import Streams
+from dragon_ros.nodes import qos
 from dragon_ros.nodes.base import DragonNode
 
 _UNNAMED = '_NODE_NAME_UNKNOWN_'     # of a publisher that discovery found just before its node, or that has none
 _NAMED_S = 3.0      # so long its name is waited for
+_ASKED_S = 1.0      # for so long the answer is taken to hold
 
 
 class Publishers:
     """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message.
 
-    It has to ``look`` now and then to notice who has left.
+    It has to ``look`` now and then to notice who has left, and tell of each message that has ``arrived``.
     """
 
     def __init__(self, node: DragonNode, topic: str) -> None:
@@ -25,10 +27,11 @@ class Publishers:
         self._there: dict[bytes, str] = {}
         self._since_s: dict[bytes, float] = {}
         self._known: bytes | None = None        # None while nobody can tell which of several it is
+        self._last, self._waits, self._asked_s = 0, False, 0.0
 
     def look(self) -> list[str]:
         """Look who is there; return the names where there are several, once all have one, else nothing."""
-        before = self._there
+        before, self._asked_s = self._there, 0.0
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
                        for one in self._node.get_publishers_info_by_topic(self.topic)}
         gone = before.keys() - self._there.keys()
@@ -42,10 +45,22 @@ class Publishers:
         named = all(_UNNAMED not in name or now - self._since_s[gid] > _NAMED_S for gid, name in self._there.items())
         return _distinct(self._there) if len(self._there) > 1 and named else []
 
+    def arrived(self, sequence: int) -> None:
+        """Note the number of a message, and look who is there if it is not the next one."""
+        if sequence != self._last + 1 and len(self._there) < 2:
+            self.look()
+        self._last = sequence
+
+    def waits(self) -> bool:
+        """Return whether any of them waits for its readers, as of the last second."""
+        if time.monotonic() - self._asked_s > _ASKED_S:
+            self._asked_s = time.monotonic()
+            self._waits = any(qos.waits(one.qos_profile)
+                              for one in self._node.get_publishers_info_by_topic(self.topic))
+        return self._waits
+
     def keeps(self, sequence: int, t_ns: int) -> bool:
         """Return whether a message with this number and stamp is of the publisher that the node stays with, if any."""
-        if len(self._there) < 2 and not self.streams.follows(sequence):
-            self.look()
         return self.streams.take(sequence, t_ns, len(self._there) < 2)
 
 

@@ -1,9 +1,12 @@
 """QoS profiles from the rows of topics.yaml and from bags."""
 from typing import Any
 
+from rclpy.duration import Duration
 from rclpy.qos import DurabilityPolicy, HistoryPolicy, QoSProfile, ReliabilityPolicy
 
 from dragon_ros.messages.channels import Channel
+
+_WAITS_NS = 10**18
 
 
 def profile(reliability: str, durability: str, depth: int) -> QoSProfile:
@@ -25,6 +28,21 @@ def lossless(qos: QoSProfile) -> QoSProfile:
     """
     qos.history = HistoryPolicy.KEEP_ALL
     return qos
+
+
+def waiting(qos: QoSProfile) -> QoSProfile:
+    """Return the lossless profile of a publisher that waits for its readers.
+
+    Discovery tells nobody how much history a publisher keeps. So it announces how long its messages are valid, 31
+    years, by which readers know that nothing is lost while they make it wait.
+    """
+    qos.lifespan = Duration(nanoseconds=_WAITS_NS)
+    return lossless(qos)
+
+
+def waits(announced: QoSProfile) -> bool:
+    """Return whether a publisher waits for its readers, by the profile that discovery tells."""
+    return bool(announced.lifespan.nanoseconds == _WAITS_NS)
 
 
 def of_bag(qos: dict[str, Any]) -> QoSProfile:

@@ -15,8 +15,8 @@ class _Callback:
 
     subscription: Subscription
 
-    def __init__(self, take: Callable[[bytes, Any], None]) -> None:
-        self._take = take
+    def __init__(self, take: Callable[[bytes, Any], None], then: Callable[[], None]) -> None:
+        self._take, self._then = take, then
 
     def __call__(self, data: bytes, info: Any) -> None:
         self._take(data, info)
@@ -24,6 +24,10 @@ class _Callback:
 
     def take_all(self) -> None:
         """Take the messages that have arrived, unless the subscription was destroyed meanwhile."""
+        self._take_some()
+        self._then()
+
+    def _take_some(self) -> None:
         subscription = self.subscription
         for _ in range(_AT_ONCE):
             try:
@@ -36,12 +40,13 @@ class _Callback:
             self._take(*more)
 
 
-def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile) -> None:
-    """Call ``take(data, info)`` for every message, in order, in any executor or in a Spinner.
+def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any], None], profile: QoSProfile,
+                  then: Callable[[], None] = lambda: None) -> None:
+    """Call ``take(data, info)`` for every message, in order, in any executor or in a Spinner, ``then()`` after some.
 
     A node that falls behind catches up, since waking it costs as much as taking several messages.
     """
-    callback = _Callback(take)
+    callback = _Callback(take, then)
     callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)
 
 

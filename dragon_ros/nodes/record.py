@@ -8,7 +8,7 @@ from collections.abc import Callable
 from contextlib import suppress
 from typing import Any
 
-from diagnostic_msgs.msg import DiagnosticArray
+from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 from rclpy.publisher import Publisher
 
 from dragon_ros.bags.record.loss_accounting import RECEIVED, LossAccount
@@ -22,6 +22,7 @@ from dragon_ros.core.errors import DiskError
 from dragon_ros.core.limits import RECORDED_SCENES
 from dragon_ros.messages.channels import Channel, channels
 from dragon_ros.messages.decode import MessageError, examined_ns, read_stamp_ns, read_string, stamp_at_of
+from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
 from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
@@ -46,10 +47,14 @@ class Recorder(DragonNode):
         self._simulation, self._monitored = SimulationClock(self._log), SimulationClock(self._log)
         self._last, self._seen, self._counted, self._scene = time.monotonic(), False, 0.0, ''
         self._scenes, self._attached = SceneReader(self._settings(), trust), set[str]()
-        self._unaccounted: list[tuple[str, int, int]] = []      # messages since a scene that is still being read
+        self._unaccounted: list[tuple[str, int, int, bool]] = []    # messages since a scene that is still being read
         self._names = {name: self.resolve_topic_name(name) for name in channels()}
         # Nodes of every dragon publish on absolute topics.
         self._sources = [publishers.Publishers(self, topic) for name, topic in self._names.items() if name[0] != '/']
+        self._handles, = (one for one in self._sources if one.topic == self._names['handles'])
+        self._each_tick = {self._names[name] for name, channel in channels().items() if channel.each_tick}
+        self._latched = {self._names[name] for name, channel in channels().items() if channel.latched}
+        self._skips, self._skipped_before = EvenSkips(), 0
         self._several: dict[str, list[str]] = {}
         self._named = set[str]()        # topics with messages that are left out
         self._health: Publisher | None = None
@@ -109,13 +114,24 @@ class Recorder(DragonNode):
         self._several = publishers.several_of(self, self._sources, self._several)
         self.losses.share(self._several)
         self._name_left_out()
-        if self._several:
+        name = f'{self.get_namespace().strip("/")}: record'
+        if warnings := [*publishers.warnings_of(name, self._several), *self._skips_now(name)]:
             row = channels()[_HEALTH]
             self._health = self._health or self.create_publisher(DiagnosticArray, _HEALTH, qos.of_channel(row))
-            warnings = publishers.warnings_of(f'{self.get_namespace().strip("/")}: record', self._several)
             message = DiagnosticArray(status=warnings)
             message.header.stamp = self.get_clock().now().to_msg()
             self._health.publish(message)
+
+    def _skips_now(self, name: str) -> list[DiagnosticStatus]:
+        """Return a WARN if ticks were left out since the last one; log it, too."""
+        before, self._skipped_before = self._skipped_before, self._skips.skipped
+        if self._skips.skipped == before:
+            return []
+        said = (f'{self._skips.skipped} ticks are left out so far, evenly: more arrives than the disk takes, and the '
+                f'queue (--queue-mb) is {self.writer.fill:.0%} full')
+        self.get_logger().warning(said)
+        return [DiagnosticStatus(level=DiagnosticStatus.WARN, name=f'{name}: queue', hardware_id='dragon', message=said,
+                                 values=[KeyValue(key='left out', value=str(self._skips.skipped))])]
 
     def _name_left_out(self) -> None:
         """Warn once of each topic with messages that are too large for any reader."""
@@ -152,18 +168,28 @@ class Recorder(DragonNode):
         """Return how close the recorder came to its limits."""
         writer = self.writer
         return {'queue fullest': f'{writer.fullest:.4f}', 'queue waits': str(writer.waits),
-                'queue waited_s': f'{writer.waited_s:.6f}', 'slowest write_s': f'{writer.slowest_write_s:.6f}',
+                'queue waited_s': f'{writer.waited_s:.6f}', 'ticks left out': str(self._skips.skipped),
+                'slowest write_s': f'{writer.slowest_write_s:.6f}',
                 'before the first tick': str(self._simulation.left_out + self._monitored.left_out),
                 'peak memory_mb': f'{resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000:.1f}'}
 
     def _log(self, topic: str, data: bytes, t_ns: int, sequence: int, source_ns: int) -> None:
-        self.writer.write(topic, data, t_ns, sequence, source_ns)
+        patient = topic in self._latched or (self.writer.fill > FROM_FILL and self._handles.waits())
+        if kept := patient or self._keeps(topic, t_ns):
+            self.writer.write(topic, data, t_ns, sequence, source_ns, patient)
         if not self._scenes.busy:
-            self.losses.note(topic, t_ns, sequence)
+            self.losses.note(topic, t_ns, sequence, kept)
             return
-        self._unaccounted.append((topic, t_ns, sequence))
+        self._unaccounted.append((topic, t_ns, sequence, kept))
         if len(self._unaccounted) > _MOST_UNACCOUNTED:
             self._take_scene(wait=True)
+
+    def _keeps(self, topic: str, t_ns: int) -> bool:
+        """Return whether a message is written: of what the disk does not take in time, whole ticks are left out.
+
+        A publisher that waits for its readers waits for the disk instead.
+        """
+        return self._skips.keeps(topic, t_ns, self.writer.fill) if topic in self._each_tick else self.writer.fill < 1
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
@@ -211,8 +237,8 @@ class Recorder(DragonNode):
         if found.scene is None:
             self.get_logger().warning(f'scene: it is recorded unchanged, but cannot be read: {found.why}')
         self.losses.scene(found.scene, self.resolve_topic_name('handles').rpartition('/')[0])
-        for topic, t_ns, sequence in self._unaccounted:
-            self.losses.note(topic, t_ns, sequence)
+        for noted in self._unaccounted:
+            self.losses.note(*noted)
         self._unaccounted.clear()
         if found.metadata is not None and found.text not in self._attached:
             self._attach(found.text, found.metadata)

@@ -94,7 +94,7 @@ class Replay(DragonNode):
         names = {row.name: moved(row.name, root, choice.into or '') for row in rows}
         return {row.name: self.create_publisher(
             shell.message_type(row.type), names[row.name],
-            qos.lossless(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
+            qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
 
     def _note_late(self, _: int) -> None:
         if self.player.pacer.scale:

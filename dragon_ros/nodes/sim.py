@@ -115,7 +115,7 @@ class Sim(DragonNode):
         row = channels()[name]
         profile = qos.of_channel(row)
         if self._lossless and row.durability == 'volatile':
-            profile = qos.lossless(profile)
+            profile = qos.waiting(profile)
         return self.create_publisher(shell.message_type(row.type), name, profile)
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:

@@ -282,7 +282,8 @@ def message(folder: Path) -> Target:
         take[name](data[1:], info)
         recorder.poll(True)
         if name in ('handles', 'benches'):
-            (monitor._on_handles if name == 'handles' else monitor._on_benches)(data[1:], info)
+            monitor._inbox.put(name, channels()[name].type, data[1:], info)
+            monitor._inbox.work()
 
     def close() -> None:
         recorder.close()

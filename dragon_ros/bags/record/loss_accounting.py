@@ -24,6 +24,7 @@ class TopicCount:
     """The account of one topic."""
 
     received: int = 0
+    left_out: int = 0           # of these, since the disk did not take them in time
     lost: int = 0               # by publishers that have been replaced by another
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
@@ -108,11 +109,14 @@ class LossAccount:
             row = self.topics[topic] = TopicCount(early=[] if self._run is None else None)
         return row
 
-    def note(self, topic: str, t_ns: int, sequence: int) -> None:
-        """Count a message that was logged at ``t_ns``."""
+    def note(self, topic: str, t_ns: int, sequence: int, kept: bool = True) -> None:
+        """Count a message that was logged at ``t_ns``, or left out of the bag."""
         row = self._row(topic)
         row.received += 1
         row.number(sequence)
+        if not kept:
+            row.left_out += 1
+            return
         if row.early is not None and len(row.early) < _MOST_EARLY:
             row.early.append(t_ns)
         if self._run is not None and topic in self._each_tick:
@@ -154,7 +158,7 @@ class LossAccount:
 
     def complete(self, ended: bool) -> bool:
         """Return whether nothing is missing, as far as anybody can say."""
-        lost = any(row.lost_on_the_way for row in self.topics.values())
+        lost = any(row.lost_on_the_way or row.left_out for row in self.topics.values())
         return not (self.missing(ended) or self.beginnings() or self.unheard() or lost)
 
     @property
@@ -169,6 +173,7 @@ class LossAccount:
         for topic, row in self.topics.items():
             out[f'{topic} received'] = str(row.received)
             out[f'{topic} lost'] = 'unknown: several publishers' if row.shared else str(row.lost_on_the_way)
+            out[f'{topic} left out'] = str(row.left_out)
             out[f'{topic} before'] = str(row.before)
             out[f'{topic} missing at the beginning'] = str(beginnings.get(topic, 0))
             if row.ticks.last is not None:
@@ -189,6 +194,8 @@ class LossAccount:
         out += [f'{topic}: {row.lost_on_the_way} messages were lost on the way, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
+        out += [f'{topic}: {row.left_out} messages were left out, since the disk did not take them in time'
+                for topic, row in self.topics.items() if row.left_out]
         out += [f'{topic}: several published on it at a time, so nobody can say what is missing'
                 for topic, row in self.topics.items() if row.shared]
         return out

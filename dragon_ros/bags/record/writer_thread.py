@@ -15,8 +15,8 @@ _Job = tuple[int, Callable[[], object]]      # size in bytes, and the write
 class WriterThread:
     """Accepts messages immediately and writes them in order; every second (``flush_s``) the file is up to date.
 
-    A full queue makes ``write`` wait, which is counted: nothing is dropped here. After a disk error nothing more is
-    written; ``error`` holds it.
+    A full queue makes a ``patient`` write wait, which is counted: nothing is dropped here. After a disk
+    error nothing more is written; ``error`` holds it.
     """
 
     def __init__(self, bag: BagWriter, flush_s: float = 1.0, queue_mb: float = 256.0) -> None:
@@ -33,9 +33,9 @@ class WriterThread:
         self._thread = threading.Thread(target=self._work, name='bag')
         self._thread.start()
 
-    def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
-        """Queue one message; wait while the queue is full."""
-        self._put(len(data), partial(self._bag.write, topic, data, t_ns, sequence, publish_ns), at_once=False)
+    def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int, patient: bool = True) -> None:
+        """Queue one message; wait while the queue is full if ``patient``, else the caller minds ``fill``."""
+        self._put(len(data), partial(self._bag.write, topic, data, t_ns, sequence, publish_ns), False, patient)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
         """Queue a metadata record."""
@@ -45,9 +45,9 @@ class WriterThread:
         """Queue an attachment."""
         self._put(len(content), partial(self._bag.attach, name, media_type, content))
 
-    def _put(self, size: int, write: Callable[[], object], at_once: bool = True) -> None:
+    def _put(self, size: int, write: Callable[[], object], at_once: bool = True, patient: bool = True) -> None:
         with self._changed:
-            if self._waiting > self._room:
+            if patient and self._waiting > self._room:
                 self._wait()
             self._jobs.append((size, write))
             self._waiting += size
@@ -55,6 +55,11 @@ class WriterThread:
             if not self._due and (at_once or self._waiting >= self._enough):
                 self._due = True
                 self._changed.notify_all()
+
+    @property
+    def fill(self) -> float:
+        """The fill level of the queue; 1 is full."""
+        return self._waiting / self._room
 
     @property
     def fullest(self) -> float:

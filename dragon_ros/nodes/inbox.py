@@ -1,0 +1,73 @@
+"""What has arrived for a node and waits to be read: more of it than the budget allows is never held."""
+import time
+from collections import deque
+from collections.abc import Callable
+from typing import Any
+
+from dragon_ros.core.limits import INBOX_BYTES, INBOX_MESSAGES
+from dragon_ros.messages.decode import MessageError, stamp_of_message
+from dragon_ros.messages.even_skips import FROM_FILL, EvenSkips
+from dragon_ros.nodes import raw_subscription
+from dragon_ros.nodes.base import STEADY, DragonNode
+from dragon_ros.nodes.publishers import Publishers
+
+_SLICE_S = 0.01     # longest time of reading before what has arrived is taken
+
+
+class Inbox:
+    """Takes messages as they arrive, so that the middleware loses none of its own choice, and has them read in order.
+
+    A node that cannot follow skips whole ticks evenly, unless a publisher waits for its readers: then it reads first.
+    """
+
+    def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
+                 tell: Callable[[], None]) -> None:
+        """``sources`` has the publishers by topic; ``tell`` is called when a tick is skipped."""
+        self._sources, self._read, self._tell = sources, read, tell
+        self._waiting: deque[tuple[str, bytes, Any]] = deque()
+        self._bytes, self._skips = 0, EvenSkips()
+        self._timer = node.create_timer(0.0, self.work, clock=STEADY)
+        self._timer.cancel()
+
+    @property
+    def skipped(self) -> int:
+        """How many ticks were skipped so far."""
+        return self._skips.skipped
+
+    @property
+    def fill(self) -> float:
+        """The share of the budget that is used."""
+        return max(self._bytes / INBOX_BYTES, len(self._waiting) / INBOX_MESSAGES)
+
+    def put(self, topic: str, kind: str, data: bytes, info: Any) -> None:
+        """Take a message of a type, or skip it with its tick."""
+        source, before = self._sources[topic], self.skipped
+        source.arrived(raw_subscription.number(info))
+        if self.fill > FROM_FILL and source.waits():
+            self._work_until(float('inf'))
+        if self._keeps(topic, kind, data):
+            self._waiting.append((topic, data, info))
+            self._bytes += len(data)
+        if self.skipped > before:
+            self._tell()
+
+    def _keeps(self, topic: str, kind: str, data: bytes) -> bool:
+        try:
+            t_ns = stamp_of_message(kind, data)
+        except MessageError:
+            return True     # which is refused when it is read
+        return t_ns is None or self._skips.keeps(topic, t_ns, self.fill)
+
+    def work(self) -> None:
+        """Read what waits, for some milliseconds; the rest is read when what has arrived meanwhile was taken."""
+        self._work_until(time.monotonic() + _SLICE_S)
+        if not self._waiting:
+            self._timer.cancel()
+        elif self._timer.is_canceled():
+            self._timer.reset()
+
+    def _work_until(self, end_s: float) -> None:
+        while self._waiting and time.monotonic() < end_s:
+            message = self._waiting.popleft()
+            self._bytes -= len(message[1])
+            self._read(*message)

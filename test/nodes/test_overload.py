@@ -1,0 +1,153 @@
+"""Monitors and recorders that cannot follow: whole ticks are skipped and said, none of a publisher that waits."""
+import threading
+
+import pytest
+
+pytest.importorskip('rclpy')
+
+from dragon_ros.bags.read.reader import BagReader
+from dragon_ros.bags.record.loss_accounting import RECEIVED
+from dragon_ros.bags.write.writer import BagOptions, BagWriter
+from dragon_ros.core.step import tick
+from dragon_ros.messages.channels import channels
+from dragon_ros.messages.encode import encoders
+from dragon_ros.nodes import inbox, qos, shell
+from dragon_ros.nodes.contact_messages import Pace
+from dragon_ros.scenes.load import load_scene
+
+T_STAR_S = 412.473837682
+RUN = 'run.start_s=412.2', 'run.stop_s=412.7', 'run.rate_hz=1000'
+
+
+@pytest.fixture(scope='module')
+def messages():
+    """The messages of a run through its contact: (topic, bytes, stamp, number) in the order of publication."""
+    scene = load_scene('first_contact', [*RUN, 'effects=[benches]'])
+    encode = encoders(scene)
+    frames = [tick(scene, k) for k in range(501)]
+    return [(name, bytes(encode[name](frame)), frame.t_ns, k + 1) for k, frame in enumerate(frames)
+            for name in ('handles', 'benches')]
+
+
+@pytest.fixture
+def ros(domain):
+    import rclpy
+    rclpy.init()
+    yield
+    rclpy.shutdown()
+
+
+@pytest.fixture
+def monitor(ros):
+    from dragon_ros.nodes.monitor import Monitor
+    node = Monitor()
+    yield node
+    node.destroy_node()
+
+
+def info(number):
+    return {'source_timestamp': number, 'received_timestamp': number, 'publication_sequence_number': number}
+
+
+def values(status):
+    return {pair.key: pair.value for pair in status.values}
+
+
+def heard(node, name):
+    row, got = channels()[name], []
+    node.create_subscription(shell.message_type(row.type), name, got.append, qos.of_channel(row))
+    node.until(lambda: node.count_publishers(name))
+    return got
+
+
+def test_a_monitor_that_cannot_follow_skips_whole_ticks_and_says_so_and_what_it_may_miss(monitor, node, messages,
+                                                                                       monkeypatch):
+    monkeypatch.setattr(inbox, 'INBOX_MESSAGES', 40)
+    health, contacts = heard(node, '/diagnostics'), heard(node, 'collision')
+    node.until(lambda: all(one.get_subscription_count() for name, one in monitor.topic_publishers.items()
+                           if name in ('/diagnostics', 'collision')))
+    for n, (name, data, _, number) in enumerate(messages):
+        monitor._inbox.put(name, channels()[name].type, data, info(number))
+        if monitor._inbox.skipped == 1 and name == 'handles':      # at once: nothing has been read yet
+            node.until(lambda: any('pace' in row.name for message in health for row in message.status))
+        if n % 6 == 0 and n > 60:
+            monitor._inbox._read(*monitor._inbox._waiting.popleft())     # a sixth of what arrives is read meanwhile
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert (monitor.dropped, monitor.seen + monitor._inbox.skipped) == (0, 501)
+    assert 50 < monitor._inbox.skipped < 480
+    monitor._publish_health(always=True)
+    node.until(lambda: contacts and any('longest_step_s' in values(row) and values(row)['unseen'] != '0'
+                                        for message in health for row in message.status))
+    pace = [row for message in health for row in message.status if 'pace' in row.name][-1]
+    begin = values(contacts[0].status[0])
+    before_s, after_s = float(begin['t_before_s']), float(begin['t_after_s'])
+    assert before_s < T_STAR_S <= after_s
+    assert 0.001 < after_s - before_s <= float(values(pace)['longest_step_s']) < 0.1
+    assert pace.level == pace.WARN
+    assert 'contact of less than' in monitor.pace.text()
+
+
+def test_a_monitor_reads_first_where_the_publisher_waits_for_it(monitor, node, messages, monkeypatch):
+    monkeypatch.setattr(inbox, 'INBOX_MESSAGES', 40)
+    row = channels()['handles']
+    node.create_publisher(shell.message_type(row.type), 'handles', qos.waiting(qos.of_channel(row)))
+    node.until(lambda: monitor.count_publishers('handles'))
+    for name, data, _, number in messages:
+        monitor._inbox.put(name, channels()[name].type, data, info(number))
+    while monitor._inbox._waiting:
+        monitor._inbox.work()
+    assert (monitor.seen, monitor.dropped, monitor._inbox.skipped, monitor.pace.text()) == (501, 0, 0, '')
+
+
+def test_ticks_that_are_not_seen_are_known_by_the_numbers_of_their_handles():
+    pace = Pace()
+    assert not pace.see(10, 7, 0.0)
+    assert not pace.see(20, 8, 0.0)
+    assert pace.text() == ''
+    assert pace.see(50, 11, 0.0)        # at once
+    assert not pace.see(80, 14, 0.5)        # and then each second
+    assert pace.see(90, 16, 1.6)
+    assert not pace.see(5, 17, 9.9)     # a run that started again
+    assert not pace.see(9, 1, 9.9)      # another publisher
+    assert (pace._unseen, pace._step_ns) == (2 + 2 + 1, 30)
+    assert pace.warnings('red', 4.5)
+    assert not pace.warnings('red', 4.7)
+
+
+def recorder_on(folder, hold, queue_mb):
+    """Return a recorder whose disk takes nothing until an event is set."""
+    from dragon_ros.nodes.record import Recorder
+    bag = BagWriter(folder / 'run.mcap', options=BagOptions('none'), threaded=False)
+    write = bag.write
+
+    def slow(*row):
+        hold.wait(60)
+        write(*row)
+    bag.write = slow
+    return Recorder(bag, queue_mb=queue_mb)
+
+
+def test_a_recorder_whose_disk_does_not_follow_leaves_out_whole_ticks_within_its_queue(ros, tmp_path, messages, capfd):
+    go = threading.Event()
+    recorder = recorder_on(tmp_path, go, queue_mb=2.0)
+    takes = {name: recorder._take(f'/dragon/{name}', channels()[name]) for name in ('handles', 'benches')}
+    for name, data, _, number in messages:
+        takes[name](data, info(number))
+        assert recorder.writer.fill < 1.05
+    recorder.poll(keep_going=True)
+    go.set()
+    assert not recorder.close()
+    recorder.destroy_node()
+    with BagReader(tmp_path / 'run.mcap') as bag:
+        found = {name: [one.t_ns for one in bag.messages([f'/dragon/{name}'])] for name in takes}
+        account = bag.metadata(RECEIVED)
+    assert found['handles'] == found['benches']
+    left_out = 501 - len(found['handles'])
+    assert 400 < left_out < 501
+    assert account['complete'] == 'false'
+    assert [account[f'/dragon/{name} left out'] for name in takes] == [str(left_out)] * 2
+    said = capfd.readouterr().err
+    assert f'{left_out} ticks are left out so far' in said
+    assert f'/dragon/handles: {left_out} messages were left out, since the disk did not take them in time' in said
+    assert 'NOT COMPLETE' in said
