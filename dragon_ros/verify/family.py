@@ -141,11 +141,7 @@ class _Proof:
 
     def run(self) -> int:
         """Return the number of boxes that it takes."""
-        inner, outer = self._innermost(), above(self._start)
-        rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
-        tail = sqrt(outer**2 + 4 * self._scale[1] * (self._head[1] + self._family.benches * self._body[1])) * (1 + 1e-9)
-        first = [(0, box) for box in self._row(inner, outer, self._head)]
-        first += [(1, box) for box in self._row(rear, tail, self._body)]
+        first = self._first()
         lengths_m = [(arb(box[THETA][1])**2 - arb(box[THETA][0])**2) / (2 * arb(self._scale[1])) for _, box in first]
         whole_m, done_m, done = float(sum(lengths_m, arb(0))), 0.0, 0
         for (lead, box), length_m in zip(first, lengths_m, strict=True):
@@ -153,6 +149,14 @@ class _Proof:
             done_m += float(length_m)
             self._tell(done_m, whole_m)
         return done
+
+    def _first(self) -> list[tuple[int, Box]]:
+        """Return boxes of all places of the head (0), and of all front handles behind it (1)."""
+        inner, outer = self._innermost(), above(self._start)
+        rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
+        tail = sqrt(outer**2 + 4 * self._scale[1] * (self._head[1] + self._family.benches * self._body[1])) * (1 + 1e-9)
+        return [*((0, box) for box in self._row(inner, outer, self._head)),
+                *((1, box) for box in self._row(rear, tail, self._body))]
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
         """Return the number of boxes that it takes to clear one, after ``before`` others. Raises Refused."""
