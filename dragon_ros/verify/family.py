@@ -111,6 +111,16 @@ def _span(theta: float, chord: float, sense: int) -> float:
     raise Refused('a link of the family finds no place that could be proved')
 
 
+def _spans(theta: Interval, scale: Interval, link: Interval) -> arb:
+    """Return all that links span in front of which a handle is between two angles (lemma 1)."""
+    short, long = below(arb(scale[0]) * arb(link[0])), above(arb(scale[1]) * arb(link[1]))
+    return arb(_span(theta[1], short, -1)).union(arb(_span(theta[0], long, 1)))
+
+
+def _added(one: Interval, other: Interval) -> Interval:
+    return below(arb(one[0]) + arb(other[0])), above(arb(one[1]) + arb(other[1]))
+
+
 class _Proof:
     """Clears the boxes of a family one by one, the last one first."""
 
@@ -278,7 +288,7 @@ class _Pair:
         self._chords = scale * link, scale * other
         self._chord_slopes = ({SCALE: link, LINK: scale}, {SCALE: other, OTHER: scale})
         far = theta + ahead
-        far_ends = below(arb(ends[THETA][0]) + arb(ends[AHEAD][0])), above(arb(ends[THETA][1]) + arb(ends[AHEAD][1]))
+        far_ends = _added(ends[THETA], ends[AHEAD])
         near_rear = self._rear(theta, arb(0), ends[THETA], ends[SCALE], ends[LINK], 0, {THETA: (1, 0)})
         far_rear = self._rear(far, ahead, far_ends, ends[SCALE], ends[OTHER], 1, {THETA: (1, 0), AHEAD: (1, 1)})
         turn = direction(ahead)
@@ -292,8 +302,7 @@ class _Pair:
 
         ``moves`` are the derivatives of that radius and angle.
         """
-        short, long = (below(arb(scale_ends[0]) * arb(link_ends[0])), above(arb(scale_ends[1]) * arb(link_ends[1])))
-        delta = arb(_span(theta_ends[1], short, -1)).union(arb(_span(theta_ends[0], long, 1)))
+        delta = _spans(theta_ends, scale_ends, link_ends)
         sine = delta.sin()
         versine = 2 * (delta / 2).sin() ** 2
         by_delta = delta + theta * versine + theta * (theta + delta) * sine

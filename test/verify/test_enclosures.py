@@ -1,6 +1,7 @@
 """Each enclosure of the checker holds what it bounds, and a tight case leaves no room for a lost or a swapped term."""
 from fractions import Fraction
 from functools import reduce
+from itertools import pairwise
 from math import hypot
 
 import pytest
@@ -13,13 +14,14 @@ from properties import examples
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.verify.balls import above, below, direction, exact, hypot_above, precise, size, up
-from dragon_ros.verify.cover import Way, repeated
+from dragon_ros.verify.cover import Way, _middle, repeated
 from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.law import Law
 from dragon_ros.verify.motion import spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
 from dragon_ros.verify.ranges import _image, ranges
 from dragon_ros.verify.roots import certified
-from dragon_ros.verify.run import Limit, _up_to, _within, never_reaches
+from dragon_ros.verify.run import Limit, _passage, _up_to, _within, never_reaches
 from dragon_ros.verify.segments import Link
 
 THIN = Dragon(BENCHES, 1.9, 1.7, 2e-4, 1e-4)
@@ -169,6 +171,41 @@ def test_the_next_handle_across_a_joint_is_where_it_is_from_all_places_of_the_on
         assert float(behind.u.rad()) < 2 * gone
 
 
+@pytest.mark.parametrize('kind', ['sway', 'coils', 'coils, mirrored', 'turn'])
+@examples(20)
+@given(st.floats(0, 1), st.floats(1e-9, 8))
+def test_all_curvatures_between_two_places_are_bounded_and_no_others(kind, share, length):
+    """On lines, arcs and spirals to both sides, and across one joint or more."""
+    track, _, _ = made(kind, THIN)
+    low, high = -5.0 if track.begin is None else float(track.begin), 40.0 if track.end is None else float(track.end)
+    first = low + share * (high - low - 1e-6)
+    last = min(first + length, high)
+    places = [track.place_at(arb(first + (last - first) * k / 40)) for k in range(41)]
+    seen = [track.segments[place.segment].curvature(place.u) for place in places]
+    for one, two in ((0, -1), (-1, 0)):
+        bound = track.curvatures(places[one], places[two])
+        assert all(bound.contains(curvature.mid()) for curvature in seen)
+    joints = [joint for joint in track.joints if first < joint < last]
+    seen += [track.segments[k].curvature(u) for k, segment in enumerate(track.segments)
+             for u, joint in ((segment.first, k - 1), (segment.last, k))
+             if u is not None and 0 <= joint < len(track.joints) and track.joints[joint] in joints]
+    least, most = min(map(below, seen)), max(map(above, seen))
+    assert float(bound.rad()) < 0.500001 * (most - least) + 1e-8
+
+
+@pytest.mark.parametrize('share', [-0.3, 0.0, 0.3])
+@pytest.mark.parametrize('joint', range(6))
+def test_curvatures_next_to_a_joint_are_those_of_both_sides(joint, share):
+    track, _, _ = compiled(THIN, SWAY)
+    here, wide = track.joints[joint], exact(1e-16)
+    near, far = track.place_at(here + wide * exact(share) + arb(0, 1) * wide), track.place_at((here - 1e-3).mid())
+    assert near.loose
+    for bound in (track.curvatures(near, near), track.curvatures(far, near), track.curvatures(near, far)):
+        for k in range(-9, 10):
+            true = track.place_at((here + wide * exact(share) + wide * exact(0.1 * k)).mid())
+            assert bound.contains(track.segments[true.segment].curvature(true.u).mid())
+
+
 # Roots
 
 
@@ -261,7 +298,43 @@ def test_the_bench_with_most_behind_it_is_the_first_that_goes_there(steps, low, 
         assert any(a <= place <= b for a, b in covered) == any(a <= place <= b for a, b in ends)
 
 
+@examples(80)
+@given(st.floats(-9, 9), st.floats(1e-6, 9), st.lists(st.floats(-12, 12), max_size=6), st.lists(st.floats(0.01, 0.99),
+                                                                                              max_size=3))
+def test_an_interval_is_cut_inside_of_it_where_ways_end_or_hints_say(low, length, cuts, shares):
+    ends = [arb(low + length * share) for share in sorted(shares)]
+    begin, end = arb(low), arb(low) + arb(length)
+    cut = _middle(begin, end, sorted(cuts), ends)
+    assert begin < cut < end
+    inside = [one for one in cuts if begin < one < end and low < one]
+    assert float(cut) in ([float(one) for one in ends] or inside or [float((begin + end) / 2)])
+    assert cut.is_exact()
+
+
 # The end of a run
+
+
+@examples(60)
+@given(st.lists(st.tuples(st.floats(0.1, 5), st.floats(-2, 2)), min_size=1, max_size=4), st.booleans(), st.floats(0, 1))
+def test_a_place_is_passed_when_the_leader_is_there_on_its_way(rows, smooth, share):
+    t_s, knots = Fraction(0), [(Fraction(0), Fraction(1, 2))]
+    for gap, speed in rows:
+        t_s += Fraction(gap)
+        knots.append((t_s, Fraction(speed)))
+    law = Law(tuple(knots), smooth)
+    for before, after in pairwise(law.marks):
+        way = after.gone_m - before.gone_m
+        if not before.sense:
+            continue
+        gone_m = before.gone_m + Fraction(share) * way
+        passed = _passage(law, before, after, gone_m, before.sense)
+        assert before.t_s <= passed <= after.t_s
+        assert abs(law.gone_m(passed) - gone_m) < Fraction(1, 10**15) + after.more_m
+        assert _passage(law, before, after, before.gone_m - before.sense, before.sense) == before.t_s
+    last, speed = law.last
+    if speed:
+        passed = _passage(law, last, None, last.gone_m + 7 * speed, last.sense)
+        assert passed == last.t_s + 7
 
 
 def test_a_link_is_said_to_lock_a_billionth_beyond_the_lock_and_not_before():
