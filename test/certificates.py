@@ -17,7 +17,7 @@ def written(scene):
 
 def proved(values, effort=1.0):
     """The sentence that a certificate proves."""
-    return prove(claims_of(json.dumps(values).encode()), effort, lambda done_m, whole_m: None).sentence
+    return prove(claims_of(json.dumps(values).encode()), effort, lambda *told: None).sentence
 
 
 def refusal(values, effort=1.0):

@@ -56,17 +56,18 @@ def _proved(path: Path, effort: float) -> str:
 
 
 class _Progress:
-    """Tells on stderr how much of the track is cleared, and how long the rest takes, from a second on each second."""
+    """Tells on stderr how much of the track is cleared, how long the rest takes, and if the budget is small."""
 
     def __init__(self) -> None:
         self._begun_s = time.monotonic()
         self._next_s = self._begun_s + _FIRST_S
         self._end = '\r' if sys.stderr.isatty() else '\n'
 
-    def __call__(self, done_m: float, whole_m: float) -> None:
+    def __call__(self, done_m: float, whole_m: float, advice: str) -> None:
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + _EVERY_S
             left = f', some {(now_s - self._begun_s) * (whole_m / done_m - 1):.2g} s left' if done_m > 0 else ''
+            left += f', {advice}' if advice else ''
             print(f'verify: {done_m:.6g} of {whole_m:.6g} m of track cleared{left}', end=self._end, file=sys.stderr,
                   flush=True)

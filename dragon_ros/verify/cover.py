@@ -24,7 +24,7 @@ _FINEST = 2.0**-70      # of a metre, or of the distance along the track: an int
 _EARLY = 30_000         # steps, before which no proof is called hopeless
 _SPARE = 2              # times the effort that a proof would take at its pace is named: paces change
 _HOPELESS = 3           # times the budget is what a proof would take that is given up early; honest ones: 1.8 at most
-Progress = Callable[[float, float], None]
+Progress = Callable[[float, float, str], object]    # metres that are cleared, of how many; what is said of the budget
 
 
 @dataclass
@@ -55,14 +55,27 @@ class Budget:
                           f'{self._cure}')
 
     @property
+    def advice(self) -> str:
+        """What to say of the budget while the proof goes on: nothing where it is enough at the pace so far."""
+        return f'more than the budget: --effort {self._enough:.12g} is enough' if self._whole > self.steps else ''
+
+    @property
+    def _whole(self) -> float:
+        """How many steps the proof takes at the pace so far; 0 where nothing is known of it."""
+        return self.since + (self.spent - self.since) / self.share if self.share else 0.0
+
+    @property
+    def _enough(self) -> float:
+        """Which effort is enough, with some to spare."""
+        return ceil(10 * _SPARE * self.effort * self._whole / self.steps) / 10
+
+    @property
     def _cure(self) -> str:
         """Which effort is enough at the pace so far, and how long the proof takes then."""
         if not self.share:
             return f'give --effort more than {self.effort:.3g}'
-        whole = self.since + (self.spent - self.since) / self.share
-        enough = ceil(10 * _SPARE * self.effort * whole / self.steps) / 10
-        takes_s = (time.monotonic() - self._begun_s) * whole / self.spent
-        return f'give --effort {enough:.12g} (at this pace the proof takes some {takes_s:.2g} s)'
+        takes_s = (time.monotonic() - self._begun_s) * self._whole / self.spent
+        return f'give --effort {self._enough:.12g} (at this pace the proof takes some {takes_s:.2g} s)'
 
 
 @dataclass(frozen=True)
@@ -170,7 +183,7 @@ class Cover:
                 self.budget.intervals += 1
                 done_m += cleared_m
                 self.budget.share = done_m / whole_m if whole_m else 1.0
-                self._tell(done_m, whole_m)
+                self._tell(done_m, whole_m, self.budget.advice)
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
         """Clear the places between two, as many at once as can be proved; yield how many metres."""

@@ -5,7 +5,6 @@ handle of a bench, how far ahead of it by angle the front handle of another benc
 metres. It is halved until one edge of one bench keeps the other off everywhere in it, or until nothing in it occurs:
 the head would have gone too far, or no number of links between the two leads there. docs/contact.md says why.
 """
-from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
@@ -15,6 +14,7 @@ from math import hypot, inf, isfinite, nextafter, pi, sqrt
 from flint import acb, arb
 
 from dragon_ros.verify.balls import above, below, direction, exact, half_turn, size
+from dragon_ros.verify.cover import Progress
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
@@ -50,7 +50,7 @@ class Family:
     until_s: Fraction
 
 
-def prove_family(claims: FamilyClaims, effort: float, progress: Callable[[float, float], object]) -> int:
+def prove_family(claims: FamilyClaims, effort: float, progress: Progress) -> int:
     """Return in how many boxes it is proved that no dragon touches itself. Raises Refused where it is not."""
     return _Proof(_family_of(claims), int(effort * _BOXES), progress).run()
 
@@ -124,7 +124,7 @@ def _added(one: Interval, other: Interval) -> Interval:
 class _Proof:
     """Clears the boxes of a family one by one, the last one first."""
 
-    def __init__(self, family: Family, most: int, progress: Callable[[float, float], object]) -> None:
+    def __init__(self, family: Family, most: int, progress: Progress) -> None:
         self._family, self._most, self._tell, self._links = family, most, progress, 0
         least_m, most_m = family.pitch_m
         self._scale = _floats(2 * half_turn() / exact(most_m), 2 * half_turn() / exact(least_m))
@@ -157,7 +157,7 @@ class _Proof:
         for (lead, box), length_m in zip(first, lengths_m, strict=True):
             done += self._clear(lead, box, done)
             done_m += float(length_m)
-            self._tell(done_m, whole_m)
+            self._tell(done_m, whole_m, '')
         return done
 
     def _first(self) -> list[tuple[int, Box]]:

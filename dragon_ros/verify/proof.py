@@ -42,7 +42,8 @@ class Proved:
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
     """Return what a certificate proves. Raises Refused where it does not hold, or not within the effort.
 
-    ``progress(done_m, whole_m)`` is called with the metres of track that are cleared.
+    ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, and what to say if
+    the budget is too small at the pace so far.
     """
     if isinstance(claims, FamilyClaims):
         precise(_far(claims.scene))

@@ -192,7 +192,7 @@ def certificate(folder: Path) -> Target:
 
     def run(data: bytes) -> None:
         with suppress(Refused, ArithmeticError, ValueError, RecursionError, MemoryError):   # as its command line does
-            prove(claims_of(data), 0.01, lambda done_m, whole_m: None)
+            prove(claims_of(data), 0.01, lambda *told: None)
     return Target([json.dumps(as_values(one, first_contact(one))).encode() for one in seeds], run,
                   (b'1e400', b'NaN', b'9' * 500, b'[' * 2000, b'"', b'{}', b'null', b'true', b'-1', b'{"kind": 1}'))
 

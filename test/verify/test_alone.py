@@ -11,6 +11,7 @@ from dragon_ros.commands import contact
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.tracks.spec import Arc, Composite, Line
+from dragon_ros.verify.cover import Budget
 
 SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
 LOOP = Scene(dragon=Dragon(12), track=Composite((Line(5.0), Arc(3.0, 720.0))), run=Run(0, 20))
@@ -85,6 +86,13 @@ def test_an_effort_that_is_too_small_ends_the_proof(files):
     done = run(files / 'none.json', '--effort', '1e-4')
     assert done.returncode == 2
     assert 'give --effort' in done.stderr
+
+
+def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is_enough():
+    budget = Budget(1000, 2.0, spent=100, since=50, share=0.1)      # at this pace 550 steps
+    assert budget.advice == ''
+    budget.spend(100)       # 1,550 steps, and twice as many to spare
+    assert budget.advice == 'more than the budget: --effort 6.2 is enough'
 
 
 def test_the_effort_that_a_refusal_names_is_enough(files, capfd):

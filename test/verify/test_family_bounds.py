@@ -38,7 +38,7 @@ def family_of(within=WITHIN, until_s=UNTIL_S, scene=SCENE):
 
 
 def proof_of(**given):
-    return _Proof(family_of(**given), 60_000, lambda done_m, whole_m: None)
+    return _Proof(family_of(**given), 60_000, lambda *told: None)
 
 
 PROOF = proof_of()

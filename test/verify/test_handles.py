@@ -11,6 +11,7 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.track import Place
 
+TURN_M = 432.7581345      # of the head's way: there handle 1 of the classic dragon turns back
 NEVER_LESS = 1 - 1e-12      # of a bound: what balls and floats may make of an equality
 
 
@@ -92,6 +93,24 @@ def test_the_first_links_of_the_classic_dragon_turn_back_and_what_follows_them_d
         assert handle.moved_m >= gone
         if n == 1:
             assert (least, most, gone) == pytest.approx((17.876, 18.856, 1.750), abs=1e-3)
+
+
+@pytest.mark.parametrize('half', [0.003, 0.03])
+@pytest.mark.parametrize('share', [0.05, 0.3, 0.7, 0.95])
+def test_a_handle_that_turns_back_anywhere_in_an_interval_stays_within_its_bounds(share, half):
+    track, benches, bend = centred(Dragon(BENCHES), 0.55, 16.0)
+    start = TURN_M - 2 * half * share
+    piece, ends = interval((track, benches, bend), start, start + 2 * half)
+    inside = [at(track, benches, arb(start + 2 * half * k / 100)) for k in range(101)]
+    handle, places = piece._handle(1), [posture.place(1) for posture in inside]
+    assert handle.ends == (None, None)
+    least, most = (chosen(float(place.u) for place in places) for chosen in (min, max))
+    assert float(handle.low) <= least
+    assert most * NEVER_LESS <= float(handle.high)
+    both = [end.place(1).u for end in ends]
+    assert float(handle.high) - most < 8 * (most - least)
+    furthest = max(sum(gone_m(track, Place(0, u), Place(0, end)) for end in both) for u in (handle.low, handle.high))
+    assert furthest * NEVER_LESS <= handle.moved_m < 1.001 * furthest
 
 
 @pytest.mark.parametrize('half', [0.01, 0.03])

@@ -35,7 +35,7 @@ def places(value, at=()):
 
 
 def check(text):
-    return prove(claims_of(text), 1.0, lambda done_m, whole_m: None)
+    return prove(claims_of(text), 1.0, lambda *told: None)
 
 
 def test_the_certificate_holds_as_it_is(proof):
