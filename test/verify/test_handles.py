@@ -1,4 +1,5 @@
 """Where handles are on an interval, and how far they go on it: no handle leaves what the checker says of it."""
+from types import SimpleNamespace
 
 import pytest
 from flint import arb
@@ -9,6 +10,7 @@ from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.motion import _turning
 from dragon_ros.verify.track import Place
 
 TURN_M = 432.7581345      # of the head's way: there handle 1 of the classic dragon turns back
@@ -102,15 +104,31 @@ def test_a_handle_that_turns_back_anywhere_in_an_interval_stays_within_its_bound
     start = TURN_M - 2 * half * share
     piece, ends = interval((track, benches, bend), start, start + 2 * half)
     inside = [at(track, benches, arb(start + 2 * half * k / 100)) for k in range(101)]
-    handle, places = piece._handle(1), [posture.place(1) for posture in inside]
-    assert handle.ends == (None, None)
-    least, most = (chosen(float(place.u) for place in places) for chosen in (min, max))
-    assert float(handle.low) <= least
-    assert most * NEVER_LESS <= float(handle.high)
-    both = [end.place(1).u for end in ends]
-    assert float(handle.high) - most < 8 * (most - least)
-    furthest = max(sum(gone_m(track, Place(0, u), Place(0, end)) for end in both) for u in (handle.low, handle.high))
-    assert furthest * NEVER_LESS <= handle.moved_m < 1.001 * furthest
+    for n in range(1, BENCHES + 1):
+        handle, places = piece._handle(n), [posture.place(n) for posture in inside]
+        assert handle.ends == (None, None)
+        least, most = (chosen(float(place.u) for place in places) for chosen in (min, max))
+        assert float(handle.low) <= least
+        assert most * NEVER_LESS <= float(handle.high)
+        both = [end.place(n) for end in ends]
+        furthest = max(sum(gone_m(track, Place(0, u), end) for end in both) for u in (handle.low, handle.high))
+        assert furthest * NEVER_LESS <= handle.moved_m < 1.001 * furthest
+
+
+@examples(60)
+@given(st.floats(0.1, 9), st.floats(0.1, 9), st.floats(0, 1), st.booleans())
+def test_the_mean_value_theorem_bounds_what_turns_once_and_no_less(down, up, share, first_up):
+    """A function on [0, 1] with slopes from -down to up, which goes one way up to a share and then the other."""
+    slopes = (up, -down) if first_up else (-down, up)
+    turn = 5 + slopes[0] * share
+    last = turn + slopes[1] * (1 - share)
+    front, ratio = SimpleNamespace(low=arb(0), high=arb(1)), arb(-down).union(arb(up))
+    low, high = _turning(front, (arb(5), arb(last)), (arb(100), arb(-100)), ratio)
+    assert float(low) <= min(5, turn, last) + 1e-7       # a radius has 30 bits
+    assert float(high) >= max(5, turn, last) - 1e-7
+    less, more = -max(down, (down + up) / 2), max(up, (down + up) / 2)      # of a ball times one from 0 to 1
+    assert float(low) == pytest.approx(max(5 + less, last - more), abs=1e-6)
+    assert float(high) == pytest.approx(min(5 + more, last - less), abs=1e-6)
 
 
 @pytest.mark.parametrize('half', [0.01, 0.03])

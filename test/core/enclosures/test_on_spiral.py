@@ -3,14 +3,14 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
-from hypothesis import assume, given
+from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
-from dragon_ros.core.enclosures.on_spiral import BenchSampler, bend, beyond, bounds, levers
+from dragon_ros.core.enclosures.on_spiral import BenchSampler, _straight, bend, beyond, bounds, levers
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.tracks.composite import Place, track_of
@@ -170,3 +170,39 @@ def test_balls_hold_every_result(a, b, c, d, one, two):
     angle = Ball(np.abs(ball.mid) + 3.2, ball.rad)
     for mine, function in zip(angle.sin_cos(), (np.sin, np.cos), strict=True):
         assert abs(function(angle.mid + (2 * one - 1) * angle.rad) - mine.mid)[0] <= mine.rad[0] + 1e-12
+
+
+def nearly_straight(at_rad, links_rad, head, width, inset, length_rad):
+    """Bounds (benches,) of how far benches stay behind the first one along its axis, and the least that they do."""
+    link = links_rad * np.hypot(1, at_rad)
+    dragon = Dragon(9, (head + 2 * inset) * link, (1 + 2 * inset) * link, width * link, inset * link)
+    watch = BenchSampler(track_of(Spiral(2 * np.pi)), dragon, (0,), 9, lambda states: None, 0.0)
+    view = watch.sample(np.array([at_rad, at_rad + length_rad]))
+    bound = _straight(view.rows(np.array([0])), view.rows(np.array([1])), watch.sizes)[0]
+    stays = [-np.max(corners(dragon, theta)[:, 0].real, axis=-1) for theta in np.linspace(
+        at_rad, at_rad + length_rad, 7)]
+    return bound, np.min(stays, axis=0) - 0.5 * dragon.bench_lengths_m[0], link
+
+
+@given(st.floats(-2, 5), st.floats(1e-3, 0.07), st.floats(0.3, 3), st.floats(-2, 1), st.floats(0, 0.4),
+       st.floats(0, 0.3))
+@example(-2, 0.06, 1.0, -2, 0.0, 0.0)       # next to the centre directions turn by two radians a radian
+@example(3, 0.05, 1.0, 1, 0.0, 0.0)         # wide benches turn their corners forwards
+@example(3, 0.001, 1.0, -2, 0.4, 0.0)       # a line, on which insets are all that counts
+def test_benches_of_a_nearly_straight_chain_stay_behind_by_the_links_between_them(out, links_rad, head, width, inset,
+                                                                                  length_rad):
+    bound, true, link = nearly_straight(10**out, links_rad, head, 10**width, inset, length_rad)
+    assert np.all(bound <= true + 1e-12 * link)
+    assert np.isfinite(bound[0])
+
+
+@pytest.mark.parametrize('out', [1.0, 3.0, 5.0])
+def test_the_links_of_a_nearly_straight_chain_are_all_that_its_bound_loses(out):
+    bound, true, link = nearly_straight(10**out, 1e-4, 1.4, 0.01, 0.2, 0.0)
+    assert np.all(true - bound < 2e-5 * link)
+    bound, true, link = nearly_straight(10**out, 0.05, 1.4, 1.0, 0.2, 0.0)
+    counts = np.arange(1, 8)        # links in between; what they span in all is a twentieth of a radian more for each
+    turn = 2 * 0.05 * (counts + 2.6)
+    assert np.all(np.isfinite(bound) == (turn <= 1.0)[:len(bound)])
+    lost = link * (counts * (1 - np.cos(turn)) + 0.5 * turn)
+    assert np.all((true - bound < lost + 0.05 * link) | (turn > 1.0))
