@@ -94,6 +94,8 @@ def soak(run: Soak, minutes: float, seed: int, controls_s: float) -> None:
     stop_s = 60 * minutes
     sim = run.start('sim', *set_of(minutes, controls_s), '--ros-args', '-p',
                     'wait_subscribers:=[handles=3,benches=3,scene=2]')
+    if controls_s and not waited_for(folder / 'extra_0.mcap'):     # a step before the start is seen by nobody
+        run.faults.append('the run did not start')
     controls = controls_s and run.run('controls', [str(Path(__file__).parents[1] / 'nodes/controls.py'), '--harmless',
                                                    '--each-s', str(controls_s), '--seed', str(seed)])
     until = time.monotonic() + stop_s
