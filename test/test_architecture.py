@@ -22,7 +22,7 @@ BELOW_NODES = ('core', 'version', 'configuration', 'scenes', 'messages', 'bags',
 ROOMS = {**{room: BELOW_NODES[:rank] for rank, room in enumerate(BELOW_NODES)},
          'studies': BELOW_NODES, 'commands': (*BELOW_NODES, 'studies'), 'nodes': BELOW_NODES,
          'cost': BELOW_NODES, 'api': (*BELOW_NODES, 'commands', 'studies'), 'verify': ()}
-STARTS = {'commands': {'verify'}}       # as a process
+STARTS = {'commands': {'verify', 'nodes.one_path'}}     # as a process
 # The rooms and single modules of the core, and what each may import besides itself.
 VALUES = ('errors', 'checks', 'flags')
 CHAIN = ('errors', 'checks', 'numerics', 'tracks', 'chain')
@@ -38,7 +38,7 @@ CORE_ROOMS = {
 # A scene sees value types alone of the rooms that it may import.
 OF_SCENE = {'chain': {'commanded', 'dragon', 'head_law'}, 'tracks': {'spec'}}
 LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': set(),
-             'scenes': {'numpy', 'yaml', 'shapely', 'pyproj'}, 'messages': {'numpy'},
+             'scenes': {'numpy', 'yaml', 'shapely', 'pyproj', 'svgelements'}, 'messages': {'numpy'},
              'bags': {'numpy', 'mcap', 'yaml', 'zstandard', 'lz4'}, 'cli': {'argcomplete', 'matplotlib', 'tqdm'},
              'commands': {'numpy', 'matplotlib', 'PIL', 'tqdm', 'pyarrow', 'openpyxl', 'python_calamine', 'shapely'},
              'studies': {'numpy', 'scipy', 'yaml', 'pyarrow', 'dask', 'distributed', 'tornado'}, 'verify': {'flint'},
@@ -76,7 +76,8 @@ def named(path):
 def upward(room, path):
     """Return what a module of a room names of rooms of the package that are not below it."""
     below = {room, *ROOMS[room], *STARTS.get(room, ())}
-    return {name for name in named(path) if (part := name.split('.')[1]) in ROOMS and part not in below}
+    return {name for name in named(path) if (part := name.split('.')[1]) in ROOMS and part not in below
+            and name.removeprefix('dragon_ros.') not in below}
 
 
 def upward_in_core(room, path):

@@ -25,6 +25,8 @@ _CHARACTERS_PER_INCH = 11   # of a title
 _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Date': None},
                                        '.pdf': {'CreationDate': None}}
 FORMATS = tuple(_UNDATED)
+TRACK_ID = 'track'      # of the track in a picture, and in its SVG
+_SVG_DPI = 72
 
 
 def short(name: str) -> str:
@@ -67,12 +69,33 @@ def style() -> Iterator[None]:
 def write(figure: Any, path: Path, dpi: int = 130) -> Path:
     """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path."""
     import matplotlib
+    suffix = path.suffix.lower()
+    about = _in_metres(figure) if suffix == '.svg' else {}
     try:
         with matplotlib.rc_context({'svg.hashsalt': _STYLE['svg.hashsalt']}):
-            figure.savefig(path, dpi=dpi, metadata=_UNDATED[path.suffix.lower()])
+            figure.savefig(path, dpi=dpi, metadata={**_UNDATED[suffix], **about})
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
     return path
+
+
+def _in_metres(figure: Any) -> dict[str, str]:
+    """Return what an SVG says of how its coordinates are metres, where it has a track; ``route`` reads it.
+
+    SVG has 72 units an inch, and v downwards from the top.
+    """
+    found = [axes for axes in figure.axes if any(one.get_gid() == TRACK_ID for one in axes.patches)]
+    if not found:
+        return {}
+    from dragon_ros.scenes.drawings import METRES
+    dpi, figure.dpi = figure.dpi, _SVG_DPI
+    figure.draw_without_rendering()
+    figure.set_layout_engine('none')
+    (a, c, e), (b, d, f), _ = found[0].transData.inverted().get_matrix().tolist()
+    height = float(figure.bbox.height)
+    figure.dpi = dpi
+    matrix = a, b, -c, -d, e + c * height, f + d * height
+    return {'Description': f'{METRES}matrix({", ".join(map(repr, matrix))})'}
 
 
 def save(figure: Any, stem: Path) -> list[Path]:

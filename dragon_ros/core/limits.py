@@ -20,6 +20,10 @@ SEARCH_WORK = 50_000_000
 PROOF_S = 60.0
 VENUE_CORNERS = 100_000
 VENUE_BYTES = 16 * MB
+DRAWING_BYTES = 8 * MB
+DRAWING_POINTS = 100_000
+XML_DEPTH = 64
+XML_ELEMENTS = 50_000
 
 # Bags
 CHUNK_BYTES = 128 * MB
@@ -86,6 +90,10 @@ LIMITS = (
     Limit('VENUE_CORNERS', 'the obstacles and the inside of a venue', 'corners', 'refused'),
     Limit('VENUE_BYTES', 'the file of a venue, and the lines of its corners in the text of a scene from a stranger',
           'bytes', 'refused'),
+    Limit('DRAWING_BYTES', 'a drawing that `route` reads', 'bytes', 'refused'),
+    Limit('DRAWING_POINTS', 'the line that `route` walks, or its path in SVG', 'points or pieces', 'refused'),
+    Limit('XML_DEPTH', 'how deep an SVG drawing is nested', 'levels', 'refused'),
+    Limit('XML_ELEMENTS', 'the elements of an SVG drawing', 'elements', 'refused'),
     Limit('CHUNK_BYTES', 'a chunk of a bag after decompression, and a message outside of chunks', 'bytes',
           'refused; a recorder leaves such a message out, counts it and names its topic'),
     Limit('RECORD_BYTES', 'any other record of a bag: schema, channel, metadata, attachment', 'bytes', 'refused'),

@@ -12,9 +12,9 @@ from typing import Any
 
 import numpy as np
 
-from dragon_ros.core.errors import InputError
-from dragon_ros.core.limits import MARKER_RUNS
-from dragon_ros.core.numerics.types import Array, Floats, Ints
+from dragon_ros.core.errors import InputError, shown
+from dragon_ros.core.limits import COORDINATE_M, DRAWING_POINTS, MARKER_RUNS
+from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.messages.cdr import NS, strided
 from dragon_ros.messages.schemas import TEXT, Field, fields_of
 
@@ -184,6 +184,34 @@ def read_odometry(data: bytes) -> tuple[int, float]:
     reader = Reader(data)
     t_ns, _, _ = reader.stamp_ns(), reader.text(), reader.text()
     return t_ns, float(reader.array('d', 7 + 36 + 1)[-1])
+
+
+@dataclass(frozen=True)
+class PathMessage:
+    """The poses of a nav_msgs/Path as points (n,) in m, complex numbers; heights and headings are left out."""
+
+    t_ns: int
+    frame_id: str
+    points_m: Complexes
+
+
+def read_path(data: bytes | bytearray) -> PathMessage:
+    """Return a nav_msgs/Path. Raises MessageError for too many poses, and for one in a frame of its own."""
+    reader = Reader(data)
+    t_ns, frame_id, count = reader.stamp_ns(), reader.text(), reader.take('I')
+    if count > DRAWING_POINTS:
+        raise MessageError(f'path: it has {count} poses; at most {DRAWING_POINTS} are read')
+    points = list[complex]()
+    for number in range(count):
+        reader.take('i'), reader.take('I')      # its stamp, which planners leave as they like
+        frame = reader.text()
+        if frame not in (frame_id, ''):
+            raise MessageError(f'path: pose {number} is in the frame {shown(frame)}, the path in {shown(frame_id)}')
+        x, y = reader.array('d', 7)[:2].tolist()
+        if not abs(complex(x, y)) <= COORDINATE_M:
+            raise MessageError(f'path: pose {number} is at ({x!r}, {y!r})')
+        points.append(complex(x, y))
+    return PathMessage(t_ns, frame_id, np.array(points, dtype=np.complex128))
 
 
 def read_pose_array(data: bytes | bytearray) -> Poses:

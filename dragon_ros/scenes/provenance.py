@@ -81,6 +81,13 @@ def _with_short_points(value: Any) -> Any:
     return [_with_short_points(one) for one in value] if isinstance(value, list) else value
 
 
+def differing_scene_file(scene: Scene, about: Mapping[str, Any]) -> str:
+    """Return a scene file with its track and what differs from the defaults; ``about`` says where it comes from."""
+    usual = scene_values(Scene())
+    values = {key: value for key, value in scene_values(scene).items() if key == 'track' or value != usual.get(key)}
+    return yaml.safe_dump({'about': {**about}, **values}, sort_keys=False, default_flow_style=None, width=120)
+
+
 def run_metadata(text: str, scene: Scene | None, recorder: Mapping[str, str]) -> dict[str, str]:
     """Return the metadata record of a bag with the scene file ``text``; ``recorder`` holds settings of its recorder.
 

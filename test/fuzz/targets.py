@@ -345,6 +345,31 @@ def workbook(folder: Path) -> Target:
         b'<mergeCell ref="A1:XFD9"/>'))
 
 
+def drawing(folder: Path) -> Target:
+    """Drawings for ``route``: a byte that selects what they are, then an SVG, a CSV file or a nav_msgs/Path."""
+    from dragon_ros.core.tracks.drawn import along
+    from dragon_ros.messages.decode import read_path
+    from dragon_ros.scenes.drawings import csv_line, svg_line
+    svg, csv = folder / 'a.svg', folder / 'a.csv'
+
+    def run(data: bytes) -> None:
+        with suppress(DragonError):
+            if data[:1] == b'S':
+                svg.write_bytes(data[1:])
+                along(svg_line(svg, None, (0.1, False)).parts, 3.0, 1.5, 0.5)
+            elif data[:1] == b'C':
+                csv.write_bytes(data[1:])
+                along(csv_line(csv, 1.0).parts, 3.0, 1.5, 0.5)
+            else:
+                read_path(data[1:])
+    curves = (b'S<svg width="9mm" viewBox="0 0 9 9"><g transform="scale(9)">'
+              b'<path d="M1 2h40c9 0 9 9 0 9a9 5 2 0 1 5 9q1 1 5 2"/></g></svg>')
+    seeds = [curves, b'Cx,y\n0,0\n60,0\n60,50\n', b'P\0\1\0\0' + bytes(8) + b'\1\0\0\0\0\0\0\0\1\0\0\0'
+             + bytes(80)]
+    return Target(seeds, run, (b'nan', b'1e400', b'<g>', b'<use href="#a"/>', b'rotate(1e99)', b'z', b'M', b'\xff',
+                               b'S', b'C'))
+
+
 def command(folder: Path) -> Target:
     """Speeds for a led dragon on cmd_vel, as messages with and without a stamp; each is walked for a tick."""
     import rclpy
@@ -386,7 +411,7 @@ def command(folder: Path) -> Target:
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
     'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'message': message,
-    'command': command}
+    'command': command, 'drawing': drawing}
 
 
 @contextlib.contextmanager

@@ -7,7 +7,8 @@ from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.patches import ConnectionPatch, Patch
+from matplotlib.patches import ConnectionPatch, Patch, PathPatch
+from matplotlib.path import Path
 
 from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, POINT, QUIET, TOUCHED, TRACK
@@ -91,7 +92,7 @@ def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: 
     if venue is not None:
         _draw_venue(axes, venue)
     if track is not None:
-        axes.plot(*track.T, color=TRACK, linewidth=0.7, zorder=1)
+        _draw_track(axes, track)
     colours = [HEAD, *[BODY] * (len(one.benches.centre) - 1)]
     for bench in set(touching) - {0}:
         colours[bench] = TOUCHED
@@ -106,8 +107,6 @@ def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: 
 
 def _draw_venue(axes: Axes, venue: Venue) -> None:
     """Draw obstacles, and what lies outside of the inside, as far as it is seen."""
-    from matplotlib.patches import PathPatch
-    from matplotlib.path import Path
     for one in venue.obstacles:
         if isinstance(one, PolygonObstacle):
             outline = Path.make_compound_path(*(Path([*ring, ring[0]], closed=True) for ring in one.rings_m))
@@ -124,6 +123,15 @@ def _draw_venue(axes: Axes, venue: Venue) -> None:
         clockwise = ring if np.sum(ring[:-1, 0] * ring[1:, 1] - ring[1:, 0] * ring[:-1, 1]) < 0 else ring[::-1]
         outside = Path.make_compound_path(Path(sheet, closed=True), Path(clockwise, closed=True))
         axes.add_patch(PathPatch(outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.6, zorder=0.7))
+
+
+def _draw_track(axes: Axes, track: Floats) -> None:
+    """Draw all points (P, 2) of a track from its rear to its front; the first of a figure has an id, for ``route``."""
+    line = Path(track[::-1])
+    line.should_simplify = False
+    known = any(one.get_gid() == figures.TRACK_ID for other in axes.figure.axes for one in other.patches)
+    axes.add_patch(PathPatch(line, fill=False, edgecolor=TRACK, linewidth=0.7, joinstyle='round', zorder=1,
+                             gid=None if known else figures.TRACK_ID))
 
 
 def _frame(axes: Axes, seen: Floats) -> None:

@@ -41,21 +41,16 @@ class Leader:
         if self.track.begin_m == -inf:
             return -inf
         try:
-            head = self._last(self.track.place_at(self.track.begin_m), AHEAD)
+            return head_in_front_m(self.track, self.links_m, self.track.begin_m)
         except TrackEndError:
             return inf
-        return self.track.distance_of(head)[0]
-
-    def _last(self, leader: Place, direction: int) -> Place:
-        """Return the place of the last handle behind, or ahead of, a place."""
-        return forward(self.track, blocks_of(self.links_m, direction), leader, direction).place(-1)
 
     @cached_property
     def _origin_m(self) -> tuple[float, float]:
         """Distance of the leader along the track when it has gone 0, as (hi, lo)."""
         if self.direction == BEHIND:
             return self.start_m, 0.0
-        return self.track.distance_of(self._last(self.track.place_at(self.start_m), BEHIND))
+        return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
 
     def place(self, gone_m: tuple[float, float]) -> Place:
         """Return the place of the leader after (hi, lo) metres. Raises TrackEndError off the track."""
@@ -116,7 +111,17 @@ class Leader:
         (least, most), origin, track = extent_m, self._origin_m[0], self.track
         if self.direction == BEHIND:
             first = track.place_at(max(origin + least, self.least_m))
-            low, high = track.distance_of(self._last(first, BEHIND))[0], min(origin + most, track.end_m)
+            low, high = track.distance_of(_last(track, self.links_m, first, BEHIND))[0], min(origin + most, track.end_m)
         else:
             low, high = max(origin - most, track.begin_m), self.start_m
         return min(low, high), high     # the tail's distance rounds, and may pass that of a leader next to it
+
+
+def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
+    """Return the distance of the head along a track where the tail is at ``tail_m``. Raises TrackEndError."""
+    return track.distance_of(_last(track, links_m, track.place_at(tail_m), AHEAD))[0]
+
+
+def _last(track: Track, links_m: Floats, leader: Place, direction: int) -> Place:
+    """Return the place of the last handle behind, or ahead of, a place."""
+    return forward(track, blocks_of(links_m, direction), leader, direction).place(-1)

@@ -9,7 +9,7 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.double_double import DoubleDouble, from_turns
 
-_MOST_PIECES = 1000
+MOST_PIECES = 1000
 SIDES = ('left', 'right')
 
 
@@ -217,8 +217,8 @@ class Composite:
 
     def __post_init__(self) -> None:
         """Refuse a track without pieces, and bad pieces."""
-        if not 1 <= len(self.pieces) <= _MOST_PIECES:
-            raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {_MOST_PIECES} pieces',
+        if not 1 <= len(self.pieces) <= MOST_PIECES:
+            raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {MOST_PIECES} pieces',
                              'list its pieces')
         settle(self, pieces=tuple(piece.checked(f'track.pieces.{k}') for k, piece in enumerate(self.pieces, 1)),
                start_m=number('track.start_m', self.start_m))

@@ -1,0 +1,265 @@
+"""``route``: a scene whose track follows a drawing, with a table of its pieces and of what had to be changed."""
+import subprocess
+import sys
+from argparse import Namespace
+from dataclasses import dataclass, replace
+from functools import partial
+from math import pi
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dragon_ros.cli import command_line
+from dragon_ros.core.checks import number
+from dragon_ros.core.errors import FieldError, InputError, MissingError, TrackEndError, shown
+from dragon_ros.scenes.drawings import DrawnLine, chosen, csv_line, map_line, metres_a_unit, svg_line
+
+if TYPE_CHECKING:
+    from dragon_ros.core.scene import Scene
+    from dragon_ros.core.tracks.composite import Track
+    from dragon_ros.core.tracks.drawn import Change, Route
+    from dragon_ros.messages.decode import PathMessage
+
+TOLERANCE_M = 0.02
+_EASY = 2.0             # least radii: the radius of corners unless one is given
+_FRAME = 'dragon'
+_PATH = 'nav_msgs/msg/Path'
+_RECEIVER = 'dragon_ros.nodes.one_path'
+_LONGEST_S = 600.0
+_MAPS = ('.geojson', '.json', '.wkt')
+_FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
+
+
+def main(argv: list[str]) -> int:
+    """Make a scene of a drawing; return the exit code."""
+    options = command_line.parser(
+        'route', 'Make a track of lines and arcs that follows a drawing: a path of an SVG, a line of a GeoJSON or CSV '
+        'file,\nor a nav_msgs/Path. Corners are rounded, curves fitted; what cannot be walked is refused, with the '
+        'place.', 'route street.svg --path way --scale 1:200 --output street.yaml')
+    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help=_FORMATS)
+    options.add_argument('--output', type=Path, metavar='SCENE.yaml', help='scene to write; without it only the table '
+                         'is printed')
+    options.add_argument('--path', metavar='NAME', help='which line: the id or label of a path in SVG, the name of a '
+                         'feature in GeoJSON')
+    options.add_argument('--scale', metavar='1:N', help='of an SVG on paper, such as 1:200')
+    options.add_argument('--unit', type=float, metavar='METRES', help='metres for each unit of an SVG or CSV file')
+    options.add_argument('--origin', metavar='LON,LAT', help='where (0, 0) of a GeoJSON in degrees lies (the middle of '
+                         'the file)')
+    options.add_argument('--radius', type=float, metavar='METRES', help='of rounded corners (twice the least that '
+                         'these benches can take)')
+    options.add_argument('--tolerance', type=float, metavar='METRES', default=TOLERANCE_M,
+                         help='how far the track may stray from a drawn curve (%(default)g)')
+    options.add_argument('--start', type=float, metavar='METRES', help='how far along the drawing the head starts '
+                         '(where the whole dragon stands on it, if it is long enough, else 0)')
+    options.add_argument('--reverse', action='store_true', help='walk the drawing the other way')
+    options.add_argument('--topic', metavar='NAME', help='of the nav_msgs/Path in a bag; without a DRAWING, live')
+    options.add_argument('--timeout', type=float, metavar='S', default=10.0,
+                         help='how long to wait for a live path (%(default)g)')
+    options.add_argument('--frame-pose', metavar='X,Y,DEG', help=f"where the path's frame lies in the frame {_FRAME}: "
+                         'metres, and degrees to the left')
+    command_line.add_scene_options(options)
+    return command_line.guarded('route', partial(_run, options.parse_args(argv)))
+
+
+@dataclass(frozen=True)
+class _Laid:
+    """A scene along a drawing, and how it came about."""
+
+    scene: 'Scene'
+    line: DrawnLine
+    route: 'Route'
+    track: 'Track'
+    least_m: float
+    radius_m: float
+
+
+def _run(arguments: Namespace) -> int:
+    base = command_line.scene_from(arguments)
+    laid = _laid(arguments, base, _line(arguments))
+    print(_text(laid, arguments.tolerance))
+    if arguments.output is not None:
+        from dragon_ros.scenes.provenance import differing_scene_file
+        about = {'drawing': str(arguments.drawing or arguments.topic), 'path': laid.line.name,
+                 **{key: value for key in ('scale', 'unit', 'tolerance', 'reverse', 'frame_pose')
+                    if (value := getattr(arguments, key))}, 'radius': laid.radius_m}
+        command_line.write_output(arguments.output, differing_scene_file(laid.scene, about).rstrip('\n'))
+        print(f'written: {arguments.output}')
+    return command_line.OK
+
+
+def _line(arguments: Namespace) -> DrawnLine:
+    """Return the drawn line that the options select. Raises InputError, MissingError."""
+    path: Path | None = arguments.drawing
+    suffix = path.suffix.lower() if path else ''
+    given = {f'--{name.replace("_", "-")}': getattr(arguments, name) is not None
+             for name in ('path', 'scale', 'unit', 'origin', 'topic', 'frame_pose')}
+    kinds = {'.svg': ('an SVG', {'--path', '--scale', '--unit'}), '.csv': ('a CSV file', {'--unit'}),
+             '.txt': ('a CSV file', {'--unit'}),
+             **dict.fromkeys(_MAPS, ('a GeoJSON or WKT file', {'--path', '--origin'}))}
+    what, takes = kinds.get(suffix, ('a nav_msgs/Path', {'--topic', '--frame-pose'}))
+    command_line.check_taken(what, given, takes)
+    if path is None:
+        line = _live(arguments)
+    elif suffix == '.svg':
+        line = svg_line(path, arguments.path, metres_a_unit(arguments.scale, _unit(arguments)))
+    elif suffix in _MAPS:
+        line = map_line(path, arguments.path, _origin_deg(arguments.origin))
+    elif suffix in ('.csv', '.txt'):
+        line = csv_line(path, _unit(arguments) or 1.0)
+    elif suffix == '.mcap' or path.is_dir():
+        line = _recorded(path, arguments)
+    else:
+        raise InputError(f'{path}: a drawing is {_FORMATS}')
+    return line.turned_round() if arguments.reverse else line
+
+
+def _origin_deg(text: str | None) -> tuple[float, float] | None:
+    if text is None:
+        return None
+    try:
+        lon, lat = map(float, text.split(','))
+    except ValueError:
+        raise FieldError('--origin', text, 'it has two numbers', 'write LONGITUDE,LATITUDE') from None
+    return number('--origin', lon, low=-180, high=180), number('--origin', lat, low=-90, high=90)
+
+
+def _unit(arguments: Namespace) -> float | None:
+    return None if arguments.unit is None else number('--unit', arguments.unit, low=1e-9, high=1e9)
+
+
+def _recorded(path: Path, arguments: Namespace) -> DrawnLine:
+    """Return the last path that a bag holds on a topic."""
+    from dragon_ros.bags.read.reader import BagReader
+    from dragon_ros.messages.decode import read_path
+    with BagReader(path) as bag:
+        topics = [topic.name for topic in bag.topics if topic.type == _PATH and topic.messages]
+        topic = topics[chosen(path, 'topic', topics, arguments.topic, '--topic')]
+        last = None
+        for message in bag.messages([topic]):
+            last = message.data
+    assert last is not None
+    return _moved(topic, read_path(last), arguments)
+
+
+def _live(arguments: Namespace) -> DrawnLine:
+    """Return the first path that arrives on a topic; a process with ROS waits for it."""
+    from dragon_ros.messages.decode import read_path
+    if arguments.topic is None:
+        raise InputError(f'DRAWING: give one ({_FORMATS}), or --topic for a live path', field='drawing')
+    timeout_s = number('--timeout', arguments.timeout, above=0.0, high=_LONGEST_S)
+    done = subprocess.run([sys.executable, '-m', _RECEIVER, arguments.topic, repr(timeout_s)], capture_output=True,
+                          check=False, stdin=subprocess.DEVNULL)
+    if done.returncode:
+        said = done.stderr.decode(errors='replace').strip().rpartition('\n')[2]
+        raise MissingError(f'--topic {arguments.topic}: {said or "the process that waits for it has failed"}')
+    return _moved(arguments.topic, read_path(done.stdout), arguments)
+
+
+def _moved(topic: str, message: 'PathMessage', arguments: Namespace) -> DrawnLine:
+    """Return a path in the dragon's frame: moved by the pose that is given of its own, or refused."""
+    points = message.points_m
+    if arguments.frame_pose is not None:
+        x, y, degrees = _pose(arguments.frame_pose)
+        points = complex(x, y) + points * np.exp(1j * degrees * pi / 180)
+    elif message.frame_id != _FRAME:
+        raise InputError(f'{topic}: its path is in the frame {shown(message.frame_id)}, and the dragon is in '
+                         f'{_FRAME!r}; say where that frame lies: --frame-pose X,Y,DEGREES (0,0,0 if they are one)',
+                         field='frame_pose')
+    return DrawnLine(topic, (points,))
+
+
+def _pose(text: str) -> tuple[float, float, float]:
+    try:
+        x, y, degrees = map(float, text.split(','))
+    except ValueError:
+        raise FieldError('--frame-pose', text, 'it has two metres and degrees', 'write for example 1.5,-2,90') from None
+    return (number('--frame-pose', x, low=-1e9, high=1e9), number('--frame-pose', y, low=-1e9, high=1e9),
+            number('--frame-pose', degrees, low=-1e6, high=1e6))
+
+
+def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
+    """Return the scene of a line for a dragon. Raises InputError."""
+    from dragon_ros.core.tracks.composite import least_radius_m, track_of
+    from dragon_ros.core.tracks.drawn import along
+    from dragon_ros.core.tracks.spec import Composite
+    least_m = least_radius_m(base.dragon.link_lengths_m)
+    given = arguments.radius
+    radius_m = _EASY * least_m if given is None else number('--radius', given, above=0.0, high=1e6)
+    if radius_m < least_m:
+        raise FieldError('--radius', radius_m, f'{least_m:.4g} m is the tightest bend that these benches can take, '
+                         '1.01 times half the longest link', f'give at least {least_m:.4g}, or use shorter benches')
+    tolerance_m = number('--tolerance', arguments.tolerance, low=1e-5, high=1e3)
+    route = along(line.parts, radius_m, least_m * (1 + 1e-9), tolerance_m)
+    track = track_of(Composite(route.pieces))
+    start_m = _start_m(arguments, base, route, track)
+    scene = replace(base, track=Composite(route.pieces, start_m))
+    return _Laid(scene, line, route, track, least_m, radius_m)
+
+
+def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track') -> float:
+    """Return where the head starts along the track."""
+    drawn_m = track.end_m - route.lead_in_m
+    if arguments.start is not None:
+        return route.lead_in_m + number('--start', arguments.start, low=0.0, high=drawn_m)
+    from dragon_ros.core.chain.leader import head_in_front_m
+    try:
+        return head_in_front_m(track, base.dragon.link_lengths_m, route.lead_in_m)
+    except TrackEndError:
+        return route.lead_in_m
+
+
+def _text(laid: _Laid, tolerance_m: float) -> str:
+    """Return the table of pieces, and what is to be known of them."""
+    route, track = laid.route, laid.track
+    rows = [f'{"piece":<10} {"length m":>10} {"radius m":>10} {"turn":>14}   begins at m']
+    for number_, (segment, piece) in enumerate(zip(track.segments, route.pieces, strict=True), 1):
+        first = segment.after(0.0).hi
+        at = complex(segment.at(first))
+        length_m = float(segment.metres_between(first, segment.last))
+        radius_m, angle = getattr(piece, 'radius_m', None), getattr(piece, 'angle_deg', 0.0)
+        turn = f'{abs(angle):.2f}° {"left" if angle > 0 else "right"}' if radius_m else ''
+        rows.append(f'{number_:<4} {"arc" if radius_m else "line":<5} {length_m:10.3f} '
+                    f'{"" if radius_m is None else f"{radius_m:.3f}":>10} {turn:>14}   ({at.real:.3f}, {at.imag:.3f})')
+    return '\n'.join([*rows, '', *_notes(laid, tolerance_m)])
+
+
+def _notes(laid: _Laid, tolerance_m: float) -> list[str]:
+    route, track = laid.route, laid.track
+    arcs = sum(hasattr(piece, 'radius_m') for piece in route.pieces)
+    notes = [f'{laid.line.name}: {track.end_m - route.lead_in_m:.3f} m, {len(route.pieces)} pieces ({arcs} arcs)',
+             f'it strays {1000 * route.strays_m:.2f} mm from the drawing at most, but for what was changed (tolerance '
+             f'{1000 * tolerance_m:g} mm)', _tightest(laid), *map(_changed, route.changes)]
+    if route.lead_in_m:
+        notes.append(f'changed: it begins with a bend, so a line of {route.lead_in_m:g} m was put before it')
+    return [*notes, _start(laid)]
+
+
+def _tightest(laid: _Laid) -> str:
+    if not laid.track.bend:
+        return 'it has no bend'
+    k = max(range(len(laid.track.segments)), key=lambda k: laid.track.segments[k].bend)
+    at = complex(laid.track.segments[k].at(laid.track.segments[k].after(0.0).hi))
+    return (f'the tightest bend is {1 / laid.track.bend:.4g} m, piece {k + 1} at ({at.real:.3f}, {at.imag:.3f}) m; '
+            f'these benches can take {laid.least_m:.4g} m')
+
+
+def _changed(change: 'Change') -> str:
+    x, y = change.place_m
+    what = 'the corner' if change.is_corner else 'what bends too tightly'
+    return (f'changed: {what} at ({x:.3f}, {y:.3f}) m has a radius of {change.radius_m:.4g} m now, and is up to '
+            f'{change.off_m:.3g} m from the drawing')
+
+
+def _start(laid: _Laid) -> str:
+    from dragon_ros.core.chain.leader import head_in_front_m
+    start_m = laid.scene.track.start_m - laid.route.lead_in_m
+    walked_m = laid.track.end_m - laid.route.lead_in_m - start_m
+    text = f'the head starts {start_m:.3f} m along the drawing and walks {walked_m:.3f} m'
+    try:
+        whole_m = head_in_front_m(laid.track, laid.scene.dragon.link_lengths_m, laid.route.lead_in_m)
+    except TrackEndError:
+        whole_m = float('inf')
+    if start_m + laid.route.lead_in_m >= whole_m - 1e-6:
+        return f'{text}; the whole dragon stands on the drawing'
+    return f'{text}; what does not fit behind it stands on a straight line before the drawing'

@@ -1,0 +1,154 @@
+"""Biarcs: two arcs that turn into each other and join two points with given headings; and curves made of them.
+
+From p with heading t to q with heading s, both tangent legs d long, the arcs meet half way between their corners
+p + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves, Computer-Aided Design 7, 1975):
+
+    d = v.v / (v.(t + s) + sqrt((v.(t + s))^2 + |t - s|^2 v.v)),     v = q - p.
+"""
+import cmath
+from dataclasses import dataclass
+from math import copysign, cos, inf, pi, sin, sqrt
+from typing import NamedTuple
+
+import numpy as np
+
+from dragon_ros.core.numerics.types import Complexes, Floats
+
+_STRAIGHT_RAD = 1e-9    # an arc that turns by less is a line
+_FLAT_M = 1e7           # a radius above which floats see a line
+_LONGEST_RAD = 2.5      # by which an arc of a fitted curve turns at most
+
+
+class Bow(NamedTuple):
+    """An arc from ``start`` with a unit heading, turning by ``angle_rad``, left is positive; a line where that is 0."""
+
+    start: complex
+    heading: complex
+    length_m: float
+    angle_rad: float
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether it is a line."""
+        return abs(self.angle_rad) < _STRAIGHT_RAD
+
+    @property
+    def radius_m(self) -> float:
+        """Its radius, infinite if it is a line."""
+        return inf if self.is_straight else self.length_m / abs(self.angle_rad)
+
+    @property
+    def end(self) -> complex:
+        """The point where it ends."""
+        half = 0.5 * self.angle_rad
+        chord_m = self.length_m * (sin(half) / half if half else 1.0)
+        return self.start + chord_m * self.heading * complex(cos(half), sin(half))
+
+    @property
+    def leaving(self) -> complex:
+        """The heading where it ends."""
+        return self.heading * cmath.rect(1.0, self.angle_rad)
+
+    @property
+    def _spoke(self) -> complex:
+        """The way from the centre to the start."""
+        return -1j * copysign(self.radius_m, self.angle_rad) * self.heading
+
+    def distances_m(self, points: Complexes) -> Floats:
+        """Return the distances of points (n,) from it."""
+        here = points - self.start
+        ends = np.minimum(np.abs(here), np.abs(points - self.end))
+        if self.radius_m > _FLAT_M:
+            along = here * self.heading.conjugate()
+            return np.where((along.real >= 0) & (along.real <= self.length_m), np.abs(along.imag), ends)
+        seen = here + self._spoke
+        on = copysign(1.0, self.angle_rad) * np.angle(seen / self._spoke) % (2 * pi) <= abs(self.angle_rad)
+        return np.where(on, np.abs(np.abs(seen) - self.radius_m), ends)
+
+    def points(self, sag_m: float) -> Complexes:
+        """Return points along it, both ends included, whose chords stray ``sag_m`` from it at most."""
+        if self.radius_m > _FLAT_M:
+            return np.array((self.start, self.end))
+        count = 2 + int(abs(self.angle_rad) * sqrt(self.radius_m / (8 * sag_m)))
+        out: Complexes = self.start - self._spoke * (1 - np.exp(1j * self.angle_rad * np.linspace(0.0, 1.0, count)))
+        return out
+
+
+def _bow(start: complex, heading: complex, end: complex, half_rad: float) -> Bow:
+    """Return the arc over a chord, which lies half of its angle off the heading."""
+    return Bow(start, heading, abs(end - start) * (half_rad / sin(half_rad) if half_rad else 1.0), 2 * half_rad)
+
+
+def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> tuple[Bow, Bow] | None:
+    """Return two arcs from a point and heading to another; None if they would start backwards."""
+    way, both, apart = end - start, heading + leaving, abs(heading - leaving)
+    square, along = abs(way) ** 2, (way.conjugate() * both).real
+    root = along + sqrt(along * along + apart * apart * square)
+    if not root > 1e-12 * abs(way):
+        return None
+    leg = square / root
+    joint = 0.5 * (start + leg * heading + end - leg * leaving)
+    if joint in (start, end):
+        return None
+    first = _bow(start, heading, joint, cmath.phase((joint - start) / heading))
+    return first, _bow(joint, first.leaving, end, cmath.phase(leaving / (end - joint)))
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """Biarcs along a curve, each between two of its points (first, last); None where arcs would bend too tightly."""
+
+    spans: tuple[tuple[int, int], ...]
+    biarcs: tuple[tuple[Bow, Bow] | None, ...]
+
+
+def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
+    """Return arcs from point to point of a curve (n,), as few as go, within a tolerance of all of its points.
+
+    From each node the longest biarc is taken that stays within ``tolerance_m`` and bends at least at ``least_m``.
+    """
+    spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
+    while first < len(points) - 1:
+        last, best = _longest(points, headings, first, (tolerance_m, least_m))
+        spans.append((first, last))
+        biarcs.append(best)
+        first = last
+    return Fitted(tuple(spans), tuple(biarcs))
+
+
+def _longest(points: Complexes, headings: Complexes, first: int,
+             limits_m: tuple[float, float]) -> tuple[int, tuple[Bow, Bow] | None]:
+    """Return the farthest point that one biarc reaches within limits, and the biarc; None if not the next one."""
+    good, best, beyond, ahead = first + 1, None, len(points), 1
+    while first + ahead < beyond:
+        tried = first + ahead
+        found = _within(points[first:tried + 1], headings[first], headings[tried], limits_m)
+        if found is None:
+            beyond = tried
+        else:
+            good, best = tried, found
+            ahead = min(2 * ahead, max(len(points) - 1 - first, ahead + 1))
+    while beyond - good > 1:
+        tried = (good + beyond) // 2
+        found = _within(points[first:tried + 1], headings[first], headings[tried], limits_m)
+        if found is None:
+            beyond = tried
+        else:
+            good, best = tried, found
+    return good, best
+
+
+def _within(points: Complexes, heading: complex, leaving: complex,
+            limits_m: tuple[float, float]) -> tuple[Bow, Bow] | None:
+    """Return the biarc from the first point to the last if it keeps to tolerance and radius."""
+    tolerance_m, least_m = limits_m
+    found = biarc(complex(points[0]), complex(heading), complex(points[-1]), complex(leaving))
+    if found is None or any(abs(bow.angle_rad) > _LONGEST_RAD or bow.radius_m < least_m for bow in found):
+        return None
+    checked = np.concatenate((points, 0.5 * (points[1:] + points[:-1])))
+    return found if strays_m(found, checked) <= tolerance_m else None
+
+
+def strays_m(bows: tuple[Bow, ...], points: Complexes) -> float:
+    """Return the largest distance of points (n,) from arcs."""
+    return float(np.max(np.min([bow.distances_m(points) for bow in bows], axis=0), initial=0.0))

@@ -1,0 +1,546 @@
+"""A drawn line made into a track: its corners rounded, its curves fitted with arcs, nothing that cannot be walked.
+
+A drawn line is a sequence of stretches, straight or smooth, that meet in points; where they meet at an angle is a
+corner. Corners, and bends tighter than the links can follow, give way to the shortest biarc from before to behind them
+that bends at the radius asked for. What is left is straight, or a curve to which biarcs are fitted. All pieces turn
+into each other, since each begins where, and as, the one before ends.
+"""
+import cmath
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from itertools import pairwise
+from math import ceil, degrees, inf, pi, sqrt, tan
+from typing import NamedTuple
+
+import numpy as np
+from shapely import LineString, get_coordinates, hausdorff_distance
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints
+from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
+from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
+
+LEAD_IN_M = 1.0         # the line before a track that would begin with a bend
+_MOST_SAMPLES = 20_000  # of one curve
+_FINE = 0.002           # of the tolerance: how far samples of a piece stray from it where its distance is measured
+_THINNED = 0.05         # of the tolerance, by which points are thinned out
+_EASED = (0.0, 0.25, 0.5, 0.75)     # of the tolerance, by which points are moved to smooth them, if necessary
+_TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
+_KINK_RAD = 0.05        # up to this a curve is bent to meet what is beside it; above it is a corner
+_SAME = 1e-9            # of a length
+_ALIKE = 1e-7           # of a radius: such arcs are one
+_MEASURED = 1e-5        # of its radius: how far samples of a blend stray from it where its distance is measured
+_ROUNDS = 12             # of finding bends that are too tight
+_DECIMALS = 11          # of what a scene file says in m and degrees
+_GROWTH, _CLOSE = 1.2, 1e-6     # of a blend, until it bends little enough, and how closely it is found
+
+
+@dataclass(frozen=True, eq=False)
+class Stretch:
+    """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
+
+    ``drawn`` (m,) are the points that were drawn, of which these are some, and ``drawn_at_m`` (m,) how far along it.
+    """
+
+    points: Complexes
+    headings: Complexes
+    drawn: Complexes
+    drawn_at_m: Floats
+
+    @property
+    def is_straight(self) -> bool:
+        """Whether it is a line: a curve cut short may have two points, too, but not their heading."""
+        way = self.points[-1] - self.points[0]
+        return len(self.points) == 2 and bool(np.all(np.abs(self.headings - way / abs(way)) < _SAME))
+
+    @cached_property
+    def gone_m(self) -> Floats:
+        """Distances (n,) of its points along it."""
+        return gone_m(self.points)
+
+
+def gone_m(points: Complexes) -> Floats:
+    """Return the distances of points (n,) along the line through them."""
+    return np.concatenate(([0.0], np.cumsum(np.abs(np.diff(points)))))
+
+
+def _stretch(points: Complexes, headings: Complexes) -> Stretch:
+    """Return a stretch of which all that was drawn is kept."""
+    return Stretch(points, headings, points, gone_m(points))
+
+
+@dataclass(frozen=True)
+class Change:
+    """Where a track leaves the drawing on purpose: the place, the radius there, and by how much at most."""
+
+    place_m: tuple[float, float]
+    radius_m: float
+    off_m: float
+    is_corner: bool
+
+
+@dataclass(frozen=True)
+class Route:
+    """The pieces of a track, the first with its place; what was changed; how far curves stray from the drawing.
+
+    The first ``lead_in_m`` are a line before the drawing begins.
+    """
+
+    pieces: tuple[Piece, ...]
+    changes: tuple[Change, ...]
+    strays_m: float
+    lead_in_m: float
+
+    @property
+    def off_m(self) -> float:
+        """How far it is from the drawing, at most, where bends other than corners were too tight; 0 without such."""
+        return max((change.off_m for change in self.changes if not change.is_corner), default=0.0)
+
+
+class Cubic(NamedTuple):
+    """A cubic Bézier curve by its four control points, complex numbers in m."""
+
+    controls: tuple[complex, complex, complex, complex]
+
+    def stretch(self, sag_m: float) -> Stretch:
+        """Return samples whose chords stray ``sag_m`` from the curve at most: by 1 / 8 of the second derivative."""
+        a, b, c, d = self.controls
+        bend = 6 * max(abs(a - 2 * b + c), abs(b - 2 * c + d))
+        t = np.linspace(0.0, 1.0, _samples(sqrt(bend / (8 * sag_m))))
+        s = 1 - t
+        points = s * s * s * a + 3 * s * s * t * b + 3 * s * t * t * c + t * t * t * d
+        return _sampled(points, s * s * (b - a) + 2 * s * t * (c - b) + t * t * (d - c))
+
+
+class EllipseArc(NamedTuple):
+    """A part of an ellipse, centre + a cos u + b sin u, from u = start_rad over sweep_rad."""
+
+    centre: complex
+    axes: tuple[complex, complex]
+    start_rad: float
+    sweep_rad: float
+
+    def stretch(self, sag_m: float) -> Stretch:
+        """Return samples whose chords stray ``sag_m`` from the curve at most."""
+        a, b = self.axes
+        count = _samples(abs(self.sweep_rad) * sqrt((abs(a) + abs(b)) / (8 * sag_m)))
+        u = self.start_rad + self.sweep_rad * np.linspace(0.0, 1.0, count)
+        return _sampled(self.centre + a * np.cos(u) + b * np.sin(u), self.sweep_rad * (b * np.cos(u) - a * np.sin(u)))
+
+
+DrawnPart = Complexes | Cubic | EllipseArc      # points in order, or a curve
+
+
+def _samples(count: float) -> int:
+    return min(_MOST_SAMPLES, 9 + ceil(count))
+
+
+def _sampled(points: Complexes, rates: Complexes) -> Stretch:
+    """Return a stretch of points and derivatives; where a derivative vanishes, the heading is that of the chords."""
+    chords = np.diff(points)
+    small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
+    if np.any(small):
+        both = np.concatenate((chords[:1], chords)) + np.concatenate((chords, chords[-1:]))
+        rates = np.where(small, both, rates)
+    kept = np.append(True, chords != 0) & (rates != 0)
+    return _stretch(points[kept], rates[kept] / np.abs(rates[kept]))
+
+
+def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
+    """Return a track of lines and arcs along parts of a drawn line, each of which begins where the one before ends.
+
+    Corners are rounded at ``radius_m``; where legs are too short for that, at what they leave room for, down to
+    ``least_m``, the tightest that the links can follow. Curves are fitted within ``tolerance_m``. If points are noisy,
+    a part of it is used up to smooth them. Raises InputError with the place where neither goes.
+    """
+    best, refused = None, None
+    for part in _EASED if any(isinstance(one, np.ndarray) and len(one) > 2 for one in parts) else _EASED[:1]:
+        stretches = [stretch for one in parts for stretch in _stretches(one, part * tolerance_m, tolerance_m)]
+        try:
+            found = _routed(stretches, radius_m, least_m, (1 - part - _THINNED) * tolerance_m)
+        except InputError as error:
+            refused = refused or error
+            continue
+        if best is None or found.off_m < best.off_m:
+            best = found
+        if not best.off_m:
+            break
+    if best is None:
+        raise refused or InputError('the drawing has no points; draw a line', field='drawing')
+    return best
+
+
+def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Stretch]:
+    if isinstance(part, Cubic | EllipseArc):
+        return [part.stretch(_FINE * tolerance_m)]
+    return through(part, _eased(part, eased_m), tolerance_m - eased_m)
+
+
+def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Stretch]:
+    """Return the stretches of a line through points (n,): legs, and curves where arcs through points keep to the legs.
+
+    A leg of length h between headings that differ by phi strays h phi / 8 from an arc. Points near the line through the
+    others are left out first; ``eased`` are the points as smoothed, ``drawn`` as they were.
+    """
+    numbers = _kept(eased, _THINNED * tolerance_m)
+    if len(numbers) < 2:
+        return []
+    legs = np.diff(eased[numbers])
+    long, turns = np.abs(legs), np.abs(np.angle(legs[1:] / legs[:-1]))
+    corners = np.flatnonzero(np.maximum(long[1:], long[:-1]) * turns / 8 > tolerance_m) + 1
+    ends = [0, *corners.tolist(), len(numbers) - 1]
+    return [_curve(drawn, eased, numbers[first:last + 1]) for first, last in pairwise(ends)]
+
+
+def _kept(points: Complexes, away_m: float) -> Ints:
+    """Return the numbers of the points (n,) that Douglas and Peucker keep: the others are near the line of these."""
+    if len(points) < 2:
+        return np.arange(len(points))
+    rows = np.stack((points.real, points.imag, np.arange(len(points))), axis=1)
+    thin = LineString(rows).simplify(away_m, preserve_topology=False)
+    out: Ints = get_coordinates(thin, include_z=True)[:, 2].astype(int)
+    kept: Ints = out[np.append(True, np.diff(points[out]) != 0)]
+    return kept
+
+
+def _eased(points: Complexes, within_m: float) -> Complexes:
+    """Return points (n,) without waves shorter than about 18 of them, none moved by more than a distance.
+
+    That is Taubin's filter, which smooths without shrinking (A signal processing approach to fair surface design,
+    1995).
+    """
+    out: Complexes = points.copy()
+    for weight in _TAUBIN * (_PASSES if within_m else 0):
+        out[1:-1] += weight * (0.5 * (out[2:] + out[:-2]) - out[1:-1])
+        moved = out - points
+        out = points + moved * np.minimum(1.0, within_m / np.maximum(np.abs(moved), _TINY_M))
+    return out
+
+
+def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> Stretch:
+    """Return a stretch through some points; each heading is that of the circle through it and its neighbours."""
+    points = eased[numbers]
+    legs = np.diff(points)
+    long, ways = np.abs(legs), legs / np.abs(legs)
+    between = np.arange(numbers[0], numbers[-1] + 1)
+    leg = np.minimum(np.searchsorted(numbers, between, side='right') - 1, len(legs) - 1)
+    along = ((drawn[between] - points[leg]) * ways[leg].conjugate()).real
+    at_m = np.maximum.accumulate(gone_m(points)[leg] + np.clip(along, 0.0, long[leg]))
+    if len(points) == 2:
+        return Stretch(points, np.repeat(ways, 2), drawn[between], at_m)
+    inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
+    inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * ways[:-1])
+    inner /= np.abs(inner)
+    first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]     # as far from the leg on its other side
+    return Stretch(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
+
+
+class _Drawn:
+    """Stretches end to end; distances in m are along them."""
+
+    def __init__(self, stretches: Sequence[Stretch]) -> None:
+        self.stretches = [one for one in stretches if len(one.points) > 1]
+        self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
+        self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # by place and radius
+        self._absorb_kinks()
+
+    @property
+    def length_m(self) -> float:
+        return float(self.begins_m[-1])
+
+    def _absorb_kinks(self) -> None:
+        """Bend the ends of curves by a little, so that they turn into what is beside them."""
+        for k in range(len(self.stretches) - 1):
+            before, after = self.stretches[k:k + 2]
+            left, right = before.headings[-1], after.headings[0]
+            if abs(cmath.phase(right / left)) > _KINK_RAD or (before.is_straight and after.is_straight):
+                continue
+            common = left if before.is_straight else right if after.is_straight else (left + right) / abs(left + right)
+            self.stretches[k] = replace(before, headings=np.append(before.headings[:-1], common))
+            self.stretches[k + 1] = replace(after, headings=np.append(common, after.headings[1:]))
+
+    def corners(self) -> list[tuple[float, float]]:
+        """Return the places (first, last) of corners."""
+        return [(float(at), float(at)) for at, (before, after) in zip(
+            self.begins_m[1:], pairwise(self.stretches), strict=False) if before.headings[-1] != after.headings[0]]
+
+    def pose(self, at_m: float, after: bool) -> tuple[complex, complex]:
+        """Return the point and the heading at a distance; where two stretches meet, of the one after or before."""
+        k = int(np.searchsorted(self.begins_m, at_m, side='right' if after else 'left')) - 1
+        k = min(max(k, 0), len(self.stretches) - 1)
+        one, here = self.stretches[k], at_m - self.begins_m[k]
+        n = min(max(int(np.searchsorted(one.gone_m, here)) - 1, 0), len(one.points) - 2)
+        low, high = one.gone_m[n:n + 2]
+        part = min(max((here - low) / (high - low), 0.0), 1.0)
+        heading = one.headings[n] + part * (one.headings[n + 1] - one.headings[n])
+        if not heading:
+            heading = 1j * one.headings[n]
+        return complex(one.points[n] + part * (one.points[n + 1] - one.points[n])), complex(heading / abs(heading))
+
+    def between(self, low_m: float, high_m: float) -> list[tuple[float, Stretch]]:
+        """Return the stretches between two distances, cut where those are, and where each begins."""
+        out, hair = [], _SAME * self.length_m
+        for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
+            first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
+            if last - first > hair:
+                out.append((first, self._cut(begin, one, first, last)))
+        return out
+
+    def _cut(self, begin: float, one: Stretch, first: float, last: float) -> Stretch:
+        (a, at), (b, to) = self.pose(first, True), self.pose(last, False)
+        hair = _SAME * self.length_m
+        inner = (one.gone_m > first - begin + hair) & (one.gone_m < last - begin - hair)
+        points, headings = one.points[inner], one.headings[inner]
+        return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
+
+    def drawn_between(self, low_m: float, high_m: float) -> Complexes:
+        """Return the line from one distance to another as it was drawn."""
+        inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
+                 for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False)
+                 if begin <= high_m and begin + one.gone_m[-1] >= low_m]
+        return np.concatenate(([self.pose(low_m, True)[0]], *inner, [self.pose(high_m, False)[0]]))
+
+
+@dataclass(frozen=True)
+class _Blend:
+    """Two arcs in place of what is drawn between two distances."""
+
+    low_m: float
+    high_m: float
+    bows: tuple[Bow, Bow]
+    is_corner: bool
+
+    @property
+    def radius_m(self) -> float:
+        return min(bow.radius_m for bow in self.bows)
+
+
+def _routed(stretches: Sequence[Stretch], radius_m: float, least_m: float, tolerance_m: float) -> Route:
+    drawn = _Drawn(stretches)
+    if not drawn.stretches:
+        raise InputError('the drawing has no length; draw a line', field='drawing')
+    corners = drawn.corners()
+    for _ in range(_ROUNDS):
+        blends = _blends(drawn, corners, radius_m, least_m)
+        parts, tight = _fit(drawn, blends, tolerance_m, least_m)
+        if not tight:
+            route = _laid(drawn, blends, parts, tolerance_m)
+            for blend, change in zip(blends, route.changes, strict=True):
+                if not change.is_corner and change.off_m > radius_m:
+                    raise _unwalkable(drawn, blend.low_m, blend.high_m, least_m)
+            return route
+        corners = _joined([*corners, *tight])
+    raise _unwalkable(drawn, *corners[0], least_m)
+
+
+def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
+    """Return intervals in order, those that touch made one."""
+    out = list[tuple[float, float]]()
+    for low, high in sorted(places):
+        if out and low <= out[-1][1]:
+            out[-1] = out[-1][0], max(out[-1][1], high)
+        else:
+            out.append((low, high))
+    return out
+
+
+def _blends(drawn: _Drawn, corners: list[tuple[float, float]], radius_m: float, least_m: float) -> list[_Blend]:
+    """Return a blend for each corner; corners too close for two blends share one."""
+    while corners:
+        wide, slim = ([_reach_m(drawn, place, at_m) for place in corners] for at_m in (radius_m, least_m))
+        for place, reach in zip(corners, slim, strict=True):
+            if reach is None:
+                raise _unwalkable(drawn, *place, least_m)
+        gaps = [inf, *(after[0] - before[1] for before, after in pairwise(corners)), inf]
+        shares = _shares(gaps, wide, slim)
+        crowded = [k for k, share in enumerate(shares) if share is None and 0 < k < len(corners)]
+        if not crowded:
+            return [_blend(drawn, place, _between(low, high, shares[k:k + 2])) for k, (place, low, high) in enumerate(
+                zip(corners, slim, wide, strict=True))]
+        k = crowded[0]
+        corners = [*corners[:k - 1], (corners[k - 1][0], corners[k][1]), *corners[k + 1:]]
+    return []
+
+
+def _shares(gaps: list[float], wide: list[float | None], slim: list[float | None]) -> list[float | None]:
+    """Return how much of the room between slim and wide blends there is in each gap, from 0 to 1; None below 0."""
+    out: list[float | None] = []
+    for gap, big, small in zip(gaps, pairwise([0.0, *wide, 0.0]), pairwise([0.0, *slim, 0.0]), strict=True):
+        least = sum(one or 0.0 for one in small)
+        most = sum(max(b if b is not None else inf, s or 0.0) for b, s in zip(big, small, strict=True))
+        room = gap - least
+        out.append(None if room < 0 else 1.0 if most <= gap else 0.0 if most == inf else room / (most - least))
+    return out
+
+
+def _between(low: float | None, high: float | None, shares: list[float | None]) -> float:
+    share = min(one or 0.0 for one in shares)
+    small = low or 0.0
+    return small if high is None or high < small else small + share * (high - small)
+
+
+def _reach_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float | None:
+    """Return how far to both sides of a place a biarc begins and ends that bends at a radius; None if it finds no room.
+
+    Between two lines it is one arc, and reaches R tan(phi / 2).
+    """
+    if (place, radius_m) not in drawn.reaches_m:
+        drawn.reaches_m[place, radius_m] = _shortest_m(drawn, place, radius_m)
+    return drawn.reaches_m[place, radius_m]
+
+
+def _shortest_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float | None:
+    room = max(place[0], drawn.length_m - place[1])
+    reach, failed = _tangent_m(drawn, place, radius_m), 0.0
+    while _bent(drawn, place, reach, radius_m) is None:
+        failed, reach = reach, reach * _GROWTH
+        if reach > room:
+            return None
+    while failed and reach - failed > _CLOSE * reach:
+        middle = 0.5 * (failed + reach)
+        failed, reach = (failed, middle) if _bent(drawn, place, middle, radius_m) is not None else (middle, reach)
+    return min(reach, room)
+
+
+def _tangent_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float:
+    """Return the reach that a corner between two lines would take, or a small one to begin with."""
+    low, high = place
+    turn = abs(cmath.phase(drawn.pose(high, True)[1] / drawn.pose(low, False)[1]))
+    if low == high and turn < 0.99 * pi:
+        return radius_m * tan(0.5 * turn)
+    return max(0.05 * radius_m, 0.05 * (high - low))
+
+
+def _bent(drawn: _Drawn, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
+    """Return the biarc from before to behind a place, if it bends at a radius at least and nowhere by half a turn."""
+    low, high = _ends(drawn, place, reach_m)
+    found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
+    if found is None or any(bow.radius_m < radius_m * (1 - _SAME) or abs(bow.angle_rad) > pi for bow in found):
+        return None
+    return found
+
+
+def _blend(drawn: _Drawn, place: tuple[float, float], reach_m: float) -> _Blend:
+    bows = _bent(drawn, place, reach_m, 0.0)
+    if bows is None:
+        raise _unwalkable(drawn, *place, 0.0)
+    return _Blend(*_ends(drawn, place, reach_m), bows, place[0] == place[1])
+
+
+def _ends(drawn: _Drawn, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
+    """Return the distances so far before and behind a place, those of the drawing's ends where it is shorter."""
+    return max(0.0, place[0] - reach_m), min(drawn.length_m, place[1] + reach_m)
+
+
+def _unwalkable(drawn: _Drawn, low_m: float, high_m: float, least_m: float) -> InputError:
+    """Return the error of a place where no arc finds room."""
+    at, _ = drawn.pose(0.5 * (low_m + high_m), True)
+    return InputError(
+        f'the drawing cannot be walked at ({at.real:.3f}, {at.imag:.3f}) m, {0.5 * (low_m + high_m):.2f} m along it: '
+        f'no bend of {least_m:.4g} m or more, the tightest that these benches can take, finds room there. Draw it with '
+        f'a larger radius or longer legs, or use shorter benches', field='drawing', place_m=(at.real, at.imag))
+
+
+class _Part(NamedTuple):
+    """Arcs along what is drawn between two distances."""
+
+    low_m: float
+    high_m: float
+    bows: tuple[Bow, ...]
+
+
+def _fit(drawn: _Drawn, blends: list[_Blend], tolerance_m: float,
+         least_m: float) -> tuple[list[_Part], list[tuple[float, float]]]:
+    """Return the parts of the track between blends, and the intervals where it would bend too tightly."""
+    parts, tight = list[_Part](), list[tuple[float, float]]()
+    ends = [0.0, *(end for blend in blends for end in (blend.low_m, blend.high_m)), drawn.length_m]
+    for low, high in zip(ends[::2], ends[1::2], strict=True):
+        for begin, one in drawn.between(low, high):
+            if one.is_straight:
+                way = complex(one.points[1] - one.points[0])
+                bow = Bow(complex(one.points[0]), way / abs(way), abs(way), 0.0)
+                parts.append(_Part(begin, begin + abs(way), (bow,)))
+                continue
+            found = fitted(one.points, one.headings, tolerance_m, least_m)
+            for (first, last), bows in zip(found.spans, found.biarcs, strict=True):
+                span = begin + float(one.gone_m[first]), begin + float(one.gone_m[last])
+                if bows is None:
+                    tight.append(span)
+                else:
+                    parts.append(_Part(*span, bows))
+    return parts, _joined(tight)
+
+
+def _laid(drawn: _Drawn, blends: list[_Blend], parts: list[_Part], tolerance_m: float) -> Route:
+    """Return the route of blends and parts in order, each piece laid where the one before ends."""
+    order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
+                   key=lambda some: some[0])
+    bows = _merged([bow for _, some in order for bow in some])
+    lead_in_m = 0.0 if bows[0].is_straight else LEAD_IN_M
+    if lead_in_m:
+        heading = bows[0].heading
+        bows = [Bow(bows[0].start - lead_in_m * heading, heading, lead_in_m, 0.0), *bows]
+    if len(bows) > MOST_PIECES:
+        raise InputError(f'the drawing takes {len(bows)} pieces, and a track has {MOST_PIECES} at most; give a larger '
+                         '--tolerance, or draw a shorter line', field='tolerance', pieces=len(bows))
+    shift_m = _shift_m([bow for _, some in order for bow in some], bows[1:] if lead_in_m else bows)
+    apart_m = max((_apart_m(drawn, part, _FINE * tolerance_m) for part in parts), default=0.0)
+    return Route(_pieces(bows), tuple(_change(drawn, blend) for blend in blends), apart_m + shift_m, lead_in_m)
+
+
+def _apart_m(drawn: _Drawn, part: _Part, sag_m: float) -> float:
+    """Return the Hausdorff distance of arcs from what is drawn there."""
+    lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
+    return float(hausdorff_distance(*(LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)))
+
+
+def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
+    """Return how far the ends of pieces are moved when each is laid where, and as, the one before ends."""
+    gone = np.cumsum([bow.length_m for bow in bows])
+    ends = np.array([bow.end for bow in bows])
+    at, heading, along, worst = laid[0].start, laid[0].heading, 0.0, 0.0
+    for one in laid:
+        bow = Bow(at, heading, one.length_m, one.angle_rad)
+        at, heading, along = bow.end, bow.leaving, along + one.length_m
+        k = int(np.clip(np.searchsorted(gone, along), 1, len(gone) - 1)) if len(gone) > 1 else 0
+        k -= bool(k and along - gone[k - 1] < gone[k] - along)
+        worst = max(worst, abs(ends[k] - at))
+    return worst
+
+
+def _change(drawn: _Drawn, blend: _Blend) -> Change:
+    at, _ = drawn.pose(0.5 * (blend.low_m + blend.high_m), True)
+    off_m = _apart_m(drawn, _Part(blend.low_m, blend.high_m, blend.bows), _MEASURED * blend.radius_m)
+    return Change((at.real, at.imag), blend.radius_m, off_m, blend.is_corner)
+
+
+def _merged(bows: list[Bow]) -> list[Bow]:
+    """Return arcs with neighbours of one radius, and lines behind lines, made one; none has no length."""
+    out = list[Bow]()
+    for bow in bows:
+        if out and _are_one(out[-1], bow):
+            last = out.pop()
+            bow = Bow(last.start, last.heading, last.length_m + bow.length_m, last.angle_rad + bow.angle_rad)
+        out.append(bow)
+    return out
+
+
+def _are_one(first: Bow, second: Bow) -> bool:
+    if first.is_straight or second.is_straight:
+        return first.is_straight and second.is_straight
+    alike = abs(first.radius_m - second.radius_m) <= _ALIKE * first.radius_m
+    return alike and (first.angle_rad > 0) == (second.angle_rad > 0)
+
+
+def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
+    """Return arcs as the pieces of a spec; the first says where it lies."""
+    x, y, heading = bows[0].start.real, bows[0].start.imag, degrees(cmath.phase(bows[0].heading))
+    first, *others = (Line(_plain(bow.length_m)) if bow.is_straight else
+                      Arc(_plain(bow.radius_m), _plain(degrees(bow.angle_rad))) for bow in bows)
+    return replace(first, at_m=(_plain(x), _plain(y)), heading_deg=_plain(heading)), *others
+
+
+def _plain(value: float) -> float:
+    """Return a number without what rounding left at its end: that moves a kilometre of track by a nanometre."""
+    return round(value, _DECIMALS)

@@ -1,0 +1,388 @@
+"""Lines to walk along in drawings: SVG, GeoJSON and CSV, as parts in metres with y upwards.
+
+SVG is read by svgelements, which knows its paths, shapes, transforms, units and viewBox. It is given the chosen element
+and the groups around it alone, by a parser that refuses what is too large, too deep, or declares entities.
+"""
+import csv
+import io
+import re
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from math import atan2
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+from xml.etree import ElementTree
+from xml.parsers import expat
+
+import numpy as np
+
+from dragon_ros.core.errors import FieldError, InputError, MissingError, did_you_mean, shown
+from dragon_ros.core.limits import DRAWING_BYTES, DRAWING_POINTS, XML_DEPTH, XML_ELEMENTS
+from dragon_ros.core.tracks.drawn import Cubic, DrawnPart, EllipseArc
+
+if TYPE_CHECKING:
+    from xml.etree.ElementTree import Element
+
+_SVG = '{http://www.w3.org/2000/svg}'
+_LABEL = '{http://www.inkscape.org/namespaces/inkscape}label'
+_SHAPES = ('path', 'polyline', 'line', 'polygon', 'rect', 'circle', 'ellipse')
+_AROUND = ('svg', 'g', 'a', 'switch')     # what is in defs, symbols or masks is not drawn there
+_PX_M = 0.0254 / 96     # CSS: a pixel is a 96th of an inch
+_MOST_LISTED = 12
+_JOINED = 1e-9          # of a coordinate: how far apart ends are that are one
+_SCALE = re.compile(r'1\s*:\s*(\d+(?:\.\d*)?)')
+METRES = 'metres of the SVG: '      # and six numbers a to f, in its description: x = a u + c v + e, y = b u + d v + f
+_NUMBER = r'[-+0-9.eE]{1,30}'
+_METRES = re.compile(METRES + r'matrix\((' + ', '.join([_NUMBER] * 6) + r')\)')
+_FAILS = (ValueError, TypeError, LookupError, ArithmeticError, AttributeError, RecursionError)     # of svgelements
+
+
+@dataclass(frozen=True)
+class DrawnLine:
+    """A line of a drawing: its name there, and its parts in metres, each beginning where the one before ends."""
+
+    name: str
+    parts: tuple[DrawnPart, ...]
+
+    def turned_round(self) -> 'DrawnLine':
+        """Return the line in the other direction."""
+        return DrawnLine(self.name, tuple(_turned_round(part) for part in reversed(self.parts)))
+
+
+def _turned_round(part: DrawnPart) -> DrawnPart:
+    if isinstance(part, Cubic):
+        a, b, c, d = part.controls
+        return Cubic((d, c, b, a))
+    if isinstance(part, EllipseArc):
+        return part._replace(start_rad=part.start_rad + part.sweep_rad, sweep_rad=-part.sweep_rad)
+    return part[::-1]
+
+
+def metres_a_unit(scale: str | None, unit_m: float | None) -> tuple[float, bool] | None:
+    """Return metres for each unit and whether that is a metre of paper; None if neither a scale nor a unit is given.
+
+    Raises FieldError.
+    """
+    if scale is not None and unit_m is not None:
+        raise FieldError('--unit', unit_m, f'--scale {scale} says the same', 'leave one of them out')
+    if scale is None:
+        return None if unit_m is None else (unit_m, False)
+    found = _SCALE.fullmatch(scale.strip())
+    if not found or not float(found[1]) > 0:
+        raise FieldError('--scale', scale, 'a scale is one to so many', 'write for example 1:200')
+    return float(found[1]), True
+
+
+def bytes_of(path: Path) -> bytes:
+    """Return a drawing's bytes within the budget. Raises MissingError, InputError."""
+    try:
+        with path.open('rb') as file:
+            data = file.read(DRAWING_BYTES + 1)
+    except (OSError, ValueError) as error:
+        raise MissingError(f'{shown(str(path))[1:-1]}: cannot be read: {getattr(error, "strerror", error)}') from None
+    if len(data) > DRAWING_BYTES:
+        raise InputError(f'{path}: is too large; the largest drawing has {DRAWING_BYTES} bytes')
+    return data
+
+
+def chosen(path: Path, what: str, names: list[str], asked: str | None, option: str = '--path') -> int:
+    """Return which of several lines of a drawing is asked for. Raises InputError that lists them."""
+    if asked is not None and asked in names:
+        return names.index(asked)
+    if asked is None and len(names) == 1:
+        return 0
+    if not names:
+        raise InputError(f'{path}: has no {what}; draw the line that the head walks', field='path')
+    listed = ', '.join(shown(name)[1:-1] for name in names[:_MOST_LISTED])
+    listed += f' and {len(names) - _MOST_LISTED} more' if len(names) > _MOST_LISTED else ''
+    if asked is None:
+        raise InputError(f'{path}: has {len(names)} {what}s: {listed}; say which one is walked: {option} '
+                         f'{shown(names[0])[1:-1]}', field='path')
+    raise InputError(f'{path}: {option} {shown(asked)} is not in it; '
+                     f'{did_you_mean(asked, names, f"its {what}s are {listed}")}', field='path')
+
+
+# CSV
+
+def csv_line(path: Path, unit_m: float) -> DrawnLine:
+    """Return the points of a CSV file: the columns x and y (or x_m, y_m), or the first two where it has no header."""
+    text = _text(path, bytes_of(path))
+    try:
+        rows = [(number, row) for number, row in enumerate(csv.reader(io.StringIO(text), _dialect(text)), 1)
+                if any(cell.strip() for cell in row) and not row[0].lstrip().startswith('#')]
+    except csv.Error as error:
+        raise InputError(f'{path}: is not CSV: {error}') from None
+    if len(rows) > DRAWING_POINTS + 1:
+        raise InputError(f'{path}: has {len(rows)} rows; a drawing has {DRAWING_POINTS} points at most')
+    columns = (0, 1)
+    if rows and not _is_number(rows[0][1][0]):
+        columns = _columns(path, rows.pop(0)[1])
+    points = np.array([_point(path, number, row, columns) for number, row in rows], dtype=np.complex128)
+    return DrawnLine(path.name, (unit_m * points,))
+
+
+def _text(path: Path, data: bytes) -> str:
+    try:
+        return data.decode('utf-8-sig')
+    except UnicodeDecodeError:
+        raise InputError(f'{path}: is not UTF-8 text') from None
+
+
+def _dialect(text: str) -> type[csv.Dialect]:
+    """Return a dialect with the delimiter of the first line that has one: semicolon, tab, comma or blanks."""
+    head = next((line for line in text.splitlines() if line.strip() and not line.lstrip().startswith('#')), '')
+
+    class Dialect(csv.excel):
+        delimiter = next((sign for sign in ';\t,' if sign in head), ' ')
+        skipinitialspace = True
+    return Dialect
+
+
+def _is_number(cell: str) -> bool:
+    try:
+        float(cell)
+    except ValueError:
+        return False
+    return True
+
+
+def _columns(path: Path, head: list[str]) -> tuple[int, int]:
+    names = [cell.strip().lower() for cell in head]
+    for pair in (('x_m', 'y_m'), ('x', 'y')):
+        if all(name in names for name in pair):
+            return names.index(pair[0]), names.index(pair[1])
+    raise InputError(f'{path}: its columns are {shown(", ".join(names))[1:-1]}; name those of the points x and y, in '
+                     'metres (degrees are read from GeoJSON)')
+
+
+def _point(path: Path, number: int, row: list[str], columns: tuple[int, int]) -> complex:
+    try:
+        point = complex(*(float(row[column]) for column in columns))
+    except (ValueError, IndexError):
+        raise InputError(f'{path}:{number}: {shown(",".join(row))[1:-1]} has no two numbers') from None
+    return _within(path, point)
+
+
+def _within(path: Path, point: complex) -> complex:
+    if not abs(point) < 1e9:
+        raise InputError(f'{path}: a point at ({point.real:g}, {point.imag:g}) is too far away; the farthest is 1e9 m')
+    return point
+
+
+# GeoJSON and WKT
+
+def map_line(path: Path, asked: str | None, origin_deg: tuple[float, float] | None) -> DrawnLine:
+    """Return a line of a GeoJSON or WKT file by its name (``venue_files.read_drawing``, which projects degrees)."""
+    from shapely import get_coordinates
+
+    from dragon_ros.scenes.venue_files import read_drawing
+    lines = [one for one in read_drawing(path, origin_deg).features
+             if one.geometry.geom_type in ('LineString', 'LinearRing')]
+    names = [one.name or f'#{number}' for number, one in enumerate(lines, 1)]
+    at = chosen(path, 'line', names, asked)
+    x, y = get_coordinates(lines[at].geometry).T
+    points = np.array([_within(path, point) for point in (x + 1j * y).tolist()], dtype=np.complex128)
+    if len(points) > DRAWING_POINTS:
+        raise InputError(f'{path}: has {len(points)} points; a drawing has {DRAWING_POINTS} at most')
+    return DrawnLine(names[at], (points,))
+
+
+# SVG
+
+def svg_line(path: Path, asked: str | None, scale: tuple[float, bool] | None) -> DrawnLine:
+    """Return a path of an SVG file by its id, or by its label of Inkscape; the lower left corner of the page is (0, 0).
+
+    ``scale`` is metres for each unit of the viewBox, or for each metre of paper. A picture that says how its
+    coordinates are metres, as those of ``plot`` do, takes none.
+    """
+    root = _tree(path, bytes_of(path))
+    shapes = list(_shapes(root, [root]))
+    names = [_name(number, *shape) for number, shape in enumerate(shapes, 1)]
+    at = chosen(path, 'path', names, _id_of(shapes, names, asked))
+    matrix = _metres_of(root)
+    if matrix is None and scale is None:
+        raise InputError(f'{path}: says nothing about metres; give --scale 1:200 (of the drawing on paper), or --unit '
+                         'METRES (for each unit of the drawing)', field='scale')
+    if matrix is not None and scale is not None:
+        raise InputError(f'{path}: says itself how it is to scale; leave out --scale and --unit', field='scale')
+    return DrawnLine(names[at], tuple(_parts(path, *_read(path, *shapes[at]), matrix, scale)))
+
+
+def _id_of(shapes: list[tuple[list['Element'], 'Element']], names: list[str], asked: str | None) -> str | None:
+    """Return the id of the one path with a label, where no path has it for an id."""
+    labelled = [name for name, shape in zip(names, shapes, strict=True) if asked in _said(*shape, _LABEL)]
+    return labelled[0] if asked is not None and asked not in names and len(labelled) == 1 else asked
+
+
+def _name(number: int, above: list['Element'], element: 'Element') -> str:
+    """Return the id of a shape, or of the group that holds nothing else; its number where it has none."""
+    return next(iter(_said(above, element, 'id')), f'#{number}')
+
+
+def _said(above: list['Element'], element: 'Element', key: str) -> list[str]:
+    """Return what a shape, or the group that holds nothing else, has for an attribute."""
+    return [value for one in (element, *(above[-1:] if len(above[-1]) == 1 else [])) if (value := one.get(key))]
+
+
+def _tree(path: Path, data: bytes) -> 'Element':
+    """Return the elements of a file, whose depth and number are checked as it is parsed, without entities."""
+    builder, parser = ElementTree.TreeBuilder(), expat.ParserCreate(namespace_separator='}')
+    depth, count = 0, 0
+
+    def start(tag: str, attributes: dict[str, str]) -> None:
+        nonlocal depth, count
+        depth, count = depth + 1, count + 1
+        if depth > XML_DEPTH or count > XML_ELEMENTS:
+            raise InputError(f'{path}: is nested {depth} deep or has {count} elements; at most {XML_DEPTH} and '
+                             f'{XML_ELEMENTS} are read')
+        builder.start(_qualified(tag), {_qualified(key): value for key, value in attributes.items()})
+
+    def end(tag: str) -> None:
+        nonlocal depth
+        depth -= 1
+        builder.end(_qualified(tag))
+
+    def entity(*_: object) -> None:
+        raise InputError(f'{path}: declares entities, which are not read; save it as plain SVG')
+
+    parser.StartElementHandler, parser.EndElementHandler = start, end
+    parser.CharacterDataHandler, parser.EntityDeclHandler = builder.data, entity
+    try:
+        parser.Parse(data, True)
+    except expat.ExpatError as error:
+        raise InputError(f'{path}: is not SVG: {error}') from None
+    except ValueError as error:     # an encoding that Python lacks
+        raise InputError(f'{path}: is not SVG: {shown(str(error))[1:-1]}') from None
+    return builder.close()
+
+
+def _qualified(name: str) -> str:
+    return f'{{{name}' if '}' in name else name
+
+
+def _kind(element: 'Element') -> str:
+    return str(element.tag).removeprefix(_SVG)
+
+
+def _shapes(element: 'Element', above: list['Element']) -> Iterator[tuple[list['Element'], 'Element']]:
+    """Yield each shape that is drawn, with the elements around it from the root on."""
+    for below in element:
+        kind = _kind(below)
+        if kind in _SHAPES:
+            yield above, below
+        elif kind in _AROUND:
+            yield from _shapes(below, [*above, below])
+
+
+def _metres_of(root: 'Element') -> tuple[float, ...] | None:
+    """Return the matrix from user units to metres that a picture says in its description."""
+    for element in root.iter():
+        found = _METRES.search(element.text or '')
+        if found:
+            try:
+                numbers = tuple(map(float, found[1].split(', ')))
+            except ValueError:
+                return None
+            a, b, c, d = numbers[:4]
+            return numbers if 0 < abs(a * d - b * c) < 1e12 and all(abs(one) < 1e9 for one in numbers) else None
+    return None
+
+
+def _read(path: Path, above: list['Element'], element: 'Element') -> tuple[Any, Any]:
+    """Return the document of svgelements that holds one shape and the groups around it, and the shape."""
+    if len(element.get('d', '') + element.get('points', '')) > DRAWING_BYTES // 4:
+        raise InputError(f'{path}: {shown(element.get("id"))}: is too long; at most {DRAWING_BYTES // 4} characters '
+                         'are read')
+    try:
+        from svgelements import SVG, Shape
+        from svgelements import Path as SvgPath
+    except ImportError:
+        raise MissingError(f"{path}: SVG is read by svgelements: pip install 'dragon_ros[svg]' or pip install "
+                           'svgelements') from None
+    copies = [_copy(one) for one in (*above, element)]
+    for outer, inner in pairwise(copies):
+        outer.append(inner)
+    try:
+        document = SVG.parse(io.BytesIO(ElementTree.tostring(copies[0])), parse_display_none=True, on_error='raise')
+        found = [one for one in document.elements() if isinstance(one, Shape)]
+        shape = SvgPath(found[0]) if found else None
+    except _FAILS as error:
+        raise InputError(f'{path}: {shown(element.get("id") or _kind(element))}: cannot be read'
+                         f'{f": {shown(str(error))[1:-1]}" if str(error) else ""}; check its numbers') from None
+    if shape is None or len(shape) < 2:
+        raise InputError(f'{path}: {shown(element.get("id") or _kind(element))}: has no length')
+    return document, shape
+
+
+def _copy(element: 'Element') -> 'Element':
+    """Return an element without what is below it and without attributes of other namespaces."""
+    kept = {key: value for key, value in element.attrib.items() if not key.startswith('{')}
+    kept.pop('class', None)
+    return ElementTree.Element(element.tag, kept)
+
+
+def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | None,
+           scale: tuple[float, bool] | None) -> Iterator[DrawnPart]:
+    """Yield the parts of a shape of svgelements in metres; lines in a row are one part."""
+    from svgelements import Arc, Close, CubicBezier, Line, Move, QuadraticBezier
+    to_m = _to_metres(document, matrix, scale)
+    points: list[complex] = []
+    segments = list(shape)
+    if len(segments) > DRAWING_POINTS:
+        raise InputError(f'{path}: has {len(segments)} points; a drawing has {DRAWING_POINTS} at most')
+    if any(isinstance(one, Move) for one in segments[1:]):
+        raise InputError(f'{path}: {shown(shape.id)}: has several parts; split it (Inkscape: Path > Break Apart) and '
+                         'name one', field='path')
+    for one in segments[1:]:
+        start, end = (_within(path, to_m(point)) for point in (one.start, one.end))
+        if isinstance(one, (Line, Close)):
+            points = points or [start]
+            points += [end] if abs(end - points[-1]) > _JOINED * (abs(start) + abs(end)) else []
+            continue
+        if len(points) > 1:
+            yield np.array(points)
+        points = []
+        if isinstance(one, QuadraticBezier):
+            control = to_m(one.control)
+            yield Cubic((start, start + (control - start) * 2 / 3, end + (control - end) * 2 / 3, end))
+        elif isinstance(one, CubicBezier):
+            yield Cubic((start, to_m(one.control1), to_m(one.control2), end))
+        elif isinstance(one, Arc):
+            yield _ellipse(path, to_m, one)
+    if len(points) > 1:
+        yield np.array(points)
+
+
+def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
+    """Return an arc by conjugate half axes: a transform maps them to such; svgelements turns it as it turns them."""
+    centre = to_m(arc.center)
+    a, b = to_m(arc.prx) - centre, to_m(arc.pry) - centre
+    start = to_m(arc.start) - centre
+    area = (a.conjugate() * b).imag
+    if not area:
+        raise InputError(f'{path}: an arc has no width; draw it as a line')
+    begin = atan2((a.conjugate() * start).imag / area, -(b.conjugate() * start).imag / area)
+    mirrored = (arc.prx.x - arc.center.x) * (arc.pry.y - arc.center.y) < (arc.prx.y - arc.center.y) * (
+        arc.pry.x - arc.center.x)
+    return EllipseArc(centre, (a, b), begin, float(-arc.sweep if mirrored else arc.sweep))
+
+
+def _to_metres(document: Any, matrix: tuple[float, ...] | None, scale: tuple[float, bool] | None) -> Any:
+    """Return the map from points of svgelements, in pixels with y downwards, to metres with y upwards."""
+    from svgelements import Matrix
+    back = ~Matrix(document.viewbox_transform)      # to units of the viewBox
+    height = float(document.height)
+    if matrix is not None:
+        a, b, c, d, e, f = matrix
+
+        def said(point: Any) -> complex:
+            u, v = back.point_in_matrix_space(point)
+            return complex(a * u + c * v + e, b * u + d * v + f)
+        return said
+    ratio, of_paper = scale or (1.0, False)
+    metres = ratio * _PX_M if of_paper else ratio * abs(back.a)
+
+    def scaled(point: Any) -> complex:
+        return metres * complex(point.x, height - point.y)
+    return scaled

@@ -1,0 +1,114 @@
+"""``route`` on the command line: scenes of drawings, round trips, paths in bags, and what is refused."""
+import struct
+
+import numpy as np
+import pytest
+from mcap.writer import Writer
+from shapely import LineString, hausdorff_distance
+
+from dragon_ros.__main__ import main
+from dragon_ros.core.model import compile_scene
+from dragon_ros.scenes.load import load_scene
+
+TOLERANCE_M = 0.02
+
+
+def run(capsys, *arguments):
+    try:
+        code = main(['route', *map(str, arguments)])
+    except SystemExit as stop:
+        code = stop.code
+    return code, *capsys.readouterr()
+
+
+@pytest.fixture
+def corner(tmp_path):
+    path = tmp_path / 'corner.csv'
+    path.write_text('x,y\n0,0\n60,0\n60,50\n')
+    return path
+
+
+def test_a_corner_becomes_a_scene_whose_dragon_stands_on_the_drawing(capsys, tmp_path, corner):
+    scene_file = tmp_path / 'scene.yaml'
+    code, out, err = run(capsys, corner, '--radius', 4, '--set', 'dragon.benches=30', '--output', scene_file)
+    assert (code, err) == (0, '')
+    assert 'the tightest bend is 4 m, piece 2 at (56.000, 0.000) m; these benches can take 1.444 m' in out
+    assert 'the corner at (60.000, 0.000) m has a radius of 4 m now, and is up to 1.66 m from the drawing' in out
+    scene = load_scene(str(scene_file))
+    assert scene.dragon.benches == 30
+    assert [getattr(piece, 'radius_m', None) for piece in scene.track.pieces] == [None, 4.0, None]
+    at_start = compile_scene(scene).chain(0.0).p
+    np.testing.assert_allclose(at_start[-1], (0, 0), atol=1e-9)
+    assert scene.track.start_m == pytest.approx(compile_scene(scene).model.length_m)
+
+
+def test_a_track_that_plot_drew_is_read_again_within_the_tolerance(capsys, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert main(['plot', 'dragon', '--scene', 'turning', '--set', 'dragon.benches=9', '--output', 'turn.svg']) == 0
+    code, out, _ = run(capsys, 'turn.svg', '--path', 'track', '--set', 'dragon.benches=9', '--output', 'again.yaml')
+    assert code == 0, out
+    drawn, again = (compile_scene(load_scene(name, ['dragon.benches=9'])).track_line(1e-4) for name in (
+        'turning', 'again.yaml'))
+    again = again[np.hypot(*(again - drawn[-1]).T) > 1.5]       # but for the line that leads in
+    assert hausdorff_distance(LineString(again), LineString(drawn)) < 1.6
+    assert LineString(drawn).buffer(TOLERANCE_M * 1.01).contains(LineString(again))
+
+
+def path_message(frame, points):
+    """A nav_msgs/Path in CDR."""
+    data = bytearray(b'\0\1\0\0')
+
+    def put(kind, *values):
+        size = struct.calcsize(kind[0])
+        data.extend(bytes(-(len(data) - 4) % size) + struct.pack(f'<{kind}', *values))
+
+    def header():
+        put('i', 0), put('I', 0), put('I', len(frame) + 1)
+        data.extend(frame.encode() + b'\0')
+    header()
+    put('I', len(points))
+    for x, y in points:
+        header()
+        put('d', x), put('d', y), put('d', 0.0), put('dddd', 0, 0, 0, 1)
+    return bytes(data)
+
+
+@pytest.fixture
+def planned(tmp_path):
+    """A bag with a plan in the frame map."""
+    path = tmp_path / 'plan.mcap'
+    with path.open('wb') as file:
+        writer = Writer(file)
+        writer.start('ros2')
+        schema = writer.register_schema('nav_msgs/msg/Path', 'ros2msg', b'')
+        channel = writer.register_channel('/plan', 'cdr', schema)
+        for n, end in enumerate((20.0, 60.0)):
+            writer.add_message(channel, n, path_message('map', [(0, 0), (60, 0), (60, end)]), n)
+        writer.finish()
+    return path
+
+
+def test_the_last_plan_in_a_bag_is_moved_by_the_pose_of_its_frame(capsys, planned):
+    code, out, _ = run(capsys, planned, '--frame-pose', '1,2,90', '--radius', 4)
+    assert code == 0
+    assert '/plan: 118.283 m' in out
+    assert '2    arc        6.283      4.000    90.00° left   (1.000, 58.000)' in out
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    ([], "its path is in the frame 'map', and the dragon is in 'dragon'; say where"),
+    (['--frame-pose', '1,2'], 'it has two metres and degrees'), (['--topic', '/pan'], 'did you mean /plan?'),
+    (['--scale', '1:200'], 'a nav_msgs/Path does not take it')])
+def test_a_plan_in_another_frame_is_refused_and_so_is_what_it_does_not_take(capsys, planned, arguments, says):
+    code, out, err = run(capsys, planned, *arguments)
+    assert (code, out) == (2, '')
+    assert says in err
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['--radius', 1], 'give at least 1.444, or use shorter benches'), (['--path', 'a'], 'a CSV file does not take it'),
+    (['--start', 200], 'give at most 1'), (['--tolerance', 0], '--tolerance'), (['--unit', -1], '--unit')])
+def test_options_are_checked(capsys, corner, arguments, says):
+    code, out, err = run(capsys, corner, *arguments)
+    assert (code, out) == (2, '')
+    assert says in err

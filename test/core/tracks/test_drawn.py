@@ -1,0 +1,177 @@
+"""Drawn lines become tracks: round corners, fitted curves, no kink, nothing that cannot be walked, and true figures."""
+import cmath
+from math import cos, pi, radians, sqrt, tan
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
+from shapely import LineString, hausdorff_distance, segmentize
+
+from dragon_ros.core.errors import InputError
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.drawn import LEAD_IN_M, Cubic, EllipseArc, along
+from dragon_ros.core.tracks.polyline import polyline
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
+
+RADIUS_M, LEAST_M, TOLERANCE_M = 3.0, 1.5, 0.02
+
+
+def points(*pairs):
+    return np.array([complex(*pair) for pair in pairs])
+
+
+def routed(*parts, radius_m=RADIUS_M, tolerance_m=TOLERANCE_M):
+    return along(parts, radius_m, LEAST_M, tolerance_m)
+
+
+def laid(route):
+    """The track of a route from where the drawing begins, as points close together."""
+    track = track_of(Composite(route.pieces))
+    return LineString(polyline(track, route.lead_in_m, track.end_m, 1e-5))
+
+
+def apart_m(route, drawn):
+    """The Hausdorff distance of a track and a drawing, both cut into short parts."""
+    return hausdorff_distance(segmentize(laid(route), 0.02),
+                              segmentize(LineString(np.stack((drawn.real, drawn.imag), axis=1)), 0.02))
+
+
+def radii(route):
+    return [piece.radius_m for piece in route.pieces if isinstance(piece, Arc)]
+
+
+def test_a_corner_between_lines_is_one_arc_whose_lines_are_shorter_by_its_tangents():
+    route = routed(points((0, 0), (40, 0), (40, 30)), radius_m=4.0)
+    assert route.pieces == (Line(36.0, (0.0, 0.0), 0.0), Arc(4.0, 90.0), Line(26.0))
+    (change,) = route.changes
+    assert change.is_corner
+    assert change.place_m == (40.0, 0.0)
+    assert change.off_m == pytest.approx(4 * (sqrt(2) - 1), rel=1e-12)
+    assert route.strays_m < 1e-12
+
+
+@pytest.mark.parametrize('turn_deg', [5, 45, 120, -90, -150])
+def test_the_tangents_of_a_corner_are_the_radius_times_the_tangent_of_half_its_angle(turn_deg):
+    route = routed(points((0, 0), (30, 0), (30 + 30 * cos(radians(turn_deg)), 30 * np.sin(radians(turn_deg)))))
+    first, arc, _ = route.pieces
+    assert first.length_m == pytest.approx(30 - RADIUS_M * tan(radians(abs(turn_deg)) / 2), rel=1e-9)
+    assert arc.angle_deg == pytest.approx(turn_deg, rel=1e-9)
+    assert arc.radius_m == pytest.approx(RADIUS_M, rel=1e-9)
+
+
+def test_legs_too_short_for_the_radius_get_the_largest_that_fits():
+    route = routed(points((0, 0), (40, 0), (40, 5), (80, 5)))
+    assert radii(route) == pytest.approx([2.5, 2.5])
+    assert [change.radius_m for change in route.changes] == pytest.approx([2.5, 2.5])
+
+
+def test_corners_too_close_for_the_least_radius_become_one_bend_that_says_how_far_it_strays():
+    drawn = points((0, 0), (40, 0), (40, 2), (80, 2))
+    route = routed(drawn)
+    (change,) = route.changes
+    assert not change.is_corner
+    assert min(radii(route)) >= LEAST_M
+    assert apart_m(route, drawn) == pytest.approx(change.off_m, abs=0.02)
+
+
+@pytest.mark.parametrize(('drawn', 'x', 'y'), [
+    (points((0, 0), (40, 0), (40, 2), (0, 2)), 40, 1), (points((0, 0), (40, 0), (10, 0)), 40, 0)],
+    ids=['a U of 2 m', 'straight back'])
+def test_what_cannot_be_walked_is_refused_with_the_place_and_both_cures(drawn, x, y):
+    with pytest.raises(InputError, match=r'larger radius or longer legs, or use shorter benches') as caught:
+        routed(drawn)
+    assert caught.value.fields['place_m'] == pytest.approx((x, y))
+    assert f'({x}.000, {y}.000) m' in str(caught.value)
+    assert f'bend of {LEAST_M:g} m or more' in str(caught.value)
+
+
+def test_a_bend_that_is_too_tight_is_widened_to_the_radius_and_says_so():
+    route = routed(points((-20, 0), (0, 0)), Cubic((0j, 1 + 0j, 1 + 1j, 1 + 1j)), points((1, 1), (1, 20)))
+    (change,) = route.changes
+    assert not change.is_corner
+    assert min(radii(route)) == pytest.approx(RADIUS_M, rel=1e-5)
+    assert 0.1 < change.off_m < RADIUS_M
+
+
+def test_a_circle_is_one_arc_behind_a_line_that_lets_the_body_in():
+    route = routed(EllipseArc(1 + 2j, (5 + 0j, 5j), 0.5, 5.0))
+    first, arc = route.pieces
+    assert (first.length_m, route.lead_in_m) == (LEAD_IN_M, LEAD_IN_M)
+    assert (arc.radius_m, arc.angle_deg) == pytest.approx((5.0, np.degrees(5.0)), rel=1e-7)
+    begin = 1 + 2j + 5 * cmath.rect(1, 0.5) - LEAD_IN_M * cmath.rect(1, 0.5 + pi / 2)
+    assert complex(*first.at_m) == pytest.approx(begin, abs=1e-9)
+
+
+@pytest.mark.parametrize(('part', 'at'), [
+    (Cubic((0j, 30 + 0j, 5 + 20j, 40 + 25j)),
+     lambda u: 3 * (1 - u)**2 * u * 30 + 3 * (1 - u) * u**2 * (5 + 20j) + u**3 * (40 + 25j)),
+    (EllipseArc(3j, (9 + 2j, -1 + 6j), 1.0, -4.0),
+     lambda u: 3j + (9 + 2j) * np.cos(1 - 4 * u) + (6j - 1) * np.sin(1 - 4 * u))], ids=['Bézier', 'ellipse'])
+def test_a_curve_is_met_within_the_tolerance_and_the_largest_distance_is_said(part, at):
+    drawn = at(np.linspace(0, 1, 5000))
+    for tolerance_m in (0.1, 0.01, 0.001):
+        route = routed(part, tolerance_m=tolerance_m)
+        assert not route.changes
+        assert 0.3 * tolerance_m < route.strays_m <= 1.01 * tolerance_m
+        assert apart_m(route, drawn) == pytest.approx(route.strays_m, rel=0.1, abs=2e-5)
+
+
+def test_points_along_a_curve_become_arcs_and_points_along_lines_become_lines():
+    u = np.linspace(0, pi / 2, 60)[1:]
+    drawn = np.concatenate((np.linspace(0, 20, 100) + 0j, 20 + 8j + 8 * np.exp(1j * (u - pi / 2)),
+                            28 + 8j + 1j * np.linspace(0.1, 20, 50)))
+    route = routed(drawn)
+    assert not route.changes
+    assert len(route.pieces) <= 6
+    assert isinstance(route.pieces[0], Line)
+    assert isinstance(route.pieces[-1], Line)
+    assert apart_m(route, drawn) <= route.strays_m + 1e-5 <= TOLERANCE_M
+
+
+def test_noise_below_the_tolerance_is_smoothed_away():
+    rng = np.random.default_rng(3)
+    x = np.arange(0, 40, 0.05)
+    true = x + 6j * np.sin(x / 6)
+    drawn = true + 0.004 * (rng.standard_normal(x.size) + 1j * rng.standard_normal(x.size))
+    route = routed(drawn, tolerance_m=0.05)
+    assert not route.changes
+    assert len(route.pieces) < 25
+    assert min(radii(route)) > 2 * LEAST_M
+    assert apart_m(route, drawn) <= route.strays_m + 1e-3 <= 0.052
+
+
+TURN = st.floats(-140, 140)
+LEG = st.floats(0.3, 30)
+
+
+@given(legs=st.lists(st.tuples(LEG, TURN), min_size=2, max_size=8))
+@examples(12)
+def test_any_line_is_either_walked_within_what_is_said_or_refused(legs):
+    at, heading, corners = 0j, 0.0, [0j]
+    for length_m, turn_deg in legs:
+        heading += radians(turn_deg)
+        at += length_m * cmath.rect(1.0, heading)
+        corners.append(at)
+    drawn = np.array(corners)
+    try:
+        route = routed(drawn)
+    except InputError:
+        return
+    assert min(radii(route), default=LEAST_M) >= LEAST_M * (1 - 1e-9)
+    said = max([route.strays_m, *(change.off_m for change in route.changes)])
+    assert apart_m(route, drawn) <= said * (1 + 1e-6) + 0.011
+    ends = np.array(laid(route).coords)[[0, -1]]
+    np.testing.assert_allclose(ends @ (1, 1j), drawn[[0, -1]], atol=1e-7)
+
+
+def test_more_pieces_than_a_track_has_are_refused_with_a_cure():
+    with pytest.raises(InputError, match='give a larger --tolerance'):
+        routed(20 * np.arange(600) + 20j * (np.arange(600) % 2))
+
+
+@pytest.mark.parametrize('parts', [[], [points((1, 1))], [points((1, 1), (1, 1))]])
+def test_a_drawing_without_length_is_refused(parts):
+    with pytest.raises(InputError, match='draw a line'):
+        routed(*parts)

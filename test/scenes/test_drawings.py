@@ -1,0 +1,149 @@
+"""Drawings: SVG with groups, transforms and units, CSV, GeoJSON; budgets and errors."""
+import json
+from math import radians
+
+import numpy as np
+import pytest
+
+from dragon_ros.core.errors import DragonError
+from dragon_ros.core.limits import XML_DEPTH
+from dragon_ros.core.tracks.drawn import Cubic, EllipseArc
+from dragon_ros.scenes.drawings import csv_line, map_line, metres_a_unit, svg_line
+
+HEAD = ('<svg xmlns="http://www.w3.org/2000/svg" xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
+        'width="200mm" height="100mm" viewBox="0 0 400 200">')
+
+
+def svg(tmp_path, body, head=HEAD):
+    path = tmp_path / 'a.svg'
+    path.write_text(f'{head}{body}</svg>')
+    return path
+
+
+def on_paper(x, y):
+    """Where units of the viewBox above lie at 1:200: half a millimetre each, from the lower left corner upwards."""
+    return 200 * 0.0005 * complex(x, 200 - y)
+
+
+def close(found, wanted):
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=2e-5)        # svgelements has 0.0393701 inches a millimetre
+
+
+def test_lines_in_a_group_are_moved_scaled_and_turned_upwards(tmp_path):
+    path = svg(tmp_path, '<g transform="translate(10,20)"><g transform="scale(2)">'
+                         '<path id="way" d="m 5,5 h 10 v 20 l -3,4"/></g></g>')
+    (part,) = svg_line(path, None, (200.0, True)).parts
+    close(part, [on_paper(10 + 2 * x, 20 + 2 * y) for x, y in ((5, 5), (15, 5), (15, 25), (12, 29))])
+    (units,) = svg_line(path, 'way', (0.1, False)).parts
+    close(units, part)
+
+
+def test_curves_are_those_of_their_control_points(tmp_path):
+    path = svg(tmp_path, '<path id="way" d="M 0,0 c 10,0 20,10 30,10 s 10,5 20,20 q 5,5 0,20 t 10,10"/>')
+    parts = svg_line(path, None, (200.0, True)).parts
+    assert all(isinstance(part, Cubic) for part in parts)
+    close(parts[0].controls, [on_paper(*p) for p in ((0, 0), (10, 0), (20, 10), (30, 10))])
+    close(parts[1].controls, [on_paper(*p) for p in ((30, 10), (40, 10), (40, 15), (50, 30))])
+    half = parts[2].stretch(1e-4).points
+    close(half[len(half) // 2], on_paper(0.25 * 50 + 0.5 * 55 + 0.25 * 50, 0.25 * 30 + 0.5 * 35 + 0.25 * 50))
+
+
+@pytest.mark.parametrize('flags', ['0 0', '0 1', '1 0', '1 1'])
+@pytest.mark.parametrize('transform', ['', 'rotate(30)', 'scale(-1,1)', 'skewX(25)', 'matrix(1 2 -0.5 1.5 3 4)'])
+def test_an_arc_keeps_its_ends_and_its_side_under_any_transform(tmp_path, flags, transform):
+    way = f'<path id="way" d="M 20,30 A 40 25 20 {flags} 60,50 L 70,70"/>'
+    arc, line = svg_line(svg(tmp_path, f'<g transform="{transform}">{way}</g>'), None, (0.1, False)).parts
+    assert isinstance(arc, EllipseArc)
+    points = arc.stretch(1e-4).points
+    close(points[-1], line[0])
+    # In the drawing's own coordinates: on an ellipse of these axes, long or short, to this side.
+    move = {'': np.eye(2), 'rotate(30)': _turn(30), 'scale(-1,1)': np.diag((-1.0, 1.0)),
+            'skewX(25)': np.array(((1, np.tan(radians(25))), (0, 1)))}.get(transform, np.array(((1, -0.5), (2, 1.5))))
+    moved = points / 0.1 - 200j - (3 - 4j) * transform.startswith('matrix')
+    x, y = np.linalg.solve(move, np.stack((moved.real, -moved.imag)))
+    close((x[0], y[0], x[-1], y[-1]), (20, 30, 60, 50))
+    u, v = _turn(-20) @ np.stack((x, y)) / np.array(((40,), (25,)))
+    about = np.linalg.lstsq(np.stack((2 * u, 2 * v, np.ones_like(u)), axis=1), u * u + v * v, rcond=None)[0]
+    angle = np.unwrap(np.angle((u - about[0]) + 1j * (v - about[1])))
+    np.testing.assert_allclose(np.hypot(u - about[0], v - about[1]), 1.0, atol=1e-5)
+    assert (abs(angle[-1] - angle[0]) > np.pi) == (flags[0] == '1')
+    assert (angle[-1] > angle[0]) == (flags[2] == '1')
+
+
+def _turn(degrees):
+    c, s = np.cos(radians(degrees)), np.sin(radians(degrees))
+    return np.array(((c, -s), (s, c)))
+
+
+def test_a_path_is_found_by_id_label_or_the_group_that_holds_it_alone(tmp_path):
+    path = svg(tmp_path, '<defs><path d="M0 0h9"/></defs><path id="p1" inkscape:label="wall" d="M 0,0 h 9"/>'
+                         '<g id="track"><path d="M 0,0 h 5"/></g><circle id="fountain" r="3"/>')
+    for asked, name in (('p1', 'p1'), ('wall', 'p1'), ('track', 'track')):
+        assert svg_line(path, asked, (1.0, False)).name == name
+    with pytest.raises(DragonError, match=r'has 3 paths: p1, track, fountain; say which one is walked: --path p1'):
+        svg_line(path, None, (1.0, False))
+    with pytest.raises(DragonError, match=r'did you mean track\?'):
+        svg_line(path, 'trak', (1.0, False))
+
+
+@pytest.mark.parametrize(('text', 'says'), [
+    ('<svg><path d="M0 0 h', 'is not SVG'), ('', 'is not SVG'),
+    ('<!DOCTYPE s [<!ENTITY a "b">]><svg>&a;</svg>', 'entities'),
+    ('<svg>' + '<g>' * XML_DEPTH + '</g>' * XML_DEPTH + '</svg>', 'nested'), ('<svg/>', 'has no path'),
+    ('<svg><path id="a" d="M0 0 h 5 M 1 1 h 5"/></svg>', 'several parts'),
+    ('<svg><path id="a" d="M0 0"/></svg>', 'no length'),
+    ('<svg><path id="a" d="M0 0 L 1e300 5"/></svg>', 'too far away'),
+    ('<svg><path id="a" d="M0 0 L nan 5"/></svg>', 'check its numbers'),
+    ('<svg><path id="a" d="M0 0 A 1 1 0 0"/></svg>', 'check its numbers')])
+def test_what_is_no_drawing_is_refused_in_words(tmp_path, text, says):
+    path = tmp_path / 'a.svg'
+    path.write_text(text)
+    with pytest.raises(DragonError, match=says):
+        svg_line(path, None, (1.0, False))
+
+
+def test_an_svg_without_metres_asks_for_them(tmp_path):
+    with pytest.raises(DragonError, match='--scale 1:200'):
+        svg_line(svg(tmp_path, '<path d="M 0,0 h 9"/>'), None, None)
+
+
+@pytest.mark.parametrize('text', ['x,y\n0,0\n1.5,2\n', '0;0\n1.5;2\n', '0 0\n1.5 2',
+                                  '# a note\nname\tx_m\ty_m\na\t0\t0\nb\t1.5\t2\n'])
+def test_csv_is_read_with_or_without_a_header(tmp_path, text):
+    path = tmp_path / 'a.csv'
+    path.write_text(text)
+    (part,) = csv_line(path, 2.0).parts
+    assert part.tolist() == [0, 3 + 4j]
+
+
+def test_csv_names_the_line_that_holds_no_numbers(tmp_path):
+    path = tmp_path / 'a.csv'
+    path.write_text('x,y\n0,0\n1,b\n')
+    with pytest.raises(DragonError, match=r'a\.csv:3: 1,b has no two numbers'):
+        csv_line(path, 1.0)
+
+
+def test_a_line_of_geojson_is_found_by_its_name(tmp_path):
+    path = tmp_path / 'a.geojson'
+    features = [{'type': 'Feature', 'properties': {'name': name}, 'geometry': {'type': 'LineString', 'coordinates': at}}
+                for name, at in (('wall', [[0, 0], [9, 0]]), ('way', [[0, 1], [9, 1], [9, 7]]))]
+    path.write_text(json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features}))
+    (part,) = map_line(path, 'way', None).parts
+    assert part.tolist() == [1j, 9 + 1j, 9 + 7j]
+    with pytest.raises(DragonError, match='has 2 lines: wall, way'):
+        map_line(path, None, None)
+
+
+@pytest.mark.parametrize('scale', ['200', '2:1', '1:0', 'x', '1:-5'])
+def test_a_scale_is_one_to_so_many(scale):
+    with pytest.raises(DragonError, match='write for example 1:200'):
+        metres_a_unit(scale, None)
+
+
+def test_a_line_is_walked_the_other_way_when_turned_round(tmp_path):
+    path = svg(tmp_path, '<path d="M 20,30 A 40 25 20 0 1 60,50 c 10,0 20,10 30,10 h 9"/>')
+    line = svg_line(path, None, (1.0, False))
+    back = line.turned_round()
+    for part, reverse in zip(line.parts, back.parts[::-1], strict=True):
+        one, other = (p if isinstance(p, np.ndarray) else p.stretch(1e-3).points for p in (part, reverse))
+        np.testing.assert_allclose(one, other[::-1], atol=1e-9)
