@@ -1,4 +1,4 @@
-"""How far benches are apart, by shapely: what first contacts are held against."""
+"""What contacts are held against: how far benches are apart by shapely, and the paper's candidates, corrected."""
 import numpy as np
 import shapely
 
@@ -12,3 +12,12 @@ def smallest(scene, t_s):
     shapes = shapely.polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners)
     i, j = np.triu_indices(len(shapes), 2)
     return float(np.min(shapely.distance(shapes[i], shapes[j]), initial=np.inf))
+
+
+def adjacent_layer_windows(angle):
+    """The paper's first and last candidate (N,) in the next layer out, corrected, from handle angles (N+1,)."""
+    count = angle.size - 1
+    over = np.searchsorted(angle, angle + 2 * np.pi, side='right') - 1
+    first, last = over[:-1] - 1, over[1:] + 1
+    beyond = first >= count
+    return np.where(beyond, count, first), np.where(beyond, count - 1, np.minimum(last, count - 1))

@@ -3,8 +3,8 @@ from math import cos, hypot, pi, sin, sqrt
 
 import numpy as np
 import pytest
+from apart import adjacent_layer_windows
 
-from dragon_ros.core.geometry.broad_phase import adjacent_layer_windows
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.scene import Scene

@@ -3,9 +3,8 @@
 The paper looks, for each bench, where the lines from the centre through its two handles meet the next layer out, at
 theta + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points.
 That is complete only where a bench reaches no further than its neighbours on the next layer, and no bench meets its
-own layer or the next but one: ``adjacent_layer_windows``. ``candidates`` asks instead which benches share a direction
-and a distance from the origin, turn by turn, which is complete wherever the benches are, and the same few benches
-where the paper is right.
+own layer or the next but one. ``candidates`` asks instead which benches share a direction and a distance from the
+origin, turn by turn, which is complete wherever the benches are, and the same few benches where the paper is right.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -142,18 +141,6 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
     ends = np.cumsum(size)
     j = np.arange(i.size) + np.repeat(start.ravel() - ends + size.ravel(), size.ravel())
     return i, j
-
-
-def adjacent_layer_windows(angle: Floats) -> tuple[Ints, Ints]:
-    """Return the paper's first and last candidate (N,) in the next layer out, corrected, from handle angles (N+1,).
-
-    ``candidates`` does not use it: no bench may reach further than the three of them.
-    """
-    count = angle.size - 1
-    over: Ints = np.searchsorted(angle, angle + 2 * np.pi, side='right') - 1
-    first, last = over[:-1] - 1, over[1:] + 1
-    beyond = first >= count
-    return np.where(beyond, count, first), np.where(beyond, count - 1, np.minimum(last, count - 1))
 
 
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:

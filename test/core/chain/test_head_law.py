@@ -76,6 +76,20 @@ def test_the_extent_holds_every_distance_on_the_way(rows, first, ramp, t_s):
         assert low - 1e-12 <= law.travelled_m(t_s * n / 199)[0] <= high + 1e-12
 
 
+@examples(50)
+@given(knots, speeds, ramps, st.floats(0.1, 200))
+def test_the_extent_is_met_where_speeds_change_their_sign_at_knots(rows, first, ramp, t_s):
+    law = law_of([(gap, abs(speed) * (-1) ** n) for n, (gap, speed) in enumerate(rows)], abs(first), ramp)
+    gone = [law.travelled_m(t)[0] for t in (0.0, *law.breaks_s, t_s) if t <= t_s]
+    assert law.extent_m(t_s) == (min(gone), max(gone))
+
+
+def test_just_before_a_jump_the_speed_is_the_one_before_it():
+    law = Profile(((0.0, 1.0), (2.0, 3.0), (2.0, -1.0), (4.0, 0.5)))
+    assert [law.speed_before_m_s(t) for t in (1.0, 2.0, 3.0, 4.0, 5.0)] == [2.0, 3.0, -0.25, 0.5, 0.5]
+    assert [law.speed_at_m_s(t) for t in (1.0, 2.0, 3.0, 4.0, 5.0)] == [2.0, -1.0, -0.25, 0.5, 0.5]
+
+
 def test_a_jump_happens_at_its_time_and_not_at_a_tick():
     law = Profile(((0.0, 1.0), (1.0000001, 1.0), (1.0000001, -1.0)))
     assert law.travelled_m(1.0000002)[0] == pytest.approx(1.0, abs=1e-15)

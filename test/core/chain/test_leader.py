@@ -23,6 +23,17 @@ def test_led_by_the_tail_the_head_begins_at_the_very_end_of_its_track(length_m):
     assert state(scene, 0.0).p[0] == pytest.approx((2.0 + length_m, 0.0), abs=1e-12)
 
 
+@pytest.mark.parametrize(('benches', 'turns'), [(223, 16.0), (40, 4.0), (3, 4.0), (600, 5.0)])
+def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_turn(benches, turns):
+    simulation = compile_scene(Scene(Dragon(benches), Spiral(0.55, turns), run=Run(0, 1)))
+    leader = simulation.model.leader
+    for gone_m in (0.0, 5.0):
+        far_m = np.max(np.hypot(*simulation.model.march((gone_m, 0.0)).p.T))
+        assert far_m <= leader.size_m((gone_m, 5.0)) <= far_m + 0.2
+    back_m = np.max(np.hypot(*simulation.model.march((-20.0, 0.0)).p.T))
+    assert back_m <= leader.size_m((-20.0, 5.0)) <= back_m + 0.2
+
+
 def test_a_dance_ends_with_its_track_and_says_so():
     scene = Scene(dragon=Dragon(10), track=Composite((Line(10.0), Arc(3.0, 90.0)), start_m=4.0), head=Head(2.0))
     end = compile_scene(scene).end

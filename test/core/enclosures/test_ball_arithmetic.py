@@ -36,6 +36,15 @@ def test_an_operation_holds_what_it_does_in_exact_arithmetic(name, scale):
     assert np.all(mine.rad[known] >= LEAST * np.abs(mine.mid[known]))
 
 
+def test_running_sums_and_products_go_along_the_last_axis_of_any_array():
+    x = random_balls(7, 0.05)
+    cube = Ball(x.mid.reshape(5, 30, 20), x.rad.reshape(5, 30, 20))
+    for name in ('running_sum', 'running_product'):
+        flat, deep = getattr(x, name)(), getattr(cube, name)()
+        assert np.array_equal(deep.mid.reshape(flat.mid.shape), flat.mid)
+        assert np.array_equal(deep.rad.reshape(flat.rad.shape), flat.rad)
+
+
 @pytest.mark.parametrize('error', [0.0, 1e-9])
 def test_all_numbers_between_two_are_held(error):
     a, b = (random_balls(seed, 2).mid for seed in (3, 4))

@@ -7,10 +7,19 @@ from hypothesis import assume, example, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.chain.chain import marched
-from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
-from dragon_ros.core.enclosures.on_spiral import BenchSampler, _straight, bend, beyond, bounds, levers
+from dragon_ros.core.enclosures.on_spiral import (
+    BenchSampler,
+    _some_pairs,
+    _straight,
+    bend,
+    beyond,
+    bounds,
+    further,
+    levers,
+)
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.tracks.composite import Place, track_of
@@ -90,11 +99,12 @@ def test_the_bound_is_infinite_at_a_lock_and_finite_where_the_second_handle_turn
     assert np.all(np.isfinite(bound(dragon, turn - 1e-3, turn)))
 
 
-@pytest.mark.parametrize('chord', [0.0, 1.0, 3.0, 4.6, 4.8, 5.0, 5.5, 5.75, 5.8, 6.0, 10.0, 19.0, 32.7, 300.0])
+@pytest.mark.parametrize('chord', [0.0, 1.0, 1.6, 1.9, 3.0, 4.6, 4.8, 5.0, 5.5, 5.75, 5.8, 6.0, 8.0, 10.0, 19.0, 32.7,
+                                   300.0])
 def test_a_follower_turns_back_at_the_places_that_are_named_and_nowhere_else(chord):
     lock = lock_angle(chord) * (1 + 1e-12)
     turns = turning_places([chord, chord], lock, chord + 5)
-    assert len(turns) == (0 if chord < 2 else 2 if 1.5 * np.pi < chord < 5.78 else 1)
+    assert len(turns) == (0 if chord < 0.5 * np.pi else 2 if 1.5 * np.pi < chord < 5.78 else 1)
     for low, high in pairwise([lock, *turns, chord + 5]):
         steps = np.diff([follower(theta, chord) for theta in np.linspace(low, high, 400)])
         assert np.all(steps > -1e-12) or np.all(steps < 1e-12)
@@ -123,6 +133,45 @@ def test_each_bench_is_further_beyond_the_circle_than_the_one_before_it(body, th
     for part in np.linspace(0, 1, 5):
         inside = watch.sample(np.array([theta + part * length]))
         assert np.all(beyond(inside, inside, watch.sizes)[0] >= outside - 1e-12)
+
+
+@pytest.mark.parametrize('stretch_rad', [0.0, 0.05])
+@pytest.mark.parametrize('dragon', [Mixed((Group(3.0), Group(1.2, 9), Group(2.2, 6), Group(1.7, 4))),
+                                    Mixed((Group(1.2, 3), Group(3.9), Group(1.0, 12)), 0.4)], ids=['a', 'b'])
+def test_mixed_benches_and_all_behind_them_are_further_out_than_told_by_less_than_a_bench(dragon, stretch_rad):
+    watch = BenchSampler(track_of(Spiral()), dragon, (0,), dragon.benches, lambda states: None, 0.0)
+    for theta in (20.0, 45.0, 90.0):
+        view = watch.sample(theta + np.linspace(0, stretch_rad, 5))
+        a, b = view.rows(np.array([0])), view.rows(np.array([4]))
+        told = further(a, b, watch.sizes.of(a.lead), beyond(a, b, watch.sizes.of(a.lead)))[0]
+        outlines = [[outline(view, watch.sizes, row, bench) for bench in range(dragon.benches)] for row in range(5)]
+        lead = max(np.max(np.abs(row[0])) for row in outlines)
+        nearest = [min(np.min(np.abs(row[bench])) for row in outlines) for bench in range(2, dragon.benches)]
+        true = np.minimum.accumulate(nearest[::-1])[::-1] - lead
+        assert np.all(told <= true + 1e-12)
+        assert np.all(true - told < 2.2)
+
+
+def outline(view, sizes, row, bench):
+    """Points (n,) around a bench in metres."""
+    half, side = sizes.half_length_m[0, bench], sizes.half_width_m
+    corner = half * np.array([1, -1, -1, 1]) + 1j * side * np.array([1, 1, -1, -1])
+    share = np.linspace(0, 1, 40)[:, None]
+    around = (corner + share * (np.roll(corner, -1) - corner)).ravel()
+    return view.centre[row, bench] + view.axis[row, bench] * around
+
+
+@pytest.mark.parametrize('first', [20.0, 40.0])
+def test_of_some_pairs_the_bounds_are_those_of_all(first):
+    b_m, classic = Spiral().b_m, Dragon(COUNT)
+    size = Dragon(COUNT, classic.head_length_m / b_m, classic.body_length_m / b_m, classic.width_m / b_m,
+                  classic.hole_inset_m / b_m)
+    a, b = ends(size, first, first + 0.1)
+    arm, chord = np.hypot(0.5 * size.bench_lengths_m, 0.5 * size.width_m)[None], size.link_lengths_m[None]
+    balls = between(a.u[None], b.u[None]), between(np.diff(a.u)[None], np.diff(b.u)[None]), between(chord, chord)
+    bench = np.array([2, 5, 17, COUNT - 1])
+    some = bend(*balls, arm, _some_pairs(np.zeros(4, dtype=np.int64), bench))
+    np.testing.assert_allclose(some, bend(*balls, arm)[0, bench - 2], rtol=1e-12)
 
 
 def gone(dragon, moved):

@@ -3,6 +3,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from apart import adjacent_layer_windows
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
 from properties import examples
@@ -10,7 +11,7 @@ from properties import examples
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.geometry import broad_phase
-from dragon_ros.core.geometry.broad_phase import adjacent_layer_windows, box_pairs, candidates, default_reach_m
+from dragon_ros.core.geometry.broad_phase import box_pairs, candidates, default_reach_m
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.model import compile_scene

@@ -7,7 +7,15 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.signed_distance import CORNERS, gap_of, gaps, shortest_vector, witness, witnesses
+from dragon_ros.core.geometry.signed_distance import (
+    CORNERS,
+    gap_of,
+    gaps,
+    parted_pairs,
+    shortest_vector,
+    witness,
+    witnesses,
+)
 
 A, B = np.array([0]), np.array([1])
 EPS = np.finfo(float).eps
@@ -171,3 +179,24 @@ def test_many_pairs_at_once_are_the_pairs_one_by_one():
     for n in range(0, i.size, 37):
         assert found[n] == witness(benches, int(i[n]), int(j[n]))
     assert {*found.corner.tolist()} == {*found.edge.tolist()} == {0, 1, 2, 3}
+
+
+@examples(50)
+@given(st.integers(0, 2**32 - 1))
+def test_the_axis_that_is_kept_of_a_pair_is_the_one_of_four_that_parts_it_best(seed):
+    dice = np.random.default_rng(seed)
+    benches = rectangles(*np.column_stack((dice.uniform(-4, 4, (12, 2)), dice.uniform(-4, 4, 12),
+                                           dice.uniform(0.1, 3, (12, 2)))))
+    i, j = np.triu_indices(12, 1)
+    centre, axis = (value @ [1, 1j] for value in (benches.centre, benches.axis))
+    kept, apart = parted_pairs(centre, axis, benches, i, j)
+    corners = benches.corners
+    best = np.full(i.size, -np.inf)
+    for owner, other in ((i, j), (j, i)):
+        for half, normal in ((benches.half_length, benches.axis),
+                             (benches.half_width, benches.axis[:, ::-1] * [-1.0, 1.0])):
+            seen = np.einsum('pcd,pd->pc', corners[other] - benches.centre[owner][:, None], normal[owner])
+            best = np.maximum(best, np.maximum(np.min(seen, axis=1), -np.max(seen, axis=1)) - half[owner])
+    np.testing.assert_allclose(apart, best, rtol=0, atol=1e-12)
+    np.testing.assert_allclose(kept.separations(centre, axis, axis.conj()), best, rtol=0, atol=1e-12)
+    assert np.array_equal(np.stack(kept.pairs), np.stack((i, j)))
