@@ -138,7 +138,7 @@ def test_the_head_passes_where_others_touch_and_not_where_it_touches():
 
 @pytest.mark.parametrize('scale', [1e-8, 1e-5, 1e3, 1e8])
 def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(scale):
-    classic, d = Scene(effects=Effect(0)), Dragon()
+    classic, d = Scene(effects=Effect(0), run=Run(400.0)), Dragon()
     scene = replace(classic, head=Head(scale), track=Spiral(0.55 * scale), dragon=Dragon(
         223, d.head_length_m * scale, d.body_length_m * scale, d.width_m * scale, d.hole_inset_m * scale))
     found, wanted = first_contact(scene), first_contact(classic)
@@ -150,7 +150,7 @@ def test_speed_and_uncertainty_of_a_contact_are_the_same_in_any_unit_of_length(s
 
 @pytest.mark.parametrize('link_m', [0.0, 1e-9, 1e-7])
 def test_a_short_link_leaves_the_speed_and_the_uncertainty_of_other_benches_alone(link_m):
-    found, usual = (first_contact(Scene(effects=Effect(0), dragon=Mixed(
+    found, usual = (first_contact(Scene(effects=Effect(0), run=Run(400.0), dragon=Mixed(
         (Group(3.41, 1), Group(2.2, 221), Group(0.6 + last_m, 1)), 0.3, 0.3))) for last_m in (link_m, 0.01))
     assert (found.benches, found.t_s) == (usual.benches, pytest.approx(usual.t_s, abs=1e-9))
     assert found.approach_m_s == pytest.approx(usual.approach_m_s, rel=1e-6)
