@@ -1,4 +1,6 @@
 """Forward placement: handle after handle, at one instant or at many."""
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from hypothesis import given
@@ -8,6 +10,7 @@ from dragon_ros.core.batches import states
 from dragon_ros.core.chain.chain import marched, marched_many
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.forward import blocks_of, forward, forward_many, together
+from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.chain.lock import follower, lock_angle, turning_places
 from dragon_ros.core.errors import ChainLockError
 from dragon_ros.core.model import compile_scene
@@ -15,7 +18,8 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
-from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.tracks.spiral import chord_of, first_guess, step
 
 CLASSIC = Scene()
 CLASSIC_TIMES = [0.0, 60.0, 120.0, 180.0, 240.0, 300.0, 400.0, 412.473837682, 430.0, 432.9179]
@@ -99,3 +103,21 @@ def test_handles_are_placed_at_once_unless_the_second_moves_on_by_less_than_a_tw
         pace = (follower(theta + step, head) - follower(theta - step, head)) / (2 * step)
         if abs(pace - 0.05) > 1e-3:
             assert (together(track, blocks_of(links, BEHIND), leader, BEHIND) is None) == (pace < 0.05)
+
+
+@pytest.mark.parametrize(('scene', 'most'), [
+    (Scene(), 1.05), (Scene(track=STurn(before_m=100.0)), 1.25),
+    (Scene(head=Head(1.0, 'tail'), track=Spiral(0.55, 5.0)), 1.5)],
+    ids=['spiral', 'turn', 'tail'])
+def test_a_link_takes_hardly_more_than_one_evaluation_from_where_it_is_expected(scene, most):
+    chain = state(replace(scene, solver='march'), 20.0)
+    assert 1.0 <= chain.evaluations / chain.links_m.size <= most
+
+
+@pytest.mark.parametrize('chord', [5.0, 7.0, 40.0])
+def test_a_step_beyond_half_a_turn_counts_all_its_evaluations(chord):
+    theta = lock_angle(chord) + 0.02
+    delta, evaluations = step(theta, chord, first_guess(theta, chord))
+    assert delta > np.pi
+    assert chord_of(theta, delta) == pytest.approx(chord, rel=1e-12)
+    assert evaluations >= 5

@@ -325,3 +325,12 @@ def test_benches_whose_links_have_no_length_keep_their_heading_where_handles_bef
     for tangents in (chain.tangents, states(scene, [t_s]).tangents[0]):
         np.testing.assert_allclose(tangents, marched.tangents, rtol=0, atol=1e-11)
     np.testing.assert_allclose(axes_of(chain), axes_of(marched), rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize('track', [Spiral(), STurn(before_m=100.0)])
+def test_what_tables_serve_whole_takes_no_evaluation(track):
+    scene, times = Scene(Dragon(60, 2.2, 2.2), track), [50.0, 60.0, 70.0]
+    states(scene, times)        # the tables are there now
+    assert states(scene, times).evaluations == 0
+    assert state(scene, 60.0).evaluations == 0
+    assert states(replace(scene, solver='march'), times).evaluations >= 3 * 60

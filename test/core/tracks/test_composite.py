@@ -166,3 +166,18 @@ def test_a_piece_is_laid_from_as_far_out_as_the_pieces_before_it_go_and_no_furth
         places = [track.place_at(metres) for metres in np.linspace(start_m, stop_m, 99)]
         reached_m = max(reached_m, *(abs(complex(track.segments[k].at(*u))) for k, u in places))
         assert reached_m <= track.laid_from_m(stop_m + 1e-6) <= 1.02 * reached_m
+
+
+@pytest.mark.parametrize('angle_deg', [0.3, -0.3, 0.9, -1.0, 30.0, -170.0])
+def test_an_arc_bends_to_the_left_by_a_positive_angle_and_to_the_right_by_a_negative_one(angle_deg):
+    track = track_of(Composite((Line(5.0), Arc(9.0, angle_deg), Line(5.0))))
+    at = np.array([0, 2]), np.array([0.0, 0.0]), np.array([0.0, 0.0])
+    before, after = track.headings(*at) @ [1, 1j]
+    assert np.angle(after / before, deg=True) == pytest.approx(angle_deg)
+
+
+@pytest.mark.parametrize('angle_deg', [1e6, -1e6])
+def test_an_arc_goes_round_up_to_a_million_degrees_either_way(angle_deg):
+    assert Composite((Arc(3.0, angle_deg),)).segments[0].angle_deg == angle_deg
+    with pytest.raises(FieldError, match='angle_deg'):
+        Composite((Arc(3.0, 1.001 * angle_deg),))

@@ -53,3 +53,12 @@ def test_on_an_arc_a_distance_of_many_rounds_loses_no_digit_there_and_back(radiu
 
 def test_a_line_heads_one_way():
     assert LineSegment(0j, 0.6 + 0.8j, 0.0, 9.0).heading(5.0, 1e-16) == pytest.approx(0.6 + 0.8j, abs=0)
+
+
+@pytest.mark.parametrize('u', [8.0, 30.0])
+def test_inwards_chords_grow_up_to_an_arc_of_half_a_turn_at_the_largest_bend_and_outwards_up_to_half_a_turn(u):
+    segment = SpiralSegment(SpiralCurve(0.55, DoubleDouble(60.0, 0.0)), 0j, 1 + 0j, 1, BEHIND, inf, 2.0)
+    half = np.pi / (segment.bend * segment.curve.b_m * np.sqrt(1 + u * u))
+    at = np.array([u])
+    assert [segment.reaches_once(at, np.array([-part * half])) for part in (0.9, 1.1)] == [True, False]
+    assert [segment.reaches_once(at, np.array([part * np.pi])) for part in (0.9, 1.1)] == [True, False]
