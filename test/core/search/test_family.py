@@ -98,7 +98,8 @@ def test_a_run_that_starts_late_is_proved_from_there():
 
 def test_what_is_too_wide_to_prove_anything_names_the_tolerance_to_blame():
     with pytest.raises(DragonError, match=r'tolerance of dragon.width_m, 0.28 m, is too wide: .* up to \d'):
-        first_contact_within(replace(SMALL, run=Run(60.0)), {'dragon.width_m': 0.28, 'dragon.body_length_m': 0.001})
+        first_contact_within(replace(SMALL, dragon=Dragon(20), run=Run(20.0)),
+                             {'dragon.width_m': 0.28, 'dragon.body_length_m': 0.001})
 
 
 @pytest.mark.parametrize(('scene', 'within', 'said'), [

@@ -178,6 +178,6 @@ def test_an_arc_bends_to_the_left_by_a_positive_angle_and_to_the_right_by_a_nega
 
 @pytest.mark.parametrize('angle_deg', [1e6, -1e6])
 def test_an_arc_goes_round_up_to_a_million_degrees_either_way(angle_deg):
-    assert Composite((Arc(3.0, angle_deg),)).segments[0].angle_deg == angle_deg
+    assert Composite((Arc(3.0, angle_deg),)).pieces[0].angle_deg == angle_deg
     with pytest.raises(FieldError, match='angle_deg'):
         Composite((Arc(3.0, 1.001 * angle_deg),))
