@@ -25,7 +25,6 @@ from dragon_ros.core.numerics.types import Array, Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import dot, left
 from dragon_ros.core.tracks.composite import Track
 
-HEAD, TAIL = 0, -1      # the leading handle's index
 _ULP = 2.0**-52
 
 
@@ -34,8 +33,8 @@ class RigidLinks:
     """The links of a chain and the track under its handles, at one instant or at many (leading axes).
 
     ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) the links, ``forward`` (..., N+1, 2) unit tangents
-    in the head's way, ``leader`` is HEAD or TAIL. The leader's speed and tangential acceleration count in its own
-    way: in the head's where the head leads, against it where the tail does.
+    in the head's way, ``leader`` is the leading handle, 0 or -1. The leader's speed and tangential acceleration count
+    in its own way: in the head's where the head leads, against it where the tail does.
     """
 
     p: Floats
@@ -74,7 +73,7 @@ class RigidLinks:
         out = np.empty(self.p.shape[:-1])
         leading = self._forward(leader_m_s)
         out[..., self.leader] = leading
-        if self.leader == HEAD:
+        if self.leader == 0:
             np.multiply(np.cumprod(front / rear, axis=-1), leading[..., None], out=out[..., 1:])
         else:
             ratio = np.cumprod((rear / front)[..., ::-1], axis=-1)[..., ::-1]
@@ -100,7 +99,7 @@ class RigidLinks:
                 + dot(spread, spread) / np.where(self.along_track, 1.0, self.links_m))
         pull = np.where(self.along_track, 0.0, pull)
         leading = self._forward(leader_m_s2)
-        if self.leader == HEAD:
+        if self.leader == 0:
             tangential = carried(leading, front / rear, pull / rear)
         else:
             tangential = carried(leading, (rear / front)[..., ::-1], (-pull / front)[..., ::-1])[..., ::-1]
@@ -109,7 +108,7 @@ class RigidLinks:
     def _forward(self, leader: float | Floats) -> Floats:
         """Return a rate of the leader in the head's way."""
         rate = np.asarray(leader, dtype=np.float64)
-        return rate if self.leader == HEAD else -rate
+        return rate if self.leader == 0 else -rate
 
 
 def carried(start: Floats, ratio: Floats, added: Floats) -> Floats:

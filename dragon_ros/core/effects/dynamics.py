@@ -2,7 +2,7 @@
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
-from dragon_ros.core.chain.kinematics import HEAD, RigidLinks, carried, entered_curvatures
+from dragon_ros.core.chain.kinematics import RigidLinks, carried, entered_curvatures
 from dragon_ros.core.model import Simulation
 from dragon_ros.core.numerics.types import Floats, read_only
 from dragon_ros.core.numerics.vectors import dot
@@ -37,7 +37,7 @@ def tensions(chain: Chain, a: Floats) -> Floats:
     front, rear = links.cosines
     along = dot(a, links.forward)
     none = np.zeros(())
-    if links.leader == HEAD:    # link i - 1 from link i, divided by its own part along the track at handle i
+    if links.leader == 0:    # link i - 1 from link i, divided by its own part along the track at handle i
         ratio = np.append(front[1:], 0.0) / rear
         return read_only(carried(none, ratio[::-1], (along[1:] / rear)[::-1])[:0:-1].copy())
     ratio = np.append(0.0, rear[:-1]) / front

@@ -26,7 +26,7 @@ import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks
+from dragon_ros.core.chain.kinematics import RigidLinks
 from dragon_ros.core.checks import number
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, between
 from dragon_ros.core.enclosures.on_track import LinkStates, enclosed, link_states
@@ -322,7 +322,7 @@ class SpeedStates:
 def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
     """Return the states of chains (M) whose leaders have gone so far."""
     track, segment, u = chains.track, chains.segment, chains.u
-    axis = RigidLinks(chains.p, chains.links_m, chains.headings, HEAD if way == BEHIND else TAIL).axis
+    axis = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader).axis
     links = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), chains.headings, axis,
                         chains.leader)
     with np.errstate(divide='ignore'):      # a handle that turns back rests

@@ -11,7 +11,7 @@ from properties import examples
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
-from dragon_ros.core.chain.kinematics import HEAD, TAIL, RigidLinks, entered_curvatures
+from dragon_ros.core.chain.kinematics import RigidLinks, entered_curvatures
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.model import compile_scene
@@ -176,13 +176,12 @@ def test_the_laws_acceleration_is_the_rate_of_its_speed_and_lies_in_its_range(la
 def test_many_instants_at_once_have_the_motion_of_each():
     scene = Scene(SHORT, STurn(before_m=5.0), run=Run(stop_s=30.0))
     chains = states(scene, [3.0, 12.0, 21.0])
-    leader = HEAD if chains.leader == 0 else TAIL
     curvature = np.full(chains.p.shape[:-1], 0.2)
-    many = RigidLinks(chains.p, chains.links_m, -chains.tangents, leader)
+    many = RigidLinks(chains.p, chains.links_m, -chains.tangents, chains.leader)
     speeds = many.speeds(np.array([1.0, 2.0, 3.0]))
     rate = np.array([0.0, 1.0, -1.0])
     for n in range(3):
-        one = RigidLinks(chains.p[n], chains.links_m, many.forward[n], leader)
+        one = RigidLinks(chains.p[n], chains.links_m, many.forward[n], chains.leader)
         assert np.array_equal(one.speeds(n + 1.0), speeds[n])
         assert one.accelerations(speeds[n], curvature[n], rate[n]) == pytest.approx(
             many.accelerations(speeds, curvature, rate)[n], abs=1e-13)

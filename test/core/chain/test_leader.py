@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from dragon_ros.core.batches import velocity_of
+from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import FieldError, TrackEndError
@@ -13,7 +14,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 
 @pytest.mark.parametrize('length_m', np.arange(0.1, 3.0, 0.1).tolist())
@@ -32,6 +33,21 @@ def test_on_a_spiral_no_handle_is_further_out_than_the_bound_which_is_within_a_t
         assert far_m <= leader.size_m((gone_m, 5.0)) <= far_m + 0.2
     back_m = np.max(np.hypot(*simulation.model.march((-20.0, 0.0)).p.T))
     assert back_m <= leader.size_m((-20.0, 5.0)) <= back_m + 0.2
+
+
+@pytest.mark.parametrize('lead', ['head', 'tail'])
+@pytest.mark.parametrize('track', [STurn(before_m=10.0),
+                                   Composite((Line(60.0), Arc(3.0, 170.0), Line(60.0)), start_m=45.0)])
+def test_the_stretch_of_a_way_holds_every_handle_and_ends_at_some(track, lead):
+    leader = compile_scene(Scene(Dragon(12), track, Head(1.0, lead), Run(0, 9))).model.leader
+    gone = np.linspace(0.0, 9.0, 19)
+    chains = marched_many(leader.track, leader.links_m, leader.places((gone, np.zeros(19))), leader.direction)
+    along_m = leader.track.distances(chains.segment, chains.u)
+    low_m, high_m = leader.span_m((0.0, 9.0))
+    assert low_m <= np.min(along_m) + 1e-9
+    assert high_m >= np.max(along_m) - 1e-9
+    assert high_m == pytest.approx(np.max(along_m), abs=1e-9)
+    assert lead == 'tail' or low_m == pytest.approx(np.min(along_m), abs=1e-9)
 
 
 def test_a_dance_ends_with_its_track_and_says_so():
