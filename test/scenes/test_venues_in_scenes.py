@@ -8,6 +8,8 @@ import pytest
 from dragon_ros.core.errors import DragonError, InputError
 from dragon_ros.core.limits import SCENE_CHARACTERS, VENUE_BYTES
 from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.certificate import NoContact
+from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.scenes.load import changed_scene, load_scene, scene_of, scene_values, strangers_scene
 from dragon_ros.scenes.provenance import scene_file
@@ -180,3 +182,10 @@ def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
     (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {venue}')
     with pytest.raises(DragonError, match=says):
         load_scene(str(tmp_path / 'scene.yaml'))
+
+
+@pytest.mark.parametrize('name', ['street', 'square'])
+def test_a_first_contact_is_not_claimed_where_obstacles_are_not_searched(name):
+    with pytest.raises(InputError, match=r'venue: Venue\(3 obstacles.*leave the venue out'):
+        first_contact(load_scene(name))
+    assert isinstance(first_contact(load_scene(name, ['venue=null'])), NoContact)

@@ -67,8 +67,12 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
     ``progress(states)`` is called with every number of states just evaluated. Raises FieldError, with the time to stop
-    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search).
+    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search),
+    and for a scene with a venue, whose obstacles are not searched.
     """
+    if scene.venue is not None:
+        raise FieldError('venue', scene.venue, 'the first contact is searched among benches alone, not with obstacles',
+                         'leave the venue out (--set venue=null) to ask for that of the benches')
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     searches = {sense: _ContactSearch(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
