@@ -57,6 +57,17 @@ def test_a_partner_that_does_not_come_in_time_is_given_up_on_both_topics():
     assert pairs.take_unmatched() == [('benches', 2)]
 
 
+def test_a_stamp_that_comes_again_after_its_pair_waits_for_another_partner():
+    pairs = Synchronizer()
+    for _ in range(3):
+        assert pairs.add_handles(poses(1), 0.0) is None
+        assert pairs.add_benches(shown(1), 0.0) is not None
+        assert pairs.add_benches(shown(1), 0.0) is None
+        assert pairs.add_handles(poses(1), 0.0) is not None
+    assert pairs.take_unmatched() == []
+    assert pairs.held_bytes == 0
+
+
 def test_of_messages_that_wait_only_those_that_came_before_are_given_up():
     pairs = Synchronizer()
     for t_ns, now_s in ((1, 10.0), (2, 10.4), (3, 11.0)):

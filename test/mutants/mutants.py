@@ -302,15 +302,18 @@ def chosen(mutant: Mutant, lines: dict[str, dict[int, list[str]]], times: dict[s
            found: dict[str, int], most_s: float) -> dict[str, float]:
     """Return the tests that reach a mutant and what they take in s without it, together no more than ``most_s``.
 
-    Those that found a mutant of this file before come first, then the quickest.
+    Those that found a mutant of this file before come first, then the quickest; then all others of the same files of
+    tests, which may share what one of them has run.
     """
     rows = lines.get(mutant.path, {})
     at_import = mutant.line not in rows         # a constant: whatever runs in its file may use it
     names = {name for group in rows.values() for name in group} if at_import else {*rows[mutant.line]}
     if mutant.path.startswith(_NODES[0]):       # they run in processes of their own, whose lines are not kept
         names |= {name for name in times if name.startswith(_NODES[1])}
+    shared = {name.partition('::')[0] for name in names}
+    others = {name for name in times if name.partition('::')[0] in shared} - names
     out = dict[str, float]()
-    for name in sorted(names, key=lambda name: (times[name] / (1 + 10 * found.get(name, 0)), name)):
+    for name in sorted(names | others, key=lambda one: (one in others, times[one] / (1 + 10 * found.get(one, 0)), one)):
         if sum(out.values()) + times[name] <= most_s or not out:
             out[name] = times[name]
     return out

@@ -32,11 +32,17 @@ def test_each_mutant_is_one_change_of_the_line_that_it_names():
 
 
 def test_the_quickest_tests_that_reach_the_line_run_first():
-    lines = {'a.py': {3: ['t.py::slow', 't.py::quick', 't.py::far']}}
-    times = {'t.py::slow': 5.0, 't.py::quick': 0.1, 't.py::far': 1e9}
-    assert mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 9.0) == {
-        't.py::quick': 0.1, 't.py::slow': 5.0}
+    lines = {'a.py': {3: ['t.py::slow', 't.py::quick']}}
+    times = {'t.py::slow': 5.0, 't.py::quick': 0.1, 'u.py::far': 0.1}
+    tests = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 9.0)
+    assert list(tests.items()) == [('t.py::quick', 0.1), ('t.py::slow', 5.0)]
     assert mutants.chosen(mutants.Mutant('b.py', 'x', 0, 3), lines, times, {}, 9.0) == {}
+
+
+def test_tests_that_may_share_what_another_has_run_come_last():
+    lines, times = {'a.py': {3: ['t.py::one']}}, {'t.py::one': 1.0, 't.py::shares': 0.1, 'u.py::far': 0.1}
+    tests = mutants.chosen(mutants.Mutant('a.py', 'x', 0, 3), lines, times, {}, 9.0)
+    assert list(tests) == ['t.py::one', 't.py::shares']
 
 
 def test_tests_beyond_what_a_mutant_may_take_are_left_out():

@@ -5,7 +5,14 @@ import pytest
 from dragon_ros.core.chain.chain import marched_many
 from dragon_ros.core.chain.leader import Leader
 from dragon_ros.core.chain.lock import head_lock_angle
-from dragon_ros.core.enclosures.on_track import curvature_range, enclosed, kinematics, link_states, swing_rad
+from dragon_ros.core.enclosures.on_track import (
+    LinkStates,
+    curvature_range,
+    enclosed,
+    kinematics,
+    link_states,
+    swing_rad,
+)
 from dragon_ros.core.geometry.rectangles import axes_of
 from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
@@ -159,3 +166,12 @@ def test_curvatures_between_places_are_those_at_them_on_one_segment_and_of_all_s
     on_one = curvature_range(bends, (np.array([0]), np.array([0])), (np.array([0.15]), np.array([0.05])))
     over = curvature_range(bends, (np.array([1]), np.array([0])), (np.array([0.1]), np.array([0.05])))
     assert [float(value[0]) for value in (*on_one, *over)] == [0.05, 0.15, -0.5, 0.7]
+
+
+def test_schurs_bound_says_nothing_of_a_link_that_is_longer_than_the_tightest_circle_is_wide():
+    along_m, bend = np.array([[8.0, 6.0]]), np.array([[2.0, 2.0]])
+    ends = [LinkStates(along_m + way, np.zeros((1, 2), dtype=np.int64), bend, np.array([[0.1]]), np.array([[-0.1]]))
+            for way in (0.0, 5.0)]
+    moving = enclosed(*ends, np.array([1.65]), (np.array([[2.0]]), np.array([[2.0]])), passes=0)
+    for ball in (*moving.near, *moving.far):    # the track turns by 10 rad, the link by 6 at most
+        assert ball.rad[0, 0] > 0.5 * 8.0**2
