@@ -27,6 +27,7 @@ EXECUTABLES = {
                        'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
     'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),
     'design': Executable('dragon_ros.commands.design', 'answer a question about what to build'),
+    'plan': Executable('dragon_ros.commands.plan', 'draw a scene to scale for print: swept area, gaps and times'),
     'route': Executable('dragon_ros.commands.route', 'make the track of a scene from a drawing'),
     'study': Executable('dragon_ros.commands.study', 'vary a scene a thousand times or a million, and ask each'),
     'grade': Executable('dragon_ros.commands.grade.command',

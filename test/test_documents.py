@@ -66,6 +66,7 @@ SUBSTITUTES = {
     './dragon plot clearance --dpi': ('plot clearance --set run.start_s=400 --dpi 30 --output clearance.png',
                                       'in small, out of docs/pictures'),
     'python3 test/commands/browser.py': (None, 'takes Chromium; test/commands/test_view.py drives it'),
+    'pdftoppm': (None, 'makes pictures of pages'),
     'pip install': (None, 'reaches for the network'),
     'jupyter lab': (None, 'it serves until Ctrl-C; test/test_notebooks.py runs the notebooks'),
     'cd ~/ros2_ws': (None, 'takes a ROS 2 install'),
@@ -129,7 +130,8 @@ def command(tmp_path, monkeypatch, capsys):
 
 def write_files(path, folder):
     """Write each YAML block that begins with a file's name, as its reader is told to."""
-    for name, text in re.findall(r'^```yaml\n# (\w+\.yaml)\n(.*?)^```', path.read_text(), re.DOTALL | re.MULTILINE):
+    for name, text in re.findall(r'^```(?:yaml\n# |xml\n<!-- )(\w+\.(?:yaml|svg))(?: -->)?\n(.*?)^```', path.read_text(),
+                                 re.DOTALL | re.MULTILINE):
         (folder / name).write_text(text)
 
 

@@ -103,25 +103,26 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
     """
     ranges = HandleRanges(scene)
     search = _Reaching(progress, within_m)
-    kinds = _by_length(scene.dragon.bench_lengths_m)
+    kinds = by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
-        search.run(_bench(ranges, int(benches[0])), _intervals(ranges, benches), kind)
+        search.run(bench_of(ranges, int(benches[0])), intervals_of(ranges, benches), kind)
     return BoundingBox(tuple(_reach(ranges, kinds, search, side) for side in range(len(SIDES))), search.looks)
 
 
-def _by_length(lengths_m: Floats) -> list[Ints]:
+def by_length(lengths_m: Floats) -> list[Ints]:
     """Return the numbers of the benches of one length, for each length: the head's alone, then those behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
 
 
-def _bench(ranges: 'HandleRanges', number: int) -> 'SweptBench':
+def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
+    """Return the bench of a number as one that goes along the track."""
     dragon = ranges.scene.dragon
     return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
-def _intervals(ranges: 'HandleRanges', benches: Ints) -> Floats:
+def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
     """Return where the front handles of some benches go, (2, M) distances: joined where they overlap.
 
     They are cut where the rear handle turns back. Of the laps of a circle that the track begins with, the last holds

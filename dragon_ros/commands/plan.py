@@ -1,0 +1,424 @@
+"""``plan``: a scene drawn to scale for print, with the area that benches sweep, gaps to obstacles and times."""
+import json
+from argparse import Namespace
+from dataclasses import dataclass
+from datetime import date
+from functools import cached_property, partial
+from math import ceil
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dragon_ros.cli import command_line, figures
+from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, QUIET
+from dragon_ros.core.errors import FieldError, InputError
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Floats
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+    from dragon_ros.core.scene import Scene
+    from dragon_ros.core.search.swept_area import SweptArea
+
+SCALES = (50, 100, 200, 250, 500, 1000)
+PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
+_EDGE_MM, _FOOT_MM = 12.0, 34.0     # around a page, and below its drawing
+_MARK_M = 10.0
+_MOST_PAGES = 24
+_AROUND_M = 2.0         # of what is drawn
+_TEXT_PT = 9
+_BROKEN = '#C00000'
+_ROWS = 34              # of a page's table
+_NARROWEST = 3          # places whose room is shown
+_NEARLY_M = 0.01
+
+
+def main(argv: list[str]) -> int:
+    """Write the plan of a scene; return the exit code."""
+    options = command_line.parser('plan', 'Draw a scene to scale, for print: track, swept area, gaps, times.\nAs '
+                                  'GeoJSON the swept area alone, in metres.', 'plan --scene street --output plan.pdf')
+    command_line.add_scene_options(options, 'street')
+    options.add_argument('--output', type=Path, required=True, metavar='PLAN.pdf|AREA.geojson', help='file to write')
+    options.add_argument('--scale', metavar='1:N', help=f'from 1:{SCALES[0]} to 1:{SCALES[-1]} (the largest that fits)')
+    options.add_argument('--paper', choices=PAPERS_MM, help='paper (A4 where it fits, else A3)')
+    options.add_argument('--format', choices=('pdf', 'geojson'), help='format (as the suffix of --output says)')
+    options.add_argument('--title', metavar='TEXT', help='of the plan (the name of the scene)')
+    return command_line.guarded('plan', partial(_run, options.parse_args(argv)))
+
+
+def _run(arguments: Namespace) -> int:
+    path: Path = arguments.output
+    kind = arguments.format or path.suffix.lower().lstrip('.')
+    if kind not in ('pdf', 'geojson'):
+        raise InputError(f'--output {path}: a plan is .pdf or .geojson; rename it, or give --format')
+    scene = command_line.scene_from(arguments)
+    plan = Plan(scene, arguments.title or Path(arguments.scene).stem)
+    if kind == 'geojson':
+        command_line.write_output(path, geojson(plan))
+    else:
+        with figures.style():
+            _write_pages(path, _pages(plan, *_sheet(arguments, plan)))
+    print(path)
+    for gap in plan.gaps:
+        print(f'{gap.name}: {gap.gap_m:.3f} m{" (broken)" if gap.is_broken else ""}')
+    return command_line.OK
+
+
+@dataclass(frozen=True)
+class Gap:
+    """The smallest gap to a named part of the venue, and where it is: two points (2, 2) in m."""
+
+    name: str
+    gap_m: float
+    ends_m: Floats
+    is_broken: bool
+
+
+@dataclass(frozen=True)
+class Plan:
+    """What is drawn of a scene."""
+
+    scene: 'Scene'
+    title: str
+
+    @cached_property
+    def swept(self) -> 'SweptArea':
+        """The swept area."""
+        from dragon_ros.core.search.swept_area import swept_area
+        return swept_area(self.scene)
+
+    @cached_property
+    def line(self) -> Floats:
+        """The track, from the rear to the front."""
+        return compile_scene(self.scene).track_line(1e-3)[::-1]
+
+    @cached_property
+    def marks_m(self) -> Floats:
+        """Distances of the marks along the track, where any front handle goes."""
+        at = self.swept.at_m
+        return np.arange(ceil(at[0] / _MARK_M), at[-1] // _MARK_M + 1) * _MARK_M
+
+    @cached_property
+    def room_m(self) -> tuple[Floats, Floats]:
+        """Distances along the track every metre, and the room needed there to the left and right."""
+        from dragon_ros.core.search.swept_area import room_needed_m
+        stations = np.arange(ceil(self.swept.at_m[0]), self.swept.at_m[-1])
+        return stations, room_needed_m(compile_scene(self.scene).model.track, self.swept, stations)
+
+    @cached_property
+    def gaps(self) -> tuple[Gap, ...]:
+        """The gaps to obstacles and to the boundary, smallest first."""
+        venue = self.scene.venue
+        if venue is None:
+            return ()
+        from shapely import LinearRing, LineString, Polygon, distance, get_coordinates, shortest_line, within
+        whole = self.swept.whole
+        shapes: dict[str, Any] = {one.name: Polygon(one.points_m, one.holes_m) if hasattr(one, 'holes_m') else
+                                  LineString(one.points_m) for one in venue.obstacles}
+        if venue.inside is not None:
+            shapes['inside'] = LinearRing(venue.inside)
+        out = []
+        for name, shape in shapes.items():
+            gap_m = float(distance(whole, shape))
+            crossed = name == 'inside' and not within(whole, Polygon(venue.inside))
+            gap_m = 0.0 if crossed else gap_m
+            out.append(Gap(name, gap_m, get_coordinates(shortest_line(whole, shape)),
+                           gap_m < venue.margin_m or gap_m == 0))
+        return tuple(sorted(out, key=lambda one: one.gap_m))
+
+    @cached_property
+    def passes_s(self) -> tuple[Floats, Floats]:
+        """When head and tail pass the marks, between times a four-hundredth of the run apart; nan where they do not."""
+        from dragon_ros.core.batches import states
+        simulation = compile_scene(self.scene)
+        run = self.scene.run
+        times = np.linspace(run.start_s, simulation.end.t_s, 401)
+        chain = states(self.scene, times.tolist())
+        at = simulation.model.track.distances(chain.segment, chain.u)
+        return _passed(at[:, 0], times, self.marks_m), _passed(at[:, -1], times, self.marks_m)
+
+    @cached_property
+    def fastest(self) -> str:
+        """The largest speed of any handle, in words."""
+        from dragon_ros.core.errors import DragonError
+        from dragon_ros.core.search.max_speed import max_speed
+        try:
+            found = max_speed(self.scene)
+        except DragonError:
+            return 'the largest speed of a bench has no bound in this run'
+        peak = getattr(self.scene.head, 'speed_m_s', None)
+        factor = f'no handle is faster than {found.bound:.4f} times the leader (proved)'
+        return factor if peak is None else f'{factor}: {found.bound * abs(peak):.3f} m/s'
+
+
+def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
+    """Return the first time at which a handle is at each mark."""
+    out = np.full(marks_m.shape, np.nan)
+    for n, mark in enumerate(marks_m.tolist()):
+        side = at_m >= mark
+        k = int(np.argmax(side != side[0])) if np.any(side != side[0]) else 0
+        if k:
+            part = (mark - at_m[k - 1]) / (at_m[k] - at_m[k - 1])
+            out[n] = times_s[k - 1] + part * (times_s[k] - times_s[k - 1])
+        elif at_m[0] == mark:
+            out[n] = times_s[0]
+    return out
+
+
+def geojson(plan: Plan) -> str:
+    """Return the swept area, the track and the gaps as GeoJSON in metres."""
+    from shapely.geometry import mapping
+    swept = plan.swept
+    named = (('swept by the head', mapping(swept.head)), ('swept by the body', mapping(swept.body)),
+             ('track', {'type': 'LineString', 'coordinates': plan.line.tolist()}))
+    features = [{'type': 'Feature', 'properties': {'name': name}, 'geometry': shape} for name, shape in named]
+    features += [{'type': 'Feature', 'properties': {'name': f'gap to {gap.name}', 'gap_m': gap.gap_m},
+                  'geometry': {'type': 'LineString', 'coordinates': gap.ends_m.tolist()}} for gap in plan.gaps]
+    return json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features})
+
+
+def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
+    """Return paper, scale and the window (2, 2) in m that is drawn. Raises FieldError for a scale that is none."""
+    x, y = plan.line.T
+    left, bottom, right, top = plan.swept.whole.bounds
+    low = np.array((min(left, x.min()), min(bottom, y.min()))) - _AROUND_M
+    high = np.array((max(right, x.max()), max(top, y.max()))) + _AROUND_M
+    papers = [arguments.paper] if arguments.paper else list(PAPERS_MM)
+    if arguments.scale is not None:
+        scale = _scale(arguments.scale)
+        fitting = (paper for paper in papers if _fits(high - low, paper, scale))
+        return next(fitting, papers[-1]), scale, np.array((low, high))
+    pairs = [(paper, scale) for scale in SCALES for paper in papers if _fits(high - low, paper, scale)]
+    paper, scale = pairs[0] if pairs else (papers[-1], SCALES[-1])
+    return paper, scale, np.array((low, high))
+
+
+def _scale(text: str) -> int:
+    one, _, many = text.partition(':')
+    if one.strip() == '1' and many.strip().isdecimal() and SCALES[0] <= int(many) <= SCALES[-1]:
+        return int(many)
+    raise FieldError('--scale', text, f'scales go from 1:{SCALES[0]} to 1:{SCALES[-1]}', 'write for example 1:200')
+
+
+def _drawn_mm(paper: str) -> Floats:
+    """Return the size of the drawing on a page."""
+    return np.array(PAPERS_MM[paper]) - (2 * _EDGE_MM, 2 * _EDGE_MM + _FOOT_MM)
+
+
+def _fits(size_m: Floats, paper: str, scale: int) -> bool:
+    return bool(np.all(size_m * 1000 / scale <= _drawn_mm(paper)))
+
+
+def _pages(plan: Plan, paper: str, scale: int, window: Floats) -> list['Figure']:
+    """Return the pages: the drawing in as many as it takes, then tables."""
+    page_m = _drawn_mm(paper) * scale / 1000
+    counts = np.maximum(1, np.ceil((window[1] - window[0]) / page_m - 1e-9)).astype(int)
+    if counts.prod() > _MOST_PAGES:
+        raise InputError(f'--scale 1:{scale}: it takes {counts.prod()} pages of {paper}, and {_MOST_PAGES} are the '
+                         'most; give a smaller scale, or --paper A3', field='scale')
+    begin = window.mean(axis=0) - 0.5 * counts * page_m
+    tables = _tables(plan)
+    total = int(counts.prod()) + len(tables)
+    pages = []
+    for n, (row, column) in enumerate(np.ndindex(counts[1], counts[0]), 1):
+        low = begin + np.array((column, counts[1] - 1 - row)) * page_m
+        pages.append(_drawing(plan, paper, scale, np.array((low, low + page_m)), f'page {n} of {total}'))
+    return pages + [_table(plan, paper, rows, f'page {counts.prod() + n} of {total}')
+                    for n, rows in enumerate(tables, 1)]
+
+
+def _page(plan: Plan, paper: str, note: str, head: str) -> 'Figure':
+    """Return an empty page with its title, its date and its number."""
+    from matplotlib.figure import Figure
+    width, height = PAPERS_MM[paper]
+    figure = Figure(figsize=(width / 25.4, height / 25.4))
+    figure.set_layout_engine('none')
+    top, today = (_FOOT_MM + 3) / height, date.today().isoformat()
+    figure.text(_EDGE_MM / width, top, f'{plan.title}: {head}', fontsize=13, weight='bold', va='top')
+    figure.text(1 - _EDGE_MM / width, top, f'{today}, {paper}, {note}', ha='right', va='top', fontsize=_TEXT_PT)
+    return figure
+
+
+def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> 'Figure':
+    """Return a page with what is in a window (2, 2)."""
+    width, height = PAPERS_MM[paper]
+    figure = _page(plan, paper, note, f'plan 1:{scale}')
+    size = _drawn_mm(paper)
+    axes = figure.add_axes((_EDGE_MM / width, (_EDGE_MM + _FOOT_MM) / height, size[0] / width, size[1] / height))
+    axes.set(xlim=window[:, 0], ylim=window[:, 1], xticks=[], yticks=[])
+    axes.grid(False)
+    for side in ('top', 'right'):
+        axes.spines[side].set_visible(True)
+    _draw_venue(axes, plan, window)
+    for area, colour, name in ((plan.swept.body, BODY, 'body'), (plan.swept.head, HEAD, 'head')):
+        _fill(axes, area, facecolor=colour, edgecolor=colour, alpha=0.45, linewidth=0.4, label=f'swept by the {name}',
+              zorder=2)
+    axes.plot(*plan.line.T, color='black', linewidth=0.7, zorder=3, label='track')
+    _draw_marks(axes, plan, window)
+    _draw_gaps(axes, plan, window)
+    _draw_room(axes, plan, window)
+    _bar(figure, paper, scale)
+    axes.legend(loc='upper right', fontsize=_TEXT_PT, frameon=True, framealpha=0.9)
+    figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, _said(plan), fontsize=_TEXT_PT, va='top', wrap=False)
+    return figure
+
+
+def _said(plan: Plan) -> str:
+    """Return what is proved and what is not."""
+    venue = plan.scene.venue
+    wanted = '' if venue is None else f' Wanted margin: {venue.margin_m:g} m; what breaks it is red.'
+    return (f'Proved: {plan.fastest.replace(" (proved)", "")}.\nNot proved: swept area, gaps and room are computed at '
+            f'places {100 * plan.swept.step_m:.0f} cm apart, which leaves out about a millimetre in bends.\n'
+            f'People, poles and what hangs over the benches are not in it.{wanted}')
+
+
+def _fill(axes: 'Axes', area: Any, **style: Any) -> None:
+    """Fill polygons, with their holes."""
+    from matplotlib.patches import PathPatch
+    from matplotlib.path import Path as Outline
+    label = style.pop('label', None)
+    for part in getattr(area, 'geoms', [area]):
+        rings = [Outline(np.array(ring.coords), closed=True) for ring in (part.exterior, *part.interiors)]
+        axes.add_patch(PathPatch(Outline.make_compound_path(*rings), label=label, **style))
+        label = None
+
+
+def _draw_venue(axes: 'Axes', plan: Plan, window: Floats) -> None:
+    from shapely import Polygon, box
+    venue = plan.scene.venue
+    if venue is None:
+        return
+    label: str | None = 'obstacles'
+    for one in venue.obstacles:
+        if hasattr(one, 'holes_m'):
+            _fill(axes, Polygon(one.points_m, one.holes_m), facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8,
+                  zorder=1, label=label)
+        else:
+            axes.plot(*np.array(one.points_m).T, color=QUIET, linewidth=1.6, zorder=1, label=label)
+        label = None
+    if venue.inside is not None:
+        outside = box(*window[0], *window[1]).difference(Polygon(venue.inside))
+        if not outside.is_empty:
+            _fill(axes, outside, facecolor=OBSTACLE, edgecolor=QUIET, linewidth=0.8, zorder=0.9)
+
+
+def _seen(at: Floats, window: Floats) -> bool:
+    return bool(np.all(at >= window[0]) and np.all(at <= window[1]))
+
+
+def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> None:
+    """Draw a mark every ten metres, with its distance."""
+    track = compile_scene(plan.scene).model.track
+    points, headings = track.poses(*track.places_at(plan.marks_m, np.zeros_like(plan.marks_m)))
+    for mark, at, (x, y) in zip(plan.marks_m.tolist(), points, headings.tolist(), strict=True):
+        if _seen(at, window):
+            axes.plot(*at, marker='o', markersize=2.6, color='black', zorder=4)
+            axes.annotate(f'{mark:g}', at, xytext=(-9 * y, 9 * x), textcoords='offset points', fontsize=_TEXT_PT,
+                          ha='center', va='center', zorder=5)
+
+
+def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats) -> None:
+    """Draw the smallest gaps as dimensions, those that break the margin in red."""
+    for gap in plan.gaps:
+        middle = gap.ends_m.mean(axis=0)
+        if not _seen(middle, window):
+            continue
+        colour = _BROKEN if gap.is_broken else 'black'
+        axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
+            'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0, 'mutation_scale': 6})
+        away = -1 if middle[0] > window.mean(axis=0)[0] else 1
+        axes.annotate(f'{gap.name}: {gap.gap_m:.2f} m', middle, xytext=(22 * away, -20), textcoords='offset points',
+                      fontsize=_TEXT_PT, color=colour, ha='left' if away > 0 else 'right', zorder=7,
+                      bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'edgecolor': colour, 'linewidth': 0.5},
+                      arrowprops={'arrowstyle': '-', 'color': colour, 'linewidth': 0.5})
+
+
+def _widest(plan: Plan) -> list[tuple[float, float, float]]:
+    """Return where most room is needed: distances along the track, and the room to the left and right."""
+    stations, room = plan.room_m
+    out: list[tuple[float, float, float]] = []
+    for n in np.argsort(-room.sum(axis=1), kind='stable').tolist():
+        if room[n].sum() < room.min(axis=0).sum() + _NEARLY_M:      # no more than on a line
+            break
+        if all(abs(stations[n] - at) > _MARK_M for at, *_ in out):
+            out.append((float(stations[n]), float(room[n, 0]), float(room[n, 1])))
+        if len(out) == _NARROWEST:
+            break
+    return out
+
+
+def _draw_room(axes: 'Axes', plan: Plan, window: Floats) -> None:
+    """Draw the room that is needed at the widest places."""
+    track = compile_scene(plan.scene).model.track
+    for at_m, left, right in _widest(plan):
+        points, headings = track.poses(*track.places_at(np.array([at_m]), np.zeros(1)))
+        normal = np.array((-headings[0, 1], headings[0, 0]))
+        if _seen(points[0], window):
+            ends = np.stack((points[0] + left * normal, points[0] - right * normal))
+            axes.plot(*ends.T, color='black', linewidth=1.4, zorder=5)
+            axes.annotate(f'room {left + right:.2f} m', points[0], xytext=(-34 * normal[0] - 8, -34 * normal[1]),
+                          textcoords='offset points', fontsize=_TEXT_PT, ha='center', va='center', zorder=7,
+                          arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.5})
+
+
+def _bar(figure: 'Figure', paper: str, scale: int) -> None:
+    """Draw a scale bar of about five centimetres, below the drawing on the right."""
+    width, height = PAPERS_MM[paper]
+    length_m = max((m for m in (1, 2, 5, 10, 20, 50) if m * 1000 / scale <= 52), default=1)
+    long = length_m * 1000 / scale
+    axes = figure.add_axes((1 - (_EDGE_MM + long + 12) / width, 12 / height, long / width, 2.5 / height))
+    axes.set(xlim=(0, length_m), ylim=(0, 1), yticks=[], xticks=[0, length_m / 2, length_m])
+    axes.set_xticklabels(['0', f'{length_m / 2:g}', f'{length_m:g} m'], fontsize=_TEXT_PT)
+    axes.grid(False)
+    axes.axvspan(0, length_m / 2, color='black')
+    for side in ('top', 'right'):
+        axes.spines[side].set_visible(True)
+
+
+def _tables(plan: Plan) -> list[list[tuple[str, ...]]]:
+    """Return the rows of the tables, page by page."""
+    head, tail = plan.passes_s
+    passes = zip(plan.marks_m, head, tail, strict=True)
+    rows: list[tuple[str, ...]] = [(f'{mark:g}', _time(a), _time(b)) for mark, a, b in passes]
+    return [rows[first:first + 4 * _ROWS] for first in range(0, len(rows), 4 * _ROWS)] or [[]]
+
+
+def _time(t_s: float) -> str:
+    return '' if np.isnan(t_s) else f'{int(round(t_s, 1) // 60)}:{round(t_s, 1) % 60:04.1f}'
+
+
+def _table(plan: Plan, paper: str, rows: list[tuple[str, ...]], note: str) -> 'Figure':
+    """Return a page with when head and tail pass each mark, the gaps and the room."""
+    width, height = PAPERS_MM[paper]
+    figure = _page(plan, paper, note, 'times, gaps and room')
+    x, top, line = _EDGE_MM + 2, height - _EDGE_MM - 4, 4.3
+    for first in range(0, len(rows), _ROWS):
+        block = [('mark m', 'head min:s', 'tail min:s'), *rows[first:first + _ROWS]]
+        for n, row in enumerate(block):
+            for k, cell in enumerate(row):
+                figure.text((x + 16 + 24 * k) / width, (top - line * n) / height, cell, fontsize=_TEXT_PT, ha='right',
+                            weight='bold' if n == 0 else 'normal')
+        x += 72
+    texts = [('smallest gaps', 'black')] + [(f'{gap.name}: {gap.gap_m:.3f} m{" (broken)" if gap.is_broken else ""}',
+                                             _BROKEN if gap.is_broken else 'black') for gap in plan.gaps[:_ROWS - 8]]
+    texts += [('', 'black'), ('most room needed', 'black')] + [
+        (f'at {at:g} m: {left:.2f} m left, {right:.2f} m right', 'black') for at, left, right in _widest(plan)]
+    for n, (text, colour) in enumerate(texts):
+        figure.text((x + 4) / width, (top - line * n) / height, text, fontsize=_TEXT_PT, color=colour)
+    figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, _said(plan), fontsize=_TEXT_PT, va='top')
+    return figure
+
+
+def _write_pages(path: Path, pages: list['Figure']) -> None:
+    from matplotlib.backends.backend_pdf import PdfPages
+
+    from dragon_ros.core.errors import MissingError
+    try:
+        with PdfPages(path, metadata={'CreationDate': None}) as pdf:
+            for page in pages:
+                pdf.savefig(page)
+    except OSError as error:
+        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None

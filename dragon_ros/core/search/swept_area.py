@@ -1,0 +1,97 @@
+"""The area that benches sweep in a run, from places close together: to draw, to measure, and not proved.
+
+The head sweeps it, and the benches of each other length, wherever their front handles go. It is made of benches a step
+apart, which are long and overlap themselves, and of what both their ends pass in between. Beside a track of radius R
+that leaves out about step^2 / 8 R.
+"""
+from dataclasses import dataclass
+from math import ceil
+from typing import Any
+
+import numpy as np
+from shapely import convex_hull, get_coordinates, intersection, linestrings, multipoints, polygons, union_all
+
+from dragon_ros.core.numerics.types import Complexes, Floats
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
+from dragon_ros.core.tracks.composite import Track
+
+STEP_M = 0.1            # of the front handle's way
+_ENDS = ((0, 3), (1, 2))     # the corners at the front and at the rear
+_MOST_PLACES = 40_000   # then the step grows
+
+
+@dataclass(frozen=True, eq=False)
+class SweptArea:
+    """Polygons that the head and that the body sweeps, in m; and the parts (n,) it is made of.
+
+    ``at_m`` (n,) grows: the distances along the track that front handles have there. ``long_m`` is the
+    length of the longest bench.
+    """
+
+    head: Any
+    body: Any
+    parts: Any
+    at_m: Floats
+    step_m: float
+    long_m: float
+
+    @property
+    def whole(self) -> Any:
+        """The polygon of both."""
+        return union_all([self.head, self.body])
+
+
+def swept_area(scene: Scene) -> SweptArea:
+    """Return the area that a scene's benches sweep during its run."""
+    ranges = HandleRanges(scene)
+    kinds = by_length(scene.dragon.bench_lengths_m)
+    spans = [intervals_of(ranges, benches) for benches in kinds]
+    step_m = max(STEP_M, sum(float(np.sum(high - low)) for low, high in spans) / _MOST_PLACES)
+    parts = [_placed(ranges, int(benches[0]), span, step_m) for benches, span in zip(kinds, spans, strict=True)]
+    head, body = union_all(parts[0][1]), union_all(np.concatenate([benches for _, benches in parts[1:] or parts]))
+    at_m, placed = (np.concatenate(some) for some in zip(*parts, strict=True))
+    order = np.argsort(at_m)
+    return SweptArea(head, body, placed[order], at_m[order], step_m, float(np.max(scene.dragon.bench_lengths_m)))
+
+
+def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tuple[Floats, Any]:
+    """Return where front handles are, and a bench there, a step apart, with what its ends pass in between."""
+    at_m, placed = [], []
+    for low, high in span.T.tolist():
+        along = np.linspace(low, high, 2 + ceil((high - low) / step_m))
+        value = bench_of(ranges, bench).states(along).value
+        corners = np.stack((value[..., 0], value[..., 2]), axis=-1)
+        ends = [convex_hull(multipoints(np.concatenate((corners[:-1, end], corners[1:, end]), axis=1)))
+                for end in _ENDS]
+        at_m += [along, along[1:], along[1:]]
+        placed += [polygons(corners), *ends]
+    return np.concatenate(at_m), np.concatenate(placed)
+
+
+def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
+    """Return how far benches reach to the left and right of a track (n, 2) at distances (n,) along it.
+
+    Those are the benches that pass there; what passes elsewhere, on a track that comes back, is not counted.
+    """
+    places = track.places_at(stations_m, np.zeros_like(stations_m))
+    points, headings = (_complex(one) for one in track.poses(*places))
+    firsts = np.searchsorted(swept.at_m, stations_m - swept.long_m)
+    lasts = np.searchsorted(swept.at_m, stations_m + 2 * swept.long_m)
+    out = np.zeros((len(stations_m), 2))
+    for n, (at, normal) in enumerate(zip(points.tolist(), (1j * headings).tolist(), strict=True)):
+        out[n] = _reaches_m(swept.parts[firsts[n]:lasts[n]], at, normal * swept.long_m)
+    return out
+
+
+def _reaches_m(benches: Any, at: complex, normal: complex) -> tuple[float, float]:
+    """Return how far polygons around a point go along a normal, to its left and right."""
+    ends = np.array([[(at - normal).real, (at - normal).imag], [(at + normal).real, (at + normal).imag]])
+    x, y = get_coordinates(intersection(benches, linestrings(ends))).T
+    along = ((x + 1j * y - at) * normal.conjugate()).real / abs(normal)
+    return float(np.max(along, initial=0.0)), float(-np.min(along, initial=0.0))
+
+
+def _complex(points: Floats) -> Complexes:
+    out: Complexes = points[..., 0] + 1j * points[..., 1]
+    return out

@@ -1,0 +1,100 @@
+"""``plan``: to scale, with the swept area and the gaps that an independent look at every millimetre finds."""
+import json
+import re
+
+import numpy as np
+import pytest
+from shapely import LineString, Polygon, distance, polygons
+from shapely.geometry import shape
+
+from dragon_ros.__main__ import main
+from dragon_ros.commands.plan import Plan
+from dragon_ros.core.batches import states
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.search.swept_area import room_needed_m, swept_area
+from dragon_ros.scenes.load import load_scene
+
+
+@pytest.fixture(scope='module')
+def scene():
+    return load_scene('street', ['dragon.benches=12'])
+
+
+@pytest.fixture(scope='module')
+def benches(scene):
+    """The corners of all benches at 2,000 times of the run."""
+    times = np.linspace(0, compile_scene(scene).end.t_s, 2000).tolist()
+    chain = states(scene, times)
+    return polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners.reshape(-1, 4, 2))
+
+
+def run(capsys, *arguments):
+    try:
+        code = main(['plan', *map(str, arguments)])
+    except SystemExit as stop:
+        code = stop.code
+    return code, *capsys.readouterr()
+
+
+def test_every_bench_at_every_time_lies_in_the_swept_area(scene, benches):
+    whole = swept_area(scene).whole
+    grown = whole.buffer(1e-3)
+    assert all(grown.contains(benches))
+    assert not all(whole.buffer(-1e-3).contains(benches))
+
+
+def test_gaps_are_those_of_benches_placed_densely(scene, benches):
+    found = {gap.name: gap.gap_m for gap in Plan(scene, 'x').gaps}
+    for one in scene.venue.obstacles:
+        area = Polygon(one.points_m) if hasattr(one, 'holes_m') else LineString(one.points_m)
+        assert found[one.name] == pytest.approx(float(np.min(distance(benches, area))), abs=3e-3)
+
+
+def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_the_corner(scene):
+    track = compile_scene(scene).model.track
+    room = room_needed_m(track, swept_area(scene), np.array([20.0, 44.7]))
+    np.testing.assert_allclose(room[0], 0.15, atol=1e-9)
+    inner = 6 - np.sqrt(36 - (0.5 * 2.86) ** 2) + 0.15      # the middle of the head's link on a circle
+    assert room[1].max() == pytest.approx(inner, abs=2e-3)
+
+
+def test_head_and_tail_pass_marks_when_they_have_gone_there(scene):
+    plan = Plan(scene, 'x')
+    head, tail = plan.passes_s
+    for mark, t_s in zip(plan.marks_m, head, strict=True):
+        if not np.isnan(t_s):
+            assert t_s == pytest.approx(mark - scene.track.start_m, abs=1e-6)
+    assert np.nansum(tail > head) == np.sum(~np.isnan(tail) & ~np.isnan(head)) > 0
+
+
+def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
+    pdf, area = tmp_path / 'plan.pdf', tmp_path / 'area.geojson'
+    options = '--scene', 'street', '--set', 'dragon.benches=12'
+    assert run(capsys, *options, '--output', pdf, '--scale', '1:250', '--paper', 'A4')[0] == 0
+    data = pdf.read_bytes()
+    sizes = re.findall(rb'/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]', data)
+    assert [tuple(round(float(value) / 72 * 25.4) for value in size) for size in sizes] == [(297, 210)] * len(sizes)
+    assert len(sizes) > 2
+    assert run(capsys, *options, '--output', area)[0] == 0
+    features = {one['properties']['name']: shape(one['geometry']) for one in json.loads(area.read_text())['features']}
+    assert features['swept by the head'].area > 40
+    assert 'gap to lamp post' in features
+
+
+def test_a_broken_margin_is_said(capsys, tmp_path):
+    code, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue.margin_m=1',
+                       '--output', tmp_path / 'a.geojson')
+    assert code == 0
+    assert re.search(r'lamp post: 0\.9\d\d m \(broken\)', out)
+
+
+@pytest.mark.parametrize(('arguments', 'says'), [
+    (['--output', 'a.png'], 'a plan is .pdf or .geojson'),
+    (['--output', 'a.pdf', '--scale', '1:20'], 'from 1:50 to 1:1000'),
+    (['--output', 'a.pdf', '--scale', '1:50'], 'give a smaller scale')])
+def test_options_are_checked(capsys, tmp_path, monkeypatch, arguments, says):
+    monkeypatch.chdir(tmp_path)
+    code, _, err = run(capsys, *arguments)
+    assert code == 2
+    assert says in err
