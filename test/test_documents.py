@@ -129,9 +129,9 @@ def command(tmp_path, monkeypatch, capsys):
 
 
 def write_files(path, folder):
-    """Write each YAML block that begins with a file's name, as its reader is told to."""
-    for name, text in re.findall(r'^```(?:yaml\n# |xml\n<!-- )(\w+\.(?:yaml|svg))(?: -->)?\n(.*?)^```', path.read_text(),
-                                 re.DOTALL | re.MULTILINE):
+    """Write each block of YAML or SVG that begins with a file's name, as its reader is told to."""
+    named = r'^```(?:yaml\n# |xml\n<!-- )(\w+\.(?:yaml|svg))(?: -->)?\n(.*?)^```'
+    for name, text in re.findall(named, path.read_text(), re.DOTALL | re.MULTILINE):
         (folder / name).write_text(text)
 
 

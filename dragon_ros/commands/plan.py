@@ -34,6 +34,7 @@ _BROKEN = '#C00000'
 _ROWS = 34              # of a page's table
 _NARROWEST = 3          # places whose room is shown
 _NEARLY_M = 0.01
+_WIDE = 0.62            # of a letter, in heights of the text
 
 
 def main(argv: list[str]) -> int:
@@ -322,6 +323,10 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> None:
 
 def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats) -> None:
     """Draw the smallest gaps as dimensions, those that break the margin in red."""
+    track = compile_scene(plan.scene).model.track
+    scale = axes.figure.dpi / 72
+    marks = axes.transData.transform(track.poses(*track.places_at(plan.marks_m, np.zeros_like(plan.marks_m)))[0]) / scale
+    taken = [(at, float(_TEXT_PT)) for at in marks]
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):
@@ -329,11 +334,28 @@ def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats) -> None:
         colour = _BROKEN if gap.is_broken else 'black'
         axes.annotate('', gap.ends_m[0], gap.ends_m[1], zorder=6, arrowprops={
             'arrowstyle': '<->', 'color': colour, 'linewidth': 0.9, 'shrinkA': 0, 'shrinkB': 0, 'mutation_scale': 6})
-        away = -1 if middle[0] > window.mean(axis=0)[0] else 1
-        axes.annotate(f'{gap.name}: {gap.gap_m:.2f} m', middle, xytext=(22 * away, -20), textcoords='offset points',
-                      fontsize=_TEXT_PT, color=colour, ha='left' if away > 0 else 'right', zorder=7,
+        label = f'{gap.name}: {gap.gap_m:.2f} m'
+        offset = _free_offset(axes, middle, label, taken)
+        axes.annotate(label, middle, xytext=offset, textcoords='offset points', fontsize=_TEXT_PT, color=colour,
+                      ha='center', va='center', zorder=8,
                       bbox={'boxstyle': 'round,pad=0.2', 'facecolor': 'white', 'edgecolor': colour, 'linewidth': 0.5},
                       arrowprops={'arrowstyle': '-', 'color': colour, 'linewidth': 0.5})
+
+
+def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats, float]]) -> tuple[float, float]:
+    """Return where a label goes, in points from its place: the nearest place that none of the others has."""
+    scale = axes.figure.dpi / 72
+    here = np.asarray(axes.transData.transform(at)) / scale
+    half = 0.5 * _WIDE * _TEXT_PT * len(label)
+    ring = [(radius * np.cos(angle), radius * np.sin(angle)) for radius in (30, 55, 80, 110, 150)
+            for angle in np.radians([-60, 60, -120, 120, 0, 180, -90, 90])]
+    for x, y in ring:
+        x += np.copysign(0.6 * half, x) if abs(x) > 1 else 0.0
+        if all(abs(here[0] + x - other[0]) > half + wide or abs(here[1] + y - other[1]) > 2 * _TEXT_PT
+               for other, wide in taken):
+            break
+    taken.append((here + (x, y), half))
+    return float(x), float(y)
 
 
 def _widest(plan: Plan) -> list[tuple[float, float, float]]:
