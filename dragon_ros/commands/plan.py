@@ -28,6 +28,7 @@ PAPERS_MM = {'A4': (297.0, 210.0), 'A3': (420.0, 297.0)}
 _EDGE_MM, _FOOT_MM = 12.0, 34.0     # around a page, and below its drawing
 _MARK_M = 10.0
 _MOST_PAGES = 24
+_COARSEST, _FEW_PAGES = 500, 4      # a scale beyond which a few pages are better than one
 _AROUND_M = 2.0         # of what is drawn
 _TEXT_PT = 9
 _BROKEN = '#C00000'
@@ -194,6 +195,8 @@ def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:
         return next(fitting, papers[-1]), scale, np.array((low, high))
     pairs = [(paper, scale) for scale in SCALES for paper in papers if _fits(high - low, paper, scale)]
     paper, scale = pairs[0] if pairs else (papers[-1], SCALES[-1])
+    if scale > _COARSEST and np.prod(np.ceil((high - low) * 1000 / _COARSEST / _drawn_mm(papers[-1]))) <= _FEW_PAGES:
+        paper, scale = papers[-1], _COARSEST
     return paper, scale, np.array((low, high))
 
 
@@ -259,8 +262,10 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> '
               zorder=2)
     axes.plot(*plan.line.T, color='black', linewidth=0.7, zorder=3, label='track')
     _draw_marks(axes, plan, window)
-    _draw_gaps(axes, plan, window)
-    _draw_room(axes, plan, window)
+    marks, _ = _poses(plan, plan.marks_m)
+    taken = [(at, float(_TEXT_PT)) for at in axes.transData.transform(marks) * 72 / figure.dpi]
+    _draw_gaps(axes, plan, window, taken)
+    _draw_room(axes, plan, window, taken)
     _bar(figure, paper, scale)
     axes.legend(loc='upper right', fontsize=_TEXT_PT, frameon=True, framealpha=0.9)
     figure.text(_EDGE_MM / width, (_FOOT_MM - 6) / height, _said(plan), fontsize=_TEXT_PT, va='top', wrap=False)
@@ -310,10 +315,15 @@ def _seen(at: Floats, window: Floats) -> bool:
     return bool(np.all(at >= window[0]) and np.all(at <= window[1]))
 
 
+def _poses(plan: Plan, along_m: Floats) -> tuple[Floats, Floats]:
+    """Return the points and the headings (n, 2) of distances (n,) along the track."""
+    track = compile_scene(plan.scene).model.track
+    return track.poses(*track.places_at(along_m, np.zeros_like(along_m)))
+
+
 def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> None:
     """Draw a mark every ten metres, with its distance."""
-    track = compile_scene(plan.scene).model.track
-    points, headings = track.poses(*track.places_at(plan.marks_m, np.zeros_like(plan.marks_m)))
+    points, headings = _poses(plan, plan.marks_m)
     for mark, at, (x, y) in zip(plan.marks_m.tolist(), points, headings.tolist(), strict=True):
         if _seen(at, window):
             axes.plot(*at, marker='o', markersize=2.6, color='black', zorder=4)
@@ -321,12 +331,8 @@ def _draw_marks(axes: 'Axes', plan: Plan, window: Floats) -> None:
                           ha='center', va='center', zorder=5)
 
 
-def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats) -> None:
+def _draw_gaps(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
     """Draw the smallest gaps as dimensions, those that break the margin in red."""
-    track = compile_scene(plan.scene).model.track
-    scale = axes.figure.dpi / 72
-    marks = axes.transData.transform(track.poses(*track.places_at(plan.marks_m, np.zeros_like(plan.marks_m)))[0]) / scale
-    taken = [(at, float(_TEXT_PT)) for at in marks]
     for gap in plan.gaps:
         middle = gap.ends_m.mean(axis=0)
         if not _seen(middle, window):
@@ -354,7 +360,7 @@ def _free_offset(axes: 'Axes', at: Floats, label: str, taken: list[tuple[Floats,
         if all(abs(here[0] + x - other[0]) > half + wide or abs(here[1] + y - other[1]) > 2 * _TEXT_PT
                for other, wide in taken):
             break
-    taken.append((here + (x, y), half))
+    taken.append((here + np.array((x, y)), half))
     return float(x), float(y)
 
 
@@ -372,16 +378,16 @@ def _widest(plan: Plan) -> list[tuple[float, float, float]]:
     return out
 
 
-def _draw_room(axes: 'Axes', plan: Plan, window: Floats) -> None:
+def _draw_room(axes: 'Axes', plan: Plan, window: Floats, taken: list[tuple[Floats, float]]) -> None:
     """Draw the room that is needed at the widest places."""
-    track = compile_scene(plan.scene).model.track
     for at_m, left, right in _widest(plan):
-        points, headings = track.poses(*track.places_at(np.array([at_m]), np.zeros(1)))
+        points, headings = _poses(plan, np.array([at_m]))
         normal = np.array((-headings[0, 1], headings[0, 0]))
         if _seen(points[0], window):
             ends = np.stack((points[0] + left * normal, points[0] - right * normal))
             axes.plot(*ends.T, color='black', linewidth=1.4, zorder=5)
-            axes.annotate(f'room {left + right:.2f} m', points[0], xytext=(-34 * normal[0] - 8, -34 * normal[1]),
+            label = f'room {left + right:.2f} m'
+            axes.annotate(label, points[0], xytext=_free_offset(axes, points[0], label, taken),
                           textcoords='offset points', fontsize=_TEXT_PT, ha='center', va='center', zorder=7,
                           arrowprops={'arrowstyle': '-', 'color': QUIET, 'linewidth': 0.5})
 
