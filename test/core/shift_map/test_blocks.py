@@ -177,7 +177,8 @@ def test_benches_of_any_mix_are_where_the_march_puts_them(mix, direction, part):
     for p, v in ((one.p, one.velocities(1.5)), (many.p[0], many.velocities(1.5)[0])):
         np.testing.assert_allclose(p, other.p, rtol=0, atol=3e-13)
         np.testing.assert_allclose(v, other.velocities(1.5), rtol=0, atol=1e-12)
-    assert one.solver == many.solver == ('table' if place.maps else 'march')
+    if metres not in track.joints_m:        # from a joint itself the first link is marched, and of many all
+        assert one.solver == many.solver == ('table' if place.maps else 'march')
 
 
 @examples(50)
