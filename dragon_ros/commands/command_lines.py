@@ -92,3 +92,52 @@ def demo(argv: list[str]) -> int:
     arguments = options.parse_args(argv)
     from dragon_ros.commands.demo import run
     return command_line.guarded('demo', partial(run, arguments))
+
+
+def route(argv: list[str]) -> int:
+    """Make a scene of a drawing; return the exit code."""
+    options = command_line.parser(
+        'route', 'Make a track of lines and arcs that follows a drawing: a path of an SVG, a line of a GeoJSON or CSV '
+        'file,\nor a nav_msgs/Path. Corners are rounded, curves fitted; what cannot be walked is refused, with the '
+        'place.', 'route street.svg --path way --scale 1:200 --output street.yaml')
+    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help='.svg, .geojson, .wkt, .csv, or a '
+                         'bag with a nav_msgs/Path')
+    options.add_argument('--output', type=Path, metavar='SCENE.yaml', help='scene to write; without it only the table '
+                         'is printed')
+    options.add_argument('--path', metavar='NAME', help='which line: the id or label of a path in SVG, the name of a '
+                         'feature in GeoJSON')
+    options.add_argument('--scale', metavar='1:N', help='of an SVG on paper, such as 1:200')
+    options.add_argument('--unit', type=float, metavar='METRES', help='metres for each unit of an SVG or CSV file')
+    options.add_argument('--origin', metavar='LON,LAT', help='where (0, 0) of a GeoJSON in degrees lies (the middle of '
+                         'the file)')
+    options.add_argument('--radius', type=float, metavar='METRES', help='of rounded corners (twice the least that '
+                         'these benches can take)')
+    options.add_argument('--tolerance', type=float, metavar='METRES', default=0.02,
+                         help='how far the track may stray from a drawn curve (%(default)g)')
+    options.add_argument('--start', type=float, metavar='METRES', help='how far along the drawing the head starts '
+                         '(where the whole dragon stands on it, if it is long enough, else 0)')
+    options.add_argument('--reverse', action='store_true', help='walk the drawing the other way')
+    options.add_argument('--topic', metavar='NAME', help='of the nav_msgs/Path in a bag; without a DRAWING, live')
+    options.add_argument('--timeout', type=float, metavar='S', default=10.0,
+                         help='how long to wait for a live path (%(default)g)')
+    options.add_argument('--frame-pose', metavar='X,Y,DEG', help="where the path's frame lies in the frame dragon: "
+                         'metres, and degrees to the left')
+    command_line.add_scene_options(options)
+    arguments = options.parse_args(argv)
+    from dragon_ros.commands.route import run
+    return command_line.guarded('route', partial(run, arguments))
+
+
+def plan(argv: list[str]) -> int:
+    """Write the plan of a scene; return the exit code."""
+    options = command_line.parser('plan', 'Draw a scene to scale, for print: track, swept area, gaps, times.\nAs '
+                                  'GeoJSON the swept area alone, in metres.', 'plan --scene street --output plan.pdf')
+    command_line.add_scene_options(options, 'street')
+    options.add_argument('--output', type=Path, required=True, metavar='PLAN.pdf|AREA.geojson', help='file to write')
+    options.add_argument('--scale', metavar='1:N', help='from 1:50 to 1:1000 (the largest that fits)')
+    options.add_argument('--paper', choices=('A4', 'A3'), help='paper (A4 where it fits, else A3)')
+    options.add_argument('--format', choices=('pdf', 'geojson'), help='format (as the suffix of --output says)')
+    options.add_argument('--title', metavar='TEXT', help='of the plan (the name of the scene)')
+    arguments = options.parse_args(argv)
+    from dragon_ros.commands.plan import run
+    return command_line.guarded('plan', partial(run, arguments))

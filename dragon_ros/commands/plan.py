@@ -3,7 +3,7 @@ import json
 from argparse import Namespace
 from dataclasses import dataclass
 from datetime import date
-from functools import cached_property, partial
+from functools import cached_property
 from math import ceil
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -38,20 +38,8 @@ _NEARLY_M = 0.01
 _WIDE = 0.62            # of a letter, in heights of the text
 
 
-def main(argv: list[str]) -> int:
+def run(arguments: Namespace) -> int:
     """Write the plan of a scene; return the exit code."""
-    options = command_line.parser('plan', 'Draw a scene to scale, for print: track, swept area, gaps, times.\nAs '
-                                  'GeoJSON the swept area alone, in metres.', 'plan --scene street --output plan.pdf')
-    command_line.add_scene_options(options, 'street')
-    options.add_argument('--output', type=Path, required=True, metavar='PLAN.pdf|AREA.geojson', help='file to write')
-    options.add_argument('--scale', metavar='1:N', help=f'from 1:{SCALES[0]} to 1:{SCALES[-1]} (the largest that fits)')
-    options.add_argument('--paper', choices=PAPERS_MM, help='paper (A4 where it fits, else A3)')
-    options.add_argument('--format', choices=('pdf', 'geojson'), help='format (as the suffix of --output says)')
-    options.add_argument('--title', metavar='TEXT', help='of the plan (the name of the scene)')
-    return command_line.guarded('plan', partial(_run, options.parse_args(argv)))
-
-
-def _run(arguments: Namespace) -> int:
     path: Path = arguments.output
     kind = arguments.format or path.suffix.lower().lstrip('.')
     if kind not in ('pdf', 'geojson'):

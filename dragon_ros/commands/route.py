@@ -1,9 +1,9 @@
 """``route``: a scene whose track follows a drawing, with a table of its pieces and of what had to be changed."""
+import json
 import subprocess
 import sys
 from argparse import Namespace
-from dataclasses import dataclass, replace
-from functools import partial
+from dataclasses import asdict, dataclass
 from math import pi
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -19,9 +19,9 @@ if TYPE_CHECKING:
     from dragon_ros.core.scene import Scene
     from dragon_ros.core.tracks.composite import Track
     from dragon_ros.core.tracks.drawn import Change, Route
+    from dragon_ros.core.tracks.spec import Composite
     from dragon_ros.messages.decode import PathMessage
 
-TOLERANCE_M = 0.02
 _EASY = 2.0             # least radii: the radius of corners unless one is given
 _FRAME = 'dragon'
 _PATH = 'nav_msgs/msg/Path'
@@ -29,37 +29,6 @@ _RECEIVER = 'dragon_ros.nodes.one_path'
 _LONGEST_S = 600.0
 _MAPS = ('.geojson', '.json', '.wkt')
 _FORMATS = '.svg, .geojson, .wkt, .csv, or a bag with a nav_msgs/Path'
-
-
-def main(argv: list[str]) -> int:
-    """Make a scene of a drawing; return the exit code."""
-    options = command_line.parser(
-        'route', 'Make a track of lines and arcs that follows a drawing: a path of an SVG, a line of a GeoJSON or CSV '
-        'file,\nor a nav_msgs/Path. Corners are rounded, curves fitted; what cannot be walked is refused, with the '
-        'place.', 'route street.svg --path way --scale 1:200 --output street.yaml')
-    options.add_argument('drawing', nargs='?', type=Path, metavar='DRAWING', help=_FORMATS)
-    options.add_argument('--output', type=Path, metavar='SCENE.yaml', help='scene to write; without it only the table '
-                         'is printed')
-    options.add_argument('--path', metavar='NAME', help='which line: the id or label of a path in SVG, the name of a '
-                         'feature in GeoJSON')
-    options.add_argument('--scale', metavar='1:N', help='of an SVG on paper, such as 1:200')
-    options.add_argument('--unit', type=float, metavar='METRES', help='metres for each unit of an SVG or CSV file')
-    options.add_argument('--origin', metavar='LON,LAT', help='where (0, 0) of a GeoJSON in degrees lies (the middle of '
-                         'the file)')
-    options.add_argument('--radius', type=float, metavar='METRES', help='of rounded corners (twice the least that '
-                         'these benches can take)')
-    options.add_argument('--tolerance', type=float, metavar='METRES', default=TOLERANCE_M,
-                         help='how far the track may stray from a drawn curve (%(default)g)')
-    options.add_argument('--start', type=float, metavar='METRES', help='how far along the drawing the head starts '
-                         '(where the whole dragon stands on it, if it is long enough, else 0)')
-    options.add_argument('--reverse', action='store_true', help='walk the drawing the other way')
-    options.add_argument('--topic', metavar='NAME', help='of the nav_msgs/Path in a bag; without a DRAWING, live')
-    options.add_argument('--timeout', type=float, metavar='S', default=10.0,
-                         help='how long to wait for a live path (%(default)g)')
-    options.add_argument('--frame-pose', metavar='X,Y,DEG', help=f"where the path's frame lies in the frame {_FRAME}: "
-                         'metres, and degrees to the left')
-    command_line.add_scene_options(options)
-    return command_line.guarded('route', partial(_run, options.parse_args(argv)))
 
 
 @dataclass(frozen=True)
@@ -74,9 +43,9 @@ class _Laid:
     radius_m: float
 
 
-def _run(arguments: Namespace) -> int:
-    base = command_line.scene_from(arguments)
-    laid = _laid(arguments, base, _line(arguments))
+def run(arguments: Namespace) -> int:
+    """Make a scene of a drawing; return the exit code."""
+    laid = _laid(arguments, _without_venue(arguments), _line(arguments))
     print(_text(laid, arguments.tolerance))
     if arguments.output is not None:
         from dragon_ros.scenes.provenance import differing_scene_file
@@ -193,8 +162,22 @@ def _laid(arguments: Namespace, base: 'Scene', line: DrawnLine) -> _Laid:
     route = along(line.parts, radius_m, least_m * (1 + 1e-9), tolerance_m)
     track = track_of(Composite(route.pieces))
     start_m = _start_m(arguments, base, route, track)
-    scene = replace(base, track=Composite(route.pieces, start_m))
+    scene = _on(arguments, Composite(route.pieces, start_m))
     return _Laid(scene, line, route, track, least_m, radius_m)
+
+
+def _without_venue(arguments: Namespace) -> 'Scene':
+    """Return the scene of the options but for its venue, which is not that of its own track."""
+    return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*arguments.overrides, 'venue=null']}))
+
+
+def _on(arguments: Namespace, track: 'Composite') -> 'Scene':
+    """Return the scene of the options on a track; what stands where it starts is refused there."""
+    pieces = [{'kind': type(piece).__name__.lower(), **{key: value for key, value in asdict(piece).items()
+                                                        if value is not None}} for piece in track.pieces]
+    values = json.dumps({'kind': 'joined', 'start_m': track.start_m, 'pieces': pieces})
+    return command_line.scene_from(Namespace(**{**vars(arguments), 'overrides': [*arguments.overrides,
+                                                                                 f'track={values}']}))
 
 
 def _start_m(arguments: Namespace, base: 'Scene', route: 'Route', track: 'Track') -> float:

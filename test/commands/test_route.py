@@ -112,3 +112,18 @@ def test_options_are_checked(capsys, corner, arguments, says):
     code, out, err = run(capsys, corner, *arguments)
     assert (code, out) == (2, '')
     assert says in err
+
+
+def test_a_venue_is_checked_against_the_drawn_track_and_not_against_the_one_before(capsys, tmp_path, corner):
+    scene_file = tmp_path / 'scene.yaml'
+    wall = 'venue.obstacles=[{kind: line, name: wall, points_m: [[%g, %g], [9, 9]]}]'
+    options = corner, '--set', 'dragon.benches=20', '--output', scene_file
+    code, _, err = run(capsys, *options, '--set', wall % (9, -9))       # across the first leg
+    assert (code, 'wall' in err) == (2, True)
+    assert not scene_file.exists()
+    code, _, err = run(capsys, *options, '--set', wall % (8, 5))
+    assert (code, err) == (0, '')
+    assert load_scene(str(scene_file)).venue.names == ('wall',)
+    inside = 'venue.inside=[[-5, -5], [65, -5], [65, 55], [55, 55], [55, 5], [-5, 5]]'
+    code, _, err = run(capsys, *options, '--set', inside, '--set', 'track.start_turns=99')
+    assert (code, err) == (0, '')
