@@ -25,6 +25,7 @@ EXECUTABLES = {
     'simulate': Executable(_COMMANDS, 'write the bag of a scene, without ROS and faster than real time', 'simulate'),
     'plot': Executable('dragon_ros.commands.plot.command',
                        'draw a scene or a bag: dragon, contact, clearance, speeds, animation'),
+    'urdf': Executable('dragon_ros.commands.urdf', 'write the dragon of a scene as a robot, without ROS'),
     'view': Executable('dragon_ros.commands.view.command', 'play a scene or a bag in the browser, without ROS'),
     'design': Executable('dragon_ros.commands.design', 'answer a question about what to build'),
     'plan': Executable(_COMMANDS, 'draw a scene to scale for print: swept area, gaps and times', 'plan'),

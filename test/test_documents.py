@@ -41,6 +41,8 @@ SUBSTITUTES = {
     './dragon record --output live.mcap': ('record --help', 'it waits for a sim; test/nodes/test_record.py has one'),
     './dragon sim --scene small.yaml': ('sim --scene small.yaml --ros-args -p time_scale:=0.0 -p discovery_s:=0.0',
                                         'the same run, without its 20 s'),
+    './dragon sim --set': ('sim --set run.stop_s=0.1 --ros-args -p time_scale:=0.0 -p discovery_s:=0.0 -p '
+                           'robot_description:=true', 'without its minutes; test/nodes/test_graph.py has the topics'),
     './dragon sim --scene led': ('sim --scene led --set run.stop_s=0.2 --ros-args -p discovery_s:=0.0',
                                  'it waits an hour for commands; test/nodes/test_led.py leads it'),
     './dragon monitor': ('monitor --help', 'it watches until Ctrl-C; test/nodes/test_examples.py has handles for it'),

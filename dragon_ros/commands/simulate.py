@@ -16,7 +16,7 @@ from dragon_ros.core.step import tick
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels, live
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.markers import track_marker
+from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
@@ -47,10 +47,10 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
     settings = {key: str(value) for key, value in vars(bag.options).items()}
     bag.describe(provenance.RECORD, provenance.run_metadata(text, scene, settings | provenance.versions()))
     bag.attach(provenance.ATTACHMENT, 'application/yaml', text.encode())
-    once = {'track': track_marker(scene, _FRAME_ID), 'scene': string_message(text)}
-    for name in (*once, *(row.name for row in live(scene.effects))):
+    latched = {**once(scene, _FRAME_ID), 'scene': string_message(text)}
+    for name in (*latched, *(row.name for row in live(scene.effects))):
         bag.add_channel(f'{namespace}/{name}', channels()[name])
-    for name, data in once.items():
+    for name, data in latched.items():
         bag.write(f'{namespace}/{name}', data, scene.run.start_ns, 1)
 
 

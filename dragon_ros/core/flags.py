@@ -26,6 +26,8 @@ class Effect(Flag):
     DIAGNOSTICS = auto()
     LEADER = auto()
     CLOUD = auto()
+    JOINTS = auto()
+    PATH = auto()
 
     @property
     def names(self) -> list[str]:
@@ -50,6 +52,8 @@ MEANINGS = {
     Effect.DIAGNOSTICS: 'how well each tick was solved',
     Effect.LEADER: 'place, way and speed of the leading handle; always on where the head law is commanded',
     Effect.CLOUD: 'the handles with their velocities as one stamped cloud of points, which viewers colour by speed',
+    Effect.JOINTS: 'the angles between the benches, and where the head bench is: the dragon as a robot',
+    Effect.PATH: 'the track as a nav_msgs/Path, published once',
 }
 
 

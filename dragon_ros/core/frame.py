@@ -62,6 +62,7 @@ class Frame:
     trail_m: Floats | None = None
     health: Health | None = None
     leader: LeaderMotion | None = None
+    joint_rad: Floats | None = None
 
     def __repr__(self) -> str:
         """Name the tick and the fields that are there; their arrays would fill screens."""

@@ -43,8 +43,9 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
     trail = effects.trail(simulation, t_s) if on.trails else None
     health = effects.chain_health(chain, simulation.promise_m) if on.diagnostics else None
     leader = effects.leader_motion(simulation, t_s, chain) if on.leader else None
+    joints = effects.joint_angles(axis) if on.joints else None
     return Frame(k, t_ns, chain, axis, velocity, benches, closeness, contacts, acceleration, tension, noisy, trail,
-                 health, leader)
+                 health, leader, joints)
 
 
 def state(scene: Scene, t_s: float) -> Chain:

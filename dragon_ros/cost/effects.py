@@ -31,7 +31,8 @@ _FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
                                                                     to.axis)),
     Effect.TRAILS: ('trail_m', lambda of, to: effects.trail(of, to.t_ns / NS)),
     Effect.DIAGNOSTICS: ('health', lambda of, to: effects.chain_health(to.chain, of.promise_m)),
-    Effect.LEADER: ('leader', lambda of, to: effects.leader_motion(of, to.t_ns / NS, to.chain))}
+    Effect.LEADER: ('leader', lambda of, to: effects.leader_motion(of, to.t_ns / NS, to.chain)),
+    Effect.JOINTS: ('joint_rad', lambda _, to: effects.joint_angles(to.axis))}
 
 
 @dataclass(frozen=True)

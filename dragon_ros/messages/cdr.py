@@ -194,6 +194,30 @@ class CloudTemplate(Template):
         points['speed'] = np.hypot(velocity_m_s[:, 0], velocity_m_s[:, 1])
 
 
+class JointsTemplate(Template):
+    """sensor_msgs/JointState with positions alone."""
+
+    def __init__(self, names: list[str], frame_id: str) -> None:
+        """Lay out the message for joints with these names."""
+        writer = Writer()
+        self._stamp = writer.header(frame_id)
+        writer.put('I', len(names))
+        for name in names:
+            writer.text(name)
+        writer.put('I', len(names))
+        self._positions = Rows(len(names), writer.room('d', len(names)), 8, {'position': ('<f8', 0)})
+        writer.put('I', 0, 0)       # neither velocities nor efforts
+        super().__init__(writer.finish())
+
+    def encode(self, t_ns: int, position_rad: Floats) -> bytes:
+        """Return the bytes for positions in rad."""
+        return self.patched(lambda data: self._patch(data, t_ns, position_rad))
+
+    def _patch(self, data: memoryview, t_ns: int, position_rad: Floats) -> None:
+        struct.pack_into('<II', data, self._stamp, *stamp_of(t_ns))
+        self._positions.of(data)['position'] = position_rad
+
+
 def float64_of(value: float) -> bytes:
     """Return a std_msgs/Float64."""
     return LITTLE + struct.pack('<d', value)

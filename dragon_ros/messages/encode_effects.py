@@ -8,6 +8,7 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.messages.cdr import (
     CloudTemplate,
+    JointsTemplate,
     PoseArrayTemplate,
     VelocitiesTemplate,
     Writer,
@@ -16,6 +17,7 @@ from dragon_ros.messages.cdr import (
     stamp_of,
 )
 from dragon_ros.messages.markers import SPHERE, YELLOW, MarkerSpec, contact_markers, red_benches, trail_marker
+from dragon_ros.messages.urdf import joint_names
 
 Encode = Callable[[Frame], bytes]
 _OK, _ERROR = 0, 2          # levels of a diagnostic status
@@ -122,10 +124,20 @@ def _cloud(scene: Scene, frame_id: str) -> Encode:
     return encode
 
 
+def _joints(scene: Scene, frame_id: str) -> Encode:
+    template = JointsTemplate(joint_names(scene.dragon.benches), frame_id)
+
+    def encode(frame: Frame) -> bytes:
+        assert frame.joint_rad is not None
+        return template.encode(frame.t_ns, frame.joint_rad)
+    return encode
+
+
 BUILDERS: dict[str, Callable[[Scene, str], Encode]] = {
     'model/clearance': _clearance, 'model/contacts': _contacts, 'model/markers': _contact_markers,
     'accelerations': _accelerations, 'forces': _forces, 'measured': _measured, 'trail': _trail,
-    'model/diagnostics': _diagnostics, 'leader': _leader, 'cloud': _cloud}
+    'model/diagnostics': _diagnostics, 'leader': _leader, 'cloud': _cloud,
+    'joint_states': _joints}
 
 
 def _table(rows: str, columns: str, values: Floats) -> bytes:

@@ -54,6 +54,7 @@ SIM = (
     Parameter('cmd_vel_stamped', True, 'Whether cmd_vel, which leads a dragon whose head law is commanded, is a '
               'TwistStamped; false: a Twist'),
     Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),
+    Parameter('robot_description', False, 'Publish the dragon as a robot in URDF on robot_description'),
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 REPLAY = (

@@ -9,7 +9,7 @@ from rclpy.publisher import Publisher
 from dragon_ros.bags.read.frames import keep_s
 from dragon_ros.cli import command_line
 from dragon_ros.core.chain.commanded import Commanded
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, MissingError
 from dragon_ros.core.flags import Effect
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.scene import NS, Scene
@@ -18,7 +18,7 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.messages.cdr import string_message
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
-from dragon_ros.messages.markers import track_marker
+from dragon_ros.messages.once import DESCRIPTION, ENCODE, once
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
@@ -26,7 +26,7 @@ from dragon_ros.nodes.controls import Player
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import Commands, LedFrames
 from dragon_ros.nodes.params import SIM
-from dragon_ros.nodes.tf_publisher import TfPublisher
+from dragon_ros.nodes.tf_publisher import TF, TfPublisher
 from dragon_ros.scenes.certificate import claim_of
 from dragon_ros.scenes.load import load_scene
 from dragon_ros.scenes.provenance import CLAIM, scene_file
@@ -80,10 +80,9 @@ class Sim(DragonNode):
         self._frames = Broadcast(self._led() if self.scene.is_led else Frames(self.scene, contact),
                                  self.topics.values())
         self._frames.also = list(self._also())
-        self.topic_publishers['track'] = self._publisher('track')
-        self.topic_publishers['track'].publish(track_marker(self.scene, value['frame_id']))
-        self.topic_publishers['scene'] = self._publisher('scene')
-        self.topic_publishers['scene'].publish(string_message(scene_file(self.scene, _about(value, found))))
+        for name, data in self._latched(_about(value, found)):
+            self.topic_publishers[name] = self._publisher(name)
+            self.topic_publishers[name].publish(data)
         self._frames.frames.prepare()
         gate = publisher_queue.StartGate(self.topic_publishers, value['wait_subscribers'], value['discovery_s'])
         self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
@@ -111,6 +110,14 @@ class Sim(DragonNode):
         return LedFrames(self.scene, self.commands.wanted_m_s, self.setting['on_contact'], self.get_logger().warning,
                          keep_s(self.scene))
 
+    def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
+        """Yield topic and message of what is published once; ``about`` goes with the scene."""
+        value = self.setting
+        yield from once(self.scene, value['frame_id']).items()
+        if value['robot_description']:
+            yield DESCRIPTION, ENCODE[DESCRIPTION](self.scene, value['frame_id'])
+        yield 'scene', string_message(scene_file(self.scene, about))
+
     def _publisher(self, name: str) -> Publisher:
         row = channels()[name]
         profile = qos.of_channel(row)
@@ -123,8 +130,18 @@ class Sim(DragonNode):
         if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
             clock = ClockPublisher(self, self.scene.run.start_ns)
             yield lambda frame: clock.publish(frame.t_ns)
-        if self.setting['publish_tf']:
-            yield TfPublisher(self, self.setting['frame_id']).publish
+        root = Effect.JOINTS in self.scene.effects
+        if self.setting['publish_tf'] or (root and self._has_tf()):
+            yield TfPublisher(self, self.setting['frame_id'], self.setting['publish_tf'], root).publish
+
+    def _has_tf(self) -> bool:
+        """Return whether tf2_msgs is there; the ROS wheels lack it, and angles are of use without it."""
+        try:
+            shell.message_type(TF)
+        except MissingError as error:
+            self.get_logger().warning(f'effect joints: the pose of the head bench is not on /tf: {error}')
+            return False
+        return True
 
 
 def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | NoContact | None:

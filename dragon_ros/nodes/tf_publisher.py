@@ -1,24 +1,32 @@
-"""TF of the two ends of a dragon; frames of all 224 handles would slow down every listener."""
+"""TF of the two ends of a dragon, and of its head bench; frames of all 224 handles would slow down every listener."""
 from geometry_msgs.msg import TransformStamped
 from rclpy.node import Node
 from rclpy.qos import QoSProfile
 
 from dragon_ros.core.frame import Frame
 from dragon_ros.messages.cdr import half_turns, stamp_of
+from dragon_ros.messages.urdf import ROOT
 from dragon_ros.nodes import shell
+
+TF = 'tf2_msgs/msg/TFMessage'
 
 
 class TfPublisher:
-    """Publishes FRAME/head and FRAME/tail, children of the frame of all messages, on /tf."""
+    """Publishes frames on /tf, children of the frame of all messages: FRAME/head and FRAME/tail, and FRAME/bench_0."""
 
-    def __init__(self, node: Node, frame_id: str) -> None:
-        """Advertise /tf. Raises MissingError where tf2_msgs is not installed."""
-        self._message, self._frame_id = shell.message_type('tf2_msgs/msg/TFMessage'), frame_id
+    def __init__(self, node: Node, frame_id: str, ends: bool = True, root: bool = False) -> None:
+        """Advertise /tf, for both ``ends``, and the head bench as the ``root`` of a robot.
+
+        Raises MissingError where tf2_msgs is not installed.
+        """
+        self._message, self._frame_id, self._ends, self._root = shell.message_type(TF), frame_id, ends, root
         self._publisher = node.create_publisher(self._message, '/tf', QoSProfile(depth=100))
 
     def publish(self, frame: Frame) -> None:
-        """Publish both ends of a frame."""
-        self._publisher.publish(self._message(transforms=transforms_of(frame, self._frame_id)))
+        """Publish the transforms of a frame."""
+        out = transforms_of(frame, self._frame_id) if self._ends else []
+        self._publisher.publish(self._message(transforms=out + (
+            [root_of(frame, self._frame_id)] if self._root else [])))
 
 
 def transforms_of(frame: Frame, frame_id: str) -> list[TransformStamped]:
@@ -26,6 +34,11 @@ def transforms_of(frame: Frame, frame_id: str) -> list[TransformStamped]:
     turns = half_turns(frame.axis[[0, -1]])
     return [_transform(frame, frame_id, name, handle, turn.tolist())
             for name, handle, turn in zip(('head', 'tail'), (0, -1), turns, strict=True)]
+
+
+def root_of(frame: Frame, frame_id: str) -> TransformStamped:
+    """Return where the head bench is, the root of the robot: at the first handle, x along the bench."""
+    return _transform(frame, frame_id, ROOT, 0, half_turns(frame.axis[:1])[0].tolist())
 
 
 def _transform(frame: Frame, frame_id: str, name: str, handle: int, turn: list[float]) -> TransformStamped:

@@ -475,3 +475,27 @@ def test_the_quality_of_a_topic_can_be_overridden_and_what_cannot_gets_a_word(st
         assert failed.end() == 2, failed.text
         assert any(part in failed.text for part in says.split('|')), failed.text
         assert 'Traceback' not in failed.text
+
+
+def test_the_dragon_as_a_robot_is_published_and_latched_where_asked_for(start, node):
+    from nav_msgs.msg import Path as TrackPath
+    from sensor_msgs.msg import JointState
+    from std_msgs.msg import String
+
+    from dragon_ros.messages.urdf import urdf_of
+    from dragon_ros.nodes import qos
+    got = {}
+    for name, kind in (('robot_description', String), ('path', TrackPath), ('joint_states', JointState)):
+        node.create_subscription(kind, name, lambda message, name=name: got.setdefault(name, message),
+                                 qos.of_channel(channels()[name]))
+    changes = 'dragon.benches=5', 'effects=[joints, path]'
+    sim = start('sim', *overrides(*changes), '--ros-args', '-p', 'robot_description:=true', '-p', 'discovery_s:=0.0')
+    node.until(lambda: len(got) == 3)
+    assert got['robot_description'].data == urdf_of(load_scene('winding', changes))
+    assert got['joint_states'].name == ['joint_1', 'joint_2', 'joint_3', 'joint_4']
+    assert {pose.header.frame_id for pose in got['path'].poses} == {'dragon'}
+    assert sim.stop() == 0, sim.text
+    plain = start('sim', '--ros-args', '-r', '__ns:=/plain', '-p', 'discovery_s:=0.0')
+    node.until(lambda: node.count_publishers('/plain/handles'))
+    assert [node.count_publishers(f'/plain/{name}') for name in got] == [0, 0, 0]
+    assert plain.stop() == 0, plain.text

@@ -40,7 +40,7 @@ from dragon_ros.messages.decode import (
     stamp_of_message,
 )
 from dragon_ros.messages.encode import Encode, encoders
-from dragon_ros.messages.markers import track_marker
+from dragon_ros.messages.once import ENCODE
 from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
@@ -212,9 +212,9 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
         left, row = topic.messages - result.seen[name], channels().get(name)
         if name in each:
             why = 'of last ticks that are not whole, as a recorder that was killed leaves them'
-        elif name == 'track' and result.other_version is not None:
+        elif name in ENCODE and result.other_version is not None:
             why = 'drawn in another way by another version'
-        elif name in ('scene', 'track'):
+        elif name == 'scene' or name in ENCODE:
             _compare_once(result, bag, scene, topic.name, frame_id)
             continue
         elif row is not None and row.each_tick:
@@ -233,7 +233,7 @@ def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topic: str, 
     """Compare the messages of a topic that is published once a run. The scene may be known from nowhere else."""
     name = topic.rpartition('/')[2]
     text = bag.metadata(RECORD).get('scene')
-    wanted = track_marker(scene, frame_id) if name == 'track' else None if text is None else string_message(text)
+    wanted = ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
     for message in bag.messages([topic]):
         if wanted is None or message.data == wanted or _nearly(scene, channels()[name].type, wanted, message.data):
             result.once += 1

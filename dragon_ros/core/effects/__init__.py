@@ -4,7 +4,8 @@ from importlib import import_module
 from typing import Any
 
 _MODULES = {'closeness': 'proximity', 'contacts': 'proximity', 'accelerations': 'dynamics', 'tensions': 'dynamics',
-            'noisy_handles': 'noise', 'trail': 'trails', 'chain_health': 'health', 'leader_motion': 'leading'}
+            'noisy_handles': 'noise', 'trail': 'trails', 'chain_health': 'health', 'leader_motion': 'leading',
+            'joint_angles': 'joints'}
 
 
 def __getattr__(name: str) -> Callable[..., Any]:

@@ -31,13 +31,13 @@ ALL = ~Effect.NONE
 FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLEARANCE: 'closeness',
           Effect.CONTACT: 'contacts', Effect.ACCELERATIONS: 'acceleration_m_s2', Effect.FORCES: 'tension_n_kg',
           Effect.NOISE: 'measured', Effect.TRAILS: 'trail_m', Effect.DIAGNOSTICS: 'health',
-          Effect.LEADER: 'leader'}
+          Effect.LEADER: 'leader', Effect.JOINTS: 'joint_rad'}
 TOUCHING = Scene(dragon=Dragon(benches=24), effects=ALL, trails=Trails(points=5))
 TICK = 413 * 50
 
 
 def subsets():
-    every = list(known().values())
+    every = [effect for effect in known().values() if effect != Effect.PATH]     # which no tick has
     for size in range(len(every) + 1):
         for chosen in combinations(every, size):
             effects = Effect.NONE
@@ -121,14 +121,15 @@ def test_what_is_off_is_not_even_imported():
     done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
     loaded = set(json.loads(done.stdout))
     for name in ('core.effects.proximity', 'core.effects.dynamics', 'core.effects.noise', 'core.effects.trails',
-                 'core.effects.health', 'core.effects.leading', 'core.geometry.near_pairs', 'core.geometry.broad_phase',
-                 'core.geometry.tracker', 'messages.encode_effects', 'messages.monitor_markers'):
+                 'core.effects.health', 'core.effects.leading', 'core.effects.joints', 'core.geometry.near_pairs',
+                 'core.geometry.broad_phase', 'core.geometry.tracker', 'messages.encode_effects',
+                 'messages.monitor_markers'):
         assert find_spec(f'dragon_ros.{name}')
         assert f'dragon_ros.{name}' not in loaded
 
 
 def test_there_are_as_many_subsets_as_needs_allow():
-    assert len(SUBSETS) == 5 * 3 * 3 * 2**5
+    assert len(SUBSETS) == 5 * 3 * 3 * 2**6
 
 
 @pytest.mark.parametrize(('names', 'line'), [

@@ -1,0 +1,14 @@
+"""The dragon as a robot: the angles between its benches."""
+import numpy as np
+
+from dragon_ros.core.numerics.types import Floats, read_only
+
+
+def joint_angles(axis: Floats) -> Floats:
+    """Return by how much each bench is turned against the one before it, (N - 1,) in rad in (-pi, pi], left positive.
+
+    ``axis`` (N, 2) are the unit directions of the benches, from the rear to the front.
+    """
+    ahead, behind = axis[:-1], axis[1:]
+    across = ahead[:, 0] * behind[:, 1] - ahead[:, 1] * behind[:, 0]
+    return read_only(np.arctan2(across, np.sum(ahead * behind, axis=1)))

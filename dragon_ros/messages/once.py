@@ -1,0 +1,45 @@
+"""What a run publishes once, for late readers: encoded from the scene alone."""
+from collections.abc import Callable
+
+import numpy as np
+
+from dragon_ros.core.flags import Effect
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Scene
+from dragon_ros.messages.cdr import Writer, half_turns, string_message
+from dragon_ros.messages.markers import track_marker
+
+DESCRIPTION = 'robot_description'
+
+
+def once(scene: Scene, frame_id: str) -> dict[str, bytes]:
+    """Return the latched messages that a scene asks for, by topic, without the scene itself."""
+    wanted = ['track', *(['path'] if Effect.PATH in scene.effects else [])]
+    return {name: ENCODE[name](scene, frame_id) for name in wanted}
+
+
+def path_message(scene: Scene, frame_id: str) -> bytes:
+    """Return the track as a nav_msgs/Path, from the rear to the front of where any handle is in the run.
+
+    Each pose has the stamp and frame of the whole, x along the way to the next.
+    """
+    points = compile_scene(scene).track_line()[::-1]
+    steps = np.diff(points, axis=0)
+    steps = np.concatenate((steps, steps[-1:])) if len(steps) else np.array([[1.0, 0.0]])
+    turns = half_turns(steps / np.hypot(steps[:, 0], steps[:, 1])[:, None])
+    writer = Writer()
+    writer.header(frame_id, scene.run.start_ns)
+    writer.put('I', len(points))
+    for (x, y), turn in zip(points.tolist(), turns.tolist(), strict=True):
+        writer.header(frame_id, scene.run.start_ns)
+        writer.put('d', x, y, 0.0, 0.0, 0.0, *turn)
+    return bytes(writer.finish())
+
+
+def _robot(scene: Scene, _: str) -> bytes:
+    from dragon_ros.messages.urdf import urdf_of  # brings a library for XML, and few ask
+    return string_message(urdf_of(scene))
+
+
+ENCODE: dict[str, Callable[[Scene, str], bytes]] = {
+    'track': track_marker, 'path': path_message, DESCRIPTION: _robot}

@@ -1,0 +1,61 @@
+"""The dragon as a robot in URDF: benches as links, handles as revolute joints, with the true sizes.
+
+The frame of bench i is at its front handle, x towards the head. Joint i turns bench i against bench i - 1 about handle
+i, by the angle that topic ``joint_states`` has for it.
+"""
+from math import pi
+from xml.etree.ElementTree import Element, SubElement, indent, tostring
+
+from dragon_ros.core.scene import Scene
+from dragon_ros.messages.markers import BENCH_HEIGHT_M
+
+ROOT = 'bench_0'
+_UNLIMITED = 1e3        # effort in N m and speed in rad/s: nothing drives a joint, and importers want positive numbers
+_MASS_KG = 1.0          # a scene has no masses, and importers drop links without one
+
+
+def joint_names(benches: int) -> list[str]:
+    """Return the names of the joints between benches: joint_1 turns bench 1 against bench 0."""
+    return [f'joint_{n}' for n in range(1, benches)]
+
+
+def urdf_of(scene: Scene) -> str:
+    """Return the dragon of a scene as a URDF document."""
+    dragon = scene.dragon
+    robot = Element('robot', name='dragon')
+    size = zip(dragon.bench_lengths_m.tolist(), dragon.link_lengths_m.tolist(), strict=True)
+    for n, (length_m, link_m) in enumerate(size):
+        _add_bench(robot, n, (length_m, dragon.width_m, BENCH_HEIGHT_M), link_m)
+    for n, (name, link_m) in enumerate(zip(joint_names(dragon.benches), dragon.link_lengths_m.tolist(), strict=False)):
+        _add_joint(robot, name, n, link_m)
+    indent(robot)
+    return '<?xml version="1.0"?>\n' + tostring(robot, encoding='unicode')
+
+
+def _add_bench(robot: Element, n: int, size_m: tuple[float, float, float], link_m: float) -> None:
+    """Add a box whose middle is between its two handles; its moments of inertia are those of an even box."""
+    link = SubElement(robot, 'link', name=f'bench_{n}')
+    x, y, z = size_m
+    for kind in ('visual', 'collision'):
+        part = SubElement(link, kind)
+        _add_origin(part, -link_m / 2)
+        SubElement(SubElement(part, 'geometry'), 'box', size=f'{x!r} {y!r} {z!r}')
+    inertial = SubElement(link, 'inertial')
+    _add_origin(inertial, -link_m / 2)
+    SubElement(inertial, 'mass', value=repr(_MASS_KG))
+    moments = {'ixx': y * y + z * z, 'iyy': x * x + z * z, 'izz': x * x + y * y, 'ixy': 0.0, 'ixz': 0.0, 'iyz': 0.0}
+    SubElement(inertial, 'inertia', {key: repr(_MASS_KG * value / 12) for key, value in moments.items()})
+
+
+def _add_joint(robot: Element, name: str, n: int, link_m: float) -> None:
+    """Add the joint behind bench n."""
+    joint = SubElement(robot, 'joint', name=name, type='revolute')
+    _add_origin(joint, -link_m)
+    SubElement(joint, 'parent', link=f'bench_{n}')
+    SubElement(joint, 'child', link=f'bench_{n + 1}')
+    SubElement(joint, 'axis', xyz='0 0 1')
+    SubElement(joint, 'limit', lower=repr(-pi), upper=repr(pi), effort=repr(_UNLIMITED), velocity=repr(_UNLIMITED))
+
+
+def _add_origin(part: Element, x_m: float) -> None:
+    SubElement(part, 'origin', xyz=f'{x_m!r} 0 0', rpy='0 0 0')
