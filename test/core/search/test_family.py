@@ -1,16 +1,21 @@
 """What is proved of a family holds for its dragons, is nearly all that can be proved, and says what it is not for."""
 from dataclasses import replace
+from itertools import product
 
 import numpy as np
 import pytest
 
+from dragon_ros.core.chain.chain import marched
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.errors import DragonError, FieldError, InputError
+from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.family import first_contact_within
+from dragon_ros.core.search.family import _HEAD, _Search, family_of, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.tracks.composite import Place, track_of
+from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral, STurn
 
 SMALL = Scene(dragon=Dragon(40), track=Spiral(0.55, 7.0))
@@ -125,3 +130,18 @@ def test_what_is_not_covered_is_refused_with_its_reason(scene, within, said):
 def test_a_run_that_starts_where_links_might_lock_is_refused():
     with pytest.raises(InputError, match='starts where links may lock'):
         first_contact_within(replace(SMALL, track=Spiral(0.55, 2.6), run=Run(stop_s=0.1)), {})
+
+
+def test_the_last_bench_of_any_dragon_of_a_family_is_within_what_a_box_says_which_is_little_more():
+    family = family_of(replace(SMALL, dragon=Dragon(12)), BOX)
+    search, unit, theta = _Search(family, 0.0, 60.0, lambda states: None), track_of(Spiral(2 * np.pi)), (30.0, 30.001)
+    low, high = (np.array([[theta[end]], [(5.5, 8.0)[end]], [family.scale[end]], [family.head_link_m[end]],
+                           [family.body_link_m[end]]]) for end in (0, 1))
+    _, last, _ = search._strips(low, high, np.array([_HEAD]))
+    seen = []
+    for scale in family.scale:
+        for head_m, body_m in product(family.head_link_m, family.body_link_m):
+            links = scale * np.array([head_m, *(body_m,) * 11])
+            chains = [marched(unit, links, Place(0, DoubleDouble(start, 0.0)), BEHIND) for start in theta]
+            seen += [chain.u[11] - chain.u[0] for chain in chains]
+    assert 5.5 < min(seen) < max(seen) <= last[0] <= max(seen) + 1e-3
