@@ -38,6 +38,7 @@ if TYPE_CHECKING:
     from dragon_ros.core.search.bounding_box import BoundingBox
     from dragon_ros.core.search.max_speed import MaxSpeed
     from dragon_ros.core.search.min_pitch import MinPitch
+    from dragon_ros.core.search.venue_fit import VenueFit
     from dragon_ros.core.tracks.s_turn import TurnAnswer
 
 Progress = Callable[[int], object]
@@ -332,10 +333,19 @@ class Design:
                          None if smallest_m is None else number('smallest_m', smallest_m))
 
     @staticmethod
-    def fit(scene: Scene | Simulated, *, within_m: float = 1e-10, progress: Progress = _quiet) -> 'BoundingBox':
-        """Return how far the benches reach in a run, between bounds ``within_m`` apart. Raises FieldError."""
+    def fit(scene: Scene | Simulated, *, within_m: float | None = None,
+            progress: Progress = _quiet) -> 'BoundingBox | VenueFit':
+        """Return how far the benches reach in a run, or in a venue how near they come to each obstacle.
+
+        Bounds are ``within_m`` apart: 1e-10, and in a venue 1e-6, unless given. Raises FieldError.
+        """
+        given = _scene('scene', scene)
+        within = None if within_m is None else number('within_m', within_m, above=0.0)
+        if given.venue is not None:
+            from dragon_ros.core.search.venue_fit import venue_fit
+            return venue_fit(given, within or 1e-6, progress)
         from dragon_ros.core.search.bounding_box import bounding_box
-        return bounding_box(_scene('scene', scene), number('within_m', within_m, above=0.0), progress)
+        return bounding_box(given, within or 1e-10, progress)
 
     @staticmethod
     def max_speed(scene: Scene | Simulated, *, progress: Progress = _quiet) -> 'MaxSpeed':

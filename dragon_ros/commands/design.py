@@ -17,6 +17,7 @@ if TYPE_CHECKING:       # each question imports what it needs
     from dragon_ros.core.tracks.spec import STurn
 
 Values = dict[str, Any]
+_DOES_NOT_FIT = 1        # an exit code
 _PITCH_OPTIONS = {'diameter_m': '--diameter', 'largest_m': '--largest', 'within_m': '--within',
                   'smallest_m': '--smallest', 'start_turns': 'track.start_turns'}
 
@@ -49,7 +50,7 @@ def _run(question: Question, arguments: Namespace) -> int:
     values = question.answer(arguments)
     text = json.dumps(values) if arguments.format == 'json' else question.text(values)
     command_line.write_output(arguments.output, text)
-    return command_line.OK
+    return command_line.OK if values.get('fits', True) else _DOES_NOT_FIT
 
 
 def _turn_options(parser: ArgumentParser) -> None:
@@ -217,6 +218,8 @@ def _fit_answer(arguments: Namespace) -> dict[str, Any]:
 
     from dragon_ros.core.search.bounding_box import bounding_box, fits
     scene = command_line.scene_from(arguments)
+    if scene.venue is not None:
+        return _venue_answer(scene, arguments)
     side = None if arguments.square is None else number('--square', arguments.square, above=0.0)
     with Progress('fit', 'looks') as bar:
         found = bounding_box(scene, progress=bar.update)
@@ -225,8 +228,40 @@ def _fit_answer(arguments: Namespace) -> dict[str, Any]:
             'fits_centred': side and fits(found.centred_m, side), 'fits_free': side and fits(found.free_m, side)}
 
 
+def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
+    """Return the smallest gap to each obstacle of a scene's venue, and whether all are as large as is wanted."""
+    from dataclasses import asdict
+
+    from dragon_ros.core.search.venue_fit import venue_fit
+    if arguments.square is not None:
+        raise InputError('--square: belongs to a scene without a venue; leave it out, or the venue (--set venue=null)')
+    with Progress('fit', 'looks') as bar:
+        found = venue_fit(scene, progress=bar.update)
+    return {'venue': [asdict(one) for one in found.gaps], 'margin_m': found.margin_m,
+            'lacking': [one.name for one in found.lacking], 'fits': found.fits, 'looks': found.looks}
+
+
+def _venue_text(values: dict[str, Any]) -> str:
+    """Return the answer in a venue as text, the smallest gap first."""
+    lines = []
+    for one in values['venue']:
+        x, y = one['point_m']
+        gap = (f'{one["high_m"]:.6f} m, and no more than {one["high_m"] - one["low_m"]:.1e} m smaller' if
+               one['high_m'] > 0 else 'it is touched')
+        lines.append(f'{one["name"]}: {gap}: bench {one["bench"]} at {one["t_s"]:.3f} s, its middle at ({x:.3f}, '
+                     f'{y:.3f}) m')
+    margin = f'a gap of {values["margin_m"]:g} m'
+    lacking = ', '.join(values['lacking'])
+    lines.append(f'the dragon does not fit, with less than {margin} to {lacking}' if lacking else
+                 f'the dragon fits, with {margin} to all' if values['fits'] else
+                 f'whether the dragon fits with {margin} is undecided: that is between the bounds')
+    return '\n'.join(lines)
+
+
 def _fit_text(values: dict[str, Any]) -> str:
     """Return the answer as text."""
+    if 'venue' in values:
+        return _venue_text(values)
     at, side = values['touching'], values['square_m']
     x, y = at['point_m']
     lines = [f'the smallest square about the origin that contains the run: {_bounds(values["centred_m"])}',

@@ -37,6 +37,20 @@ def test_fit_says_whether_it_does(capsys, side, says):
     assert '23.99411132' in out
 
 
+@pytest.mark.parametrize(('margin_m', 'code', 'says'), [
+    ('0.9', 0, 'the dragon fits, with a gap of 0.9 m to all'),
+    ('1.2', 1, 'the dragon does not fit, with less than a gap of 1.2 m to lamp post\n'),
+    ('2', 1, 'to lamp post, left wall, right wall\n')])
+def test_fit_in_a_venue_tells_each_gap_and_what_lacks_margin(capsys, margin_m, code, says):
+    found, out, _ = run(capsys, 'fit', '--scene', 'street', '--set', f'venue.margin_m={margin_m}')
+    assert (found, out.splitlines()[0][:22]) == (code, 'lamp post: 0.939000 m,')
+    assert says in out
+    found, out, _ = run(capsys, 'fit', '--scene', 'street', '--set', f'venue.margin_m={margin_m}', '--format', 'json')
+    assert (found, json.loads(out)['venue'][0]['name']) == (code, 'lamp post')
+    code, _, err = run(capsys, 'fit', '--scene', 'street', '--square', '9')
+    assert (code, '--square: belongs to a scene without a venue' in err) == (2, True)
+
+
 @pytest.mark.parametrize(('arguments', 'says'), [
     (['min-pitch', '--largest', '0.1'], '--largest: 0.1 '),
     (['min-pitch', '--diameter', 'nan'], "--diameter: 'nan' is not a finite number"),

@@ -21,7 +21,16 @@ def check_start(scene: Scene) -> None:
         bench, number, _ = around.touching(benches)
         if bench.size:
             _refuse(scene, around.names[number[0]], f'bench {bench[0]} touches it when the run starts')
-        misplaced = around.misplaced(*benches.centre[0].tolist())
+    check_sides(scene)
+
+
+def check_sides(scene: Scene) -> None:
+    """Raise FieldError where an obstacle covers the middle of the head as the run starts, or that is not inside."""
+    assert scene.venue
+    around = surroundings_of(scene.venue)
+    with suppress(ModelEnd):
+        front, rear = compile_scene(scene).model.march(scene.head.travelled_m(scene.run.start_s)).p[:2]
+        misplaced = around.misplaced(*(0.5 * (front + rear)).tolist())
         if misplaced is not None:
             _refuse(scene, around.names[misplaced], 'the dragon is outside of it when the run starts' if
                     misplaced == around.inside else 'it covers the dragon when the run starts')

@@ -1,0 +1,270 @@
+"""How near the benches of a run come to each obstacle of a venue, between bounds, by branch and bound.
+
+Where a bench lies depends on its length and on where its front handle is, so cells are intervals of the track that the
+front handles of benches of one length go through, each with one edge of an obstacle. The gap of a bench to an edge is
+the largest separation along any direction. So each of two bounds holds from one end of an interval to the other, and
+the larger one counts. *By going:* no point of the bench goes further than its farthest corner, M, so the gap is at
+least half of the sum of its values at the ends less M. *By a direction d*, the best one at an end: a corner's
+coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it goes by V at most and is nowhere below
+the mean of its values at the ends less V / 2; the least of the corners' counts, less the largest of the edge's ends.
+"""
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.signed_distance import rounding_m
+from dragon_ros.core.geometry.venue import Surroundings, surroundings_of
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.search.bounding_box import (
+    BenchStates,
+    HandleRanges,
+    SweptBench,
+    _bench,
+    _by_length,
+    _intervals,
+)
+from dragon_ros.core.search.driver import Boxes, divisible, run
+from dragon_ros.core.search.venue import check_sides
+from dragon_ros.core.tiers import EXACT
+
+_AT_ONCE = 8192     # cells
+_PARTS = 4          # into which a cell is cut
+_FIRST_M = 2.0      # as long are the first intervals, about
+_MOST_FIRST = 20_000    # of them, for one kind of bench
+_PAIRS_AT_ONCE = 2_000_000      # places and edges whose distances are taken together, for the memory
+_MOST = 3_000_000   # cells that are looked at
+
+
+@dataclass(frozen=True)
+class ObstacleGap:
+    """The smallest signed gap to an obstacle: ``high_m`` is reached by a bench at ``t_s``, none is below ``low_m``.
+
+    ``point_m`` is the bench's middle there.
+    """
+
+    name: str
+    low_m: float
+    high_m: float
+    bench: int
+    t_s: float
+    point_m: tuple[float, float]
+
+
+@dataclass(frozen=True)
+class VenueFit:
+    """The smallest gap to each obstacle, the smallest first, and the gap that is wanted."""
+
+    gaps: tuple[ObstacleGap, ...]
+    margin_m: float
+    looks: int
+
+    @property
+    def lacking(self) -> tuple[ObstacleGap, ...]:
+        """What a bench touches, or comes nearer to than the margin, the worst first."""
+        return tuple(one for one in self.gaps if one.high_m < self.margin_m or one.high_m <= 0)
+
+    @property
+    def fits(self) -> bool | None:
+        """Whether all gaps are at least the margin, and none is touched; None where bounds cannot tell."""
+        if self.lacking:
+            return False
+        return True if all(one.low_m >= self.margin_m and one.low_m > 0 for one in self.gaps) else None
+
+
+def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], object] = lambda looks: None) -> VenueFit:
+    """Return the smallest gap to each obstacle of the scene's venue, between bounds about ``within_m`` apart.
+
+    They differ by more where ``_MOST`` cells were not enough. ``progress(looks)`` is called with every number of cells
+    just judged. Raises FieldError without a venue, and where the dragon starts in an obstacle or outside of the inside.
+    """
+    if scene.venue is None:
+        raise FieldError('venue', None, 'the scene has none', 'give obstacles or an inside')
+    around, ranges = surroundings_of(scene.venue), HandleRanges(scene)
+    check_sides(scene)
+    search = _Nearing(around, within_m, progress)
+    kinds = _by_length(scene.dragon.bench_lengths_m)
+    for kind, benches in enumerate(kinds):
+        if benches.size:
+            search.run(_bench(ranges, int(benches[0])), _intervals(ranges, benches), kind)
+    found = [_gap(ranges, kinds, search, number) for number in range(len(around.names))]
+    return VenueFit(tuple(sorted(found, key=lambda one: one.high_m)), scene.venue.margin_m, search.looks)
+
+
+@dataclass(frozen=True)
+class _Cells:
+    """Intervals of the track (2, M), and an edge for each."""
+
+    ends: Floats
+    edge: Ints
+
+    @property
+    def size(self) -> int:
+        """How many."""
+        return int(self.edge.size)
+
+    def some(self, which: Array) -> '_Cells':
+        """Return some of them."""
+        return _Cells(self.ends[:, which], self.edge[which])
+
+    def cut(self) -> '_Cells':
+        """Return equal parts of each."""
+        parts = Boxes(self.ends[:1], self.ends[1:]).cut(_PARTS)
+        return _Cells(np.concatenate((parts.low, parts.high)), np.repeat(self.edge, _PARTS))
+
+
+class _Nearing:
+    """A search for the smallest gap to each obstacle: the best so far, where, and what was put aside."""
+
+    at_once = _AT_ONCE
+
+    def __init__(self, around: Surroundings, within_m: float, progress: Callable[[int], object]) -> None:
+        self.looks, self._around, self._within_m, self._tell = 0, around, within_m, progress
+        count = len(around.names)
+        self.best: Floats = np.full(count, np.inf)
+        self.low: Floats = np.full(count, np.inf)
+        self.where = [(0, 0.0)] * count
+        self._kind, self._bench = 0, SweptBench.__new__(SweptBench)
+
+    def run(self, bench: SweptBench, intervals: Floats, kind: int) -> None:
+        """Search intervals (2, M) of the way of one kind of bench."""
+        self._bench, self._kind = bench, kind
+        run(self, self._roots(Boxes(*intervals[:, None])))
+
+    def _roots(self, boxes: Boxes) -> _Cells:
+        """Return the cells that may matter: an edge is at least as far as its distance from a middle, less the rest.
+
+        What is nearest to any middle bounds the gap to each obstacle from above.
+        """
+        longest = float(np.max(boxes.high - boxes.low, initial=0.0))
+        boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
+        places, index = np.unique(np.stack((boxes.low[0], boxes.high[0])), return_inverse=True)
+        index = index.reshape(2, -1)
+        states = self._bench.states(places)
+        middle = np.mean(_corners(states), axis=1)
+        way = np.max(self._ways(states.rows(index[0]), states.rows(index[1])), axis=1)
+        arm = float(np.hypot(self._bench.half_length_m, self._bench.half_width_m))
+        count, edges = boxes.size, self._around.owner.size
+        every = max(1, _PAIRS_AT_ONCE // edges)
+        parts = [np.arange(first, min(first + every, count)) for first in range(0, count, every)]
+        nearest = np.full(len(self.best), np.inf)
+        for rows in parts:
+            np.minimum.at(nearest, self._around.owner, np.min(self._away(middle[index[0, rows]]), axis=0))
+        nearest = np.minimum(nearest, self.best)
+        cells = list[_Cells]()
+        for rows in parts:
+            away = 0.5 * (self._away(middle[index[0, rows]]) + self._away(middle[index[1, rows]]) - way[rows, None])
+            row, edge = np.nonzero(away - arm <= nearest[self._around.owner])
+            cells.append(_Cells(np.stack((boxes.low[0, rows[row]], boxes.high[0, rows[row]])), edge))
+        return _Cells(np.concatenate([one.ends for one in cells], axis=1), np.concatenate([one.edge for one in cells]))
+
+    def _away(self, points: Complexes) -> Floats:
+        """Return distances (M, E) of points from edges."""
+        around = self._around
+        seen = (points[:, None] - around.middle) * np.conj(around.axis)
+        out: Floats = np.hypot(np.maximum(np.abs(seen.real) - around.half_m, 0.0), seen.imag)
+        return out
+
+    def _ways(self, a: BenchStates, b: BenchStates) -> Floats:
+        """Return how far the corners (M, 4) go at most between states; infinite where that is not known."""
+        ways: Floats = self._bench.slopes(a, b)[1][..., 0]
+        return ways
+
+    def ahead(self, cells: _Cells) -> Array:
+        """Return all: their bounds are not known before they are judged."""
+        return np.ones(cells.size, dtype=bool)
+
+    def order(self, cells: _Cells) -> Floats:
+        """Return the order along the track."""
+        out: Floats = cells.ends[0]
+        return out
+
+    def judge(self, cells: _Cells) -> _Cells:
+        """Bound the gaps of cells, put aside those that hold nothing smaller, and cut the others."""
+        places, index = np.unique(cells.ends, return_inverse=True)
+        index, states, owner = index.reshape(2, -1), self._bench.states(places), self._around.owner[cells.edge]
+        self.looks += cells.size
+        self._tell(cells.size)
+        ends = [states.rows(rows) for rows in index]
+        gaps = [self._gaps(one, cells.edge) for one in ends]
+        for row, gap_m in zip(cells.ends, gaps, strict=True):
+            self._note(gap_m, row, owner)
+        low = self._bounds(ends, gaps, cells.edge)
+        more = (low < self.best[owner] - self._within_m) & divisible(*cells.ends) & (self.looks < _MOST)
+        np.minimum.at(self.low, owner[~more], low[~more])
+        return cells.some(more).cut()
+
+    def _gaps(self, states: BenchStates, edge: Ints) -> Floats:
+        corners, half = _corners(states), (self._bench.half_length_m, self._bench.half_width_m)
+        axis = (corners[:, 0] - corners[:, 1]) / (2 * half[0])
+        return self._around.gaps_of(np.mean(corners, axis=1), axis, half, edge)
+
+    def _note(self, gap_m: Floats, places: Floats, owner: Ints) -> None:
+        """Keep the smallest gaps to obstacles, and where they are."""
+        before = self.best.copy()
+        np.minimum.at(self.best, owner, gap_m)
+        met = np.flatnonzero((gap_m == self.best[owner]) & (gap_m < before[owner]))
+        for n in met.tolist():
+            self.where[owner[n]] = self._kind, float(places[n])
+
+    def _bounds(self, ends: list[BenchStates], gaps: list[Floats], edge: Ints) -> Floats:
+        """Return lower bounds of gaps between states a and b: by going, and by the best directions at both."""
+        a, b = ends
+        slope, crude = self._bench.slopes(a, b)
+        with np.errstate(all='ignore'):
+            way, h = crude[..., 0], np.abs(b.link.along_m - a.link.along_m)[:, :1]
+            low = 0.5 * (gaps[0] + gaps[1] - np.max(way, axis=1))
+            middle, rad = slope.mid[..., 0] + 1j * slope.mid[..., 2], slope.rad[..., 0] + slope.rad[..., 2]
+            for state in ends:
+                d = self._directions(_corners(state), edge)
+                goes = np.fmin(way, (np.abs((np.conj(d)[:, None] * middle).real) + rad) * h)
+                values = sum(((np.conj(d)[:, None] * _corners(one)).real for one in ends), -goes)
+                beyond = [(np.conj(d) * end[edge]).real for end in (self._around.start, self._around.stop)]
+                low = np.fmax(low, 0.5 * np.min(values, axis=1) - np.maximum(*beyond))
+        return np.where(np.isnan(low), -np.inf, low)
+
+    def _directions(self, corners: Complexes, edge: Ints) -> Complexes:
+        """Return for each bench and edge the direction, of some, along which they are furthest apart."""
+        around, half = self._around, (self._bench.half_length_m, self._bench.half_width_m)
+        start, stop, along = around.start[edge], around.stop[edge], around.axis[edge]
+        centre, axis = np.mean(corners, axis=1), (corners[:, 0] - corners[:, 1]) / (2 * half[0])
+        seen = (corners - around.middle[edge][:, None]) * np.conj(along)[:, None]
+        foot = np.clip(seen.real, -around.half_m[edge][:, None], around.half_m[edge][:, None])
+        ways = [*((seen - foot) * along[:, None]).T, 1j * along, -1j * along, axis, -axis, 1j * axis, -1j * axis]
+        for end in (start, stop):
+            z = (end - centre) * np.conj(axis)
+            ways.append((np.clip(z.real, -half[0], half[0]) + 1j * np.clip(z.imag, -half[1], half[1]) - z) * axis)
+        d = np.stack(ways)
+        d = d / np.maximum(np.abs(d), 1e-300)
+        apart = np.min((np.conj(d)[..., None] * corners).real, axis=-1) - np.maximum(
+            (np.conj(d) * start).real, (np.conj(d) * stop).real)
+        best: Complexes = d[np.argmax(np.where(np.abs(d) > 0.5, apart, -np.inf), axis=0), np.arange(edge.size)]
+        best /= np.abs(best)
+        return best
+
+
+def _corners(states: BenchStates) -> Complexes:
+    """Return the corners (M, 4)."""
+    out: Complexes = states.value[..., 0] + 1j * states.value[..., 2]
+    return out
+
+
+def _gap(ranges: HandleRanges, kinds: list[Ints], search: _Nearing, number: int) -> ObstacleGap:
+    """Return what was found of an obstacle, with a bench that is there, and when."""
+    kind, along_m = search.where[number]
+    low, high = ranges.ranges_m[:, kinds[kind]]
+    bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
+    t_s, scene, around = ranges.when_s(bench, along_m), ranges.scene, search._around
+    chain = ranges.chain(scene.head.travelled_m(t_s))
+    benches, edge = benches_of(chain, scene.dragon, axes_of(chain)), np.flatnonzero(around.owner == number)
+    high_m = float(np.min(around.gaps(benches, np.full(edge.size, bench), edge)))
+    size_m = compile_scene(scene).size_m
+    error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(
+        scene.dragon.bench_lengths_m) + scene.dragon.width_m)))
+    x, y = benches.centre[bench].tolist()
+    return ObstacleGap(around.names[number], min(high_m, float(min(search.low[number], search.best[number]))) - error_m,
+                       high_m, bench, t_s, (x, y))
