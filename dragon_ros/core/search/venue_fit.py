@@ -24,9 +24,9 @@ from dragon_ros.core.search.bounding_box import (
     BenchStates,
     HandleRanges,
     SweptBench,
-    _bench,
-    _by_length,
-    _intervals,
+    bench_of,
+    by_length,
+    intervals_of,
 )
 from dragon_ros.core.search.driver import Boxes, divisible, run
 from dragon_ros.core.search.venue import check_sides
@@ -87,10 +87,10 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
     around, ranges = surroundings_of(scene.venue), HandleRanges(scene)
     check_sides(scene)
     search = _Nearing(around, within_m, progress)
-    kinds = _by_length(scene.dragon.bench_lengths_m)
+    kinds = by_length(scene.dragon.bench_lengths_m)
     for kind, benches in enumerate(kinds):
         if benches.size:
-            search.run(_bench(ranges, int(benches[0])), _intervals(ranges, benches), kind)
+            search.run(bench_of(ranges, int(benches[0])), intervals_of(ranges, benches), kind)
     found = [_gap(ranges, kinds, search, number) for number in range(len(around.names))]
     return VenueFit(tuple(sorted(found, key=lambda one: one.high_m)), scene.venue.margin_m, search.looks)
 

@@ -13,7 +13,7 @@ from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.search.bounding_box import HandleRanges, _bench, _by_length, _intervals
+from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
 from dragon_ros.core.search.venue_fit import _Nearing, venue_fit
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
@@ -87,10 +87,10 @@ def test_bounds_hold_between_the_ends_of_cells():
     """Each is below all sampled gaps in between; without half of what corners go it would not be."""
     for name, scene in SCENES.items():
         around, ranges = surroundings_of(venue(scene, 3)), HandleRanges(scene)
-        for benches in _by_length(scene.dragon.bench_lengths_m):
+        for benches in by_length(scene.dragon.bench_lengths_m):
             search = _Nearing(around, 1e-6, lambda looks: None)
-            search._bench = _bench(ranges, int(benches[0]))
-            low, high = _intervals(ranges, benches)[:, 0]
+            search._bench = bench_of(ranges, int(benches[0]))
+            low, high = intervals_of(ranges, benches)[:, 0]
             places = np.linspace(low, high, 25)
             edge = np.repeat(np.arange(around.owner.size), 24)
             index = np.tile(np.arange(24), around.owner.size)
