@@ -9,7 +9,7 @@ import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 from itertools import pairwise
-from math import atan2
+from math import atan2, isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 from xml.etree import ElementTree
@@ -326,7 +326,14 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
            scale: tuple[float, bool] | None) -> Iterator[DrawnPart]:
     """Yield the parts of a shape of svgelements in metres; lines in a row are one part."""
     from svgelements import Arc, Close, CubicBezier, Line, Move, QuadraticBezier
-    to_m = _to_metres(document, matrix, scale)
+    try:
+        bare = _to_metres(document, matrix, scale)
+    except _FAILS:
+        raise InputError(f'{path}: its width, height or viewBox has no size; give it one') from None
+
+    def to_m(point: Any) -> complex:
+        return _within(path, bare(point))
+
     points: list[complex] = []
     segments = list(shape)
     if len(segments) > DRAWING_POINTS:
@@ -335,7 +342,7 @@ def _parts(path: Path, document: Any, shape: Any, matrix: tuple[float, ...] | No
         raise InputError(f'{path}: {shown(shape.id)}: has several parts; split it (Inkscape: Path > Break Apart) and '
                          'name one', field='path')
     for one in segments[1:]:
-        start, end = (_within(path, to_m(point)) for point in (one.start, one.end))
+        start, end = to_m(one.start), to_m(one.end)
         if isinstance(one, (Line, Close)):
             points = points or [start]
             points += [end] if abs(end - points[-1]) > _JOINED * (abs(start) + abs(end)) else []
@@ -360,7 +367,7 @@ def _ellipse(path: Path, to_m: Any, arc: Any) -> EllipseArc:
     a, b = to_m(arc.prx) - centre, to_m(arc.pry) - centre
     start = to_m(arc.start) - centre
     area = (a.conjugate() * b).imag
-    if not area:
+    if not area or not isfinite(arc.sweep):
         raise InputError(f'{path}: an arc has no width; draw it as a line')
     begin = atan2((a.conjugate() * start).imag / area, -(b.conjugate() * start).imag / area)
     mirrored = (arc.prx.x - arc.center.x) * (arc.pry.y - arc.center.y) < (arc.prx.y - arc.center.y) * (

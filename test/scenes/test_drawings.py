@@ -93,6 +93,8 @@ def test_a_path_is_found_by_id_label_or_the_group_that_holds_it_alone(tmp_path):
     ('<svg><path id="a" d="M0 0 h 5 M 1 1 h 5"/></svg>', 'several parts'),
     ('<svg><path id="a" d="M0 0"/></svg>', 'no length'),
     ('<svg><path id="a" d="M0 0 L 1e300 5"/></svg>', 'too far away'),
+    ('<svg><path id="a" d="M0 0 C 1 1e400 5 5 9 9"/></svg>', 'too far away'),
+    ('<svg width="9mm" viewBox="0 0 1e400 9"><path id="a" d="M0 0 h 5"/></svg>', 'has no size'),
     ('<svg><path id="a" d="M0 0 L nan 5"/></svg>', 'check its numbers'),
     ('<svg><path id="a" d="M0 0 A 1 1 0 0"/></svg>', 'check its numbers')])
 def test_what_is_no_drawing_is_refused_in_words(tmp_path, text, says):
