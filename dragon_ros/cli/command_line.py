@@ -1,4 +1,4 @@
-"""What the command lines of all executables share: options, exit codes, and one-line errors."""
+"""Options, exit codes and one-line errors that all command lines share."""
 import argparse
 import os
 import sys
@@ -9,15 +9,15 @@ from typing import TYPE_CHECKING, Any, NoReturn
 
 from dragon_ros.core.errors import DragonError, InputError, MissingError, ModelEnd, did_you_mean, shown
 
-if TYPE_CHECKING:       # keeps --help free of numpy
+if TYPE_CHECKING:       # --help must not import numpy
     from dragon_ros.core.scene import Scene
 
 OK, FAILED, BAD_INPUT, INCOMPLETE = 0, 1, 2, 3
-_MOST_SHOWN = 400       # characters of what argparse says of an argument
+_MOST_SHOWN = 400       # characters of an error message of argparse
 
 
 class _Default(str):
-    """A default, which is another object than what is given, even if that is the same."""
+    """A default, distinguishable from an equal value that was given."""
 
     __slots__ = ()
 
@@ -28,7 +28,7 @@ DEFAULT_SCENE = _Default('winding')
 
 
 class _Given(argparse.Action):
-    """Store a positional argument that is given; one that is not leaves the option of the same name alone."""
+    """Store a positional argument if it is given; otherwise leave the option of the same name unchanged."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
                  option_string: str | None = None) -> None:
@@ -41,13 +41,13 @@ class Parser(argparse.ArgumentParser):
     """A parser with finite numbers, one-line errors and shell completion."""
 
     def __init__(self, **options: Any) -> None:
-        """Take what ``ArgumentParser`` takes."""
+        """Take the arguments of ``ArgumentParser``."""
         super().__init__(**options)
         self.register('type', float, _finite)
         self.register('type', int, _whole)
 
     def parse_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> Any:
-        """Parse; where a shell asks for completions, answer and exit."""
+        """Parse the arguments; if a shell asks for completions, print them and exit."""
         if '_ARGCOMPLETE' in os.environ:
             from dragon_ros.cli import completion
             completion.answer(self)
@@ -59,7 +59,7 @@ class Parser(argparse.ArgumentParser):
         return arguments
 
     def parse_known_args(self, args: Sequence[str] | None = None, namespace: Any = None) -> tuple[Any, list[str]]:
-        """Parse, and refuse unknown options here, where the command or subcommand that lacks them is known."""
+        """Parse, and reject unknown options here, where the command or subcommand is known."""
         arguments, unknown = super().parse_known_args(args, namespace)
         if unknown and '_ARGCOMPLETE' not in os.environ:
             known = [name for action in self._actions for name in action.option_strings]
@@ -98,7 +98,7 @@ def _assignment(text: str) -> str:
 
 
 def program() -> str:
-    """Return the words before a command's name that the reader types: those that started this process."""
+    """Return what the user types before a command's name: the words that started this process."""
     if 'DRAGON_PROGRAM' in os.environ:      # set by the script ./dragon
         return os.environ['DRAGON_PROGRAM']
     started = Path(sys.argv[0])
@@ -108,13 +108,13 @@ def program() -> str:
 
 
 def parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
-    """Return a parser with the executable's name, purpose and example, which begins with its name."""
+    """Return a parser with the executable's name, its purpose and an example that begins with its name."""
     return Parser(prog=name, description=text, epilog=f'example: {program()} {example}', allow_abbrev=False,
                   formatter_class=argparse.RawDescriptionHelpFormatter)
 
 
 def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFAULT_SCENE) -> None:
-    """Add --scene with its default, --set and --accuracy; without a default it is as a parameter says."""
+    """Add --scene, --set and --accuracy. Without a default for --scene, a node's parameter applies."""
     options.add_argument('--scene', default=scene, metavar='NAME|FILE',
                          help='scene by name or file' + (' (%(default)s)' if scene else ''))
     options.add_argument('--set', action='append', default=[], metavar='KEY=VALUE', dest='overrides',
@@ -123,7 +123,7 @@ def add_scene_options(options: argparse.ArgumentParser, scene: str | None = DEFA
 
 
 def add_source_options(options: argparse.ArgumentParser) -> None:
-    """Add the options of a scene, and --bag and --namespace, which take its place."""
+    """Add the options of a scene, and --bag and --namespace, which replace it."""
     add_scene_options(options)
     add_bag(options, 'show this recording instead of a scene')
     add_namespace_option(options)
@@ -135,7 +135,7 @@ def add_namespace_option(options: argparse.ArgumentParser) -> None:
 
 
 def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False) -> None:
-    """Add a recording, as BAG or --bag: both mean the same in every command."""
+    """Add a recording as BAG or --bag, which mean the same in every command."""
     given = options.add_mutually_exclusive_group(required=required)
     given.add_argument('bag', nargs='?', type=Path, metavar='BAG', action=_Given, help=text)
     given.add_argument('--bag', type=Path, metavar='BAG', dest='bag', help='the same as BAG')
@@ -158,14 +158,14 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
 
 
 def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...]) -> None:
-    """Add --format, which the suffix of --output chooses where it is not given."""
+    """Add --format, which defaults to the suffix of --output."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
                          help='output format (%(default)s, or as the suffix of --output says)')
     options.set_defaults(formats=formats)
 
 
 def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
-    """Choose the format by the suffix of the output; refuse a format that contradicts it."""
+    """Choose the format by the suffix of the output; reject a format that contradicts it."""
     output, formats = arguments.output, arguments.formats
     chosen = _SUFFIXES.get(output.suffix.lower()) if output is not None else None
     if output is not None and output.suffix.lower() in _OTHERS:
@@ -181,7 +181,7 @@ def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespac
 
 
 def names_scene(arguments: argparse.Namespace) -> bool:
-    """Return whether --scene is given, be it as the default is."""
+    """Return whether --scene is given, even if it equals the default."""
     return not isinstance(arguments.scene, _Default)
 
 
@@ -191,7 +191,7 @@ def gives_scene(arguments: argparse.Namespace) -> bool:
 
 
 def check_taken(what: str, given: dict[str, bool], takes: set[str]) -> None:
-    """Refuse the first option that is given and would be ignored. Raises InputError."""
+    """Reject the first given option that would be ignored. Raises InputError."""
     unused = sorted(name for name, is_given in given.items() if is_given and name not in takes)
     if unused:
         raise InputError(f'{unused[0]}: {what} does not take it; leave it out')
@@ -205,14 +205,14 @@ def scene_from(arguments: argparse.Namespace) -> 'Scene':
 
 
 def check_is_bag(path: Path) -> None:
-    """Refuse the name or the file of a scene where a recording is taken. Raises InputError."""
+    """Reject the name or file of a scene where a recording is expected. Raises InputError."""
     from dragon_ros.configuration import scene_names
     if path.suffix in ('.yaml', '.yml') or (str(path) in scene_names() and not path.exists()):
         raise InputError(f'BAG {path}: is a scene, not a recording; write --scene {path}')
 
 
 def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
-    """Return rows under their column names as CSV; every line ends in a line feed."""
+    """Return column names and rows as CSV; every line ends in a line feed."""
     import csv
     import io
     out = io.StringIO()
@@ -221,7 +221,7 @@ def csv_of(head: Iterable[object], rows: Iterable[Iterable[object]]) -> str:
 
 
 def write_output(path: Path | None, content: str | bytes) -> None:
-    """Write to a file or to standard output, which takes text only. Raises InputError, MissingError."""
+    """Write to a file, or text to standard output. Raises InputError, MissingError."""
     if path is None:
         if isinstance(content, bytes):
             raise InputError('--format: this one is written to a file only; give --output FILE', field='output')

@@ -7,15 +7,15 @@ from collections import deque
 from collections.abc import Sequence
 
 _PORTS = 7400, 250      # DDS-RTPS 9.6.1: the first one, and how many a domain has
-_MOST_KEPT = 16         # domains that a process keeps; participants have ports of the older ones, if they are used
+_MOST_KEPT = 16         # domains that a process reserves; older ones are held by their participants, if used
 _KEPT: deque[socket.socket] = deque()
 
 
 def free_domain(among: Sequence[int] = range(1, 102)) -> int:
-    """Return a domain of which no participant of this host has a port; any, where there is none.
+    """Return a domain without participants on this host; any domain if all have some.
 
-    It is kept for this process: a port that only a 120th participant would take is bound, so that whoever else looks
-    for one before the first participant is there takes another.
+    The domain is reserved for this process: the port of a 120th participant is bound, so a concurrent search that runs
+    before our first participant exists takes another domain.
     """
     domains = random.SystemRandom().sample(among, len(among))
     return next((domain for domain in domains if _is_free(domain) and _keep(domain)), domains[0])
@@ -23,13 +23,13 @@ def free_domain(among: Sequence[int] = range(1, 102)) -> int:
 
 @atexit.register
 def give_up_domains() -> None:
-    """Let others have the domains that this process keeps."""
+    """Release the domains that this process reserves."""
     while _KEPT:
         _KEPT.popleft().close()
 
 
 def _keep(domain: int) -> bool:
-    """Bind the last port of a domain; return whether that was possible."""
+    """Bind the last port of a domain; return whether that succeeded."""
     last = _bound(_PORTS[0] + _PORTS[1] * (domain + 1) - 1)
     if last:
         _KEPT.append(last)
@@ -39,12 +39,12 @@ def _keep(domain: int) -> bool:
 
 
 def local_environment(domain: int) -> dict[str, str]:
-    """Return this process's environment with a domain; discovery stays on this host unless it is widened there."""
+    """Return this process's environment with a domain; discovery stays on this host unless it widens that."""
     return {'ROS_AUTOMATIC_DISCOVERY_RANGE': 'LOCALHOST', **os.environ, 'ROS_DOMAIN_ID': str(domain)}
 
 
 def _is_free(domain: int) -> bool:
-    """Return whether nobody has a port of a domain; the participant that came first may have left before others."""
+    """Return whether all ports of a domain are free; the first participant may have left before the others."""
     base, count = _PORTS
     for port in range(base + count * domain, base + count * (domain + 1)):
         probe = _bound(port)
@@ -55,7 +55,7 @@ def _is_free(domain: int) -> bool:
 
 
 def _bound(port: int) -> socket.socket | None:
-    """Return a socket on a port of all interfaces; None where somebody has it."""
+    """Return a socket bound to a port on all interfaces; None if the port is in use."""
     probe = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
     try:
         probe.bind(('', port))

@@ -1,4 +1,4 @@
-"""The style of all figures, and figures as files. matplotlib is only imported where something is drawn."""
+"""The style of all figures, and how they are written to files. matplotlib is imported only when something is drawn."""
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
@@ -6,7 +6,7 @@ from typing import Any
 
 from dragon_ros.core.errors import MissingError
 
-# Okabe-Ito colours, which colour-blind people can distinguish, by what they show.
+# Okabe-Ito colours, which colour-blind people can distinguish, by meaning.
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
 QUIET = '#555555'       # of notes and guide lines
@@ -30,24 +30,24 @@ _SVG_DPI = 72
 
 
 def short(name: str) -> str:
-    """Return a name as a title shows it: without its middle where it is long."""
+    """Return a name as a title shows it: a long one without its middle."""
     half = _LONGEST_NAME // 2
     return name if len(name) <= _LONGEST_NAME else f'{name[:half]}…{name[-half:]}'
 
 
 def titled(name: str, text: str, inches: float) -> str:
-    """Return ``name: text`` for a title, on two lines where axes of a width have no room for one."""
+    """Return ``name: text`` for a title, on two lines if the axes are too narrow for one."""
     name = short(name)
     return f'{name}: {text}' if len(name) + len(text) + 2 <= _CHARACTERS_PER_INCH * inches else f'{name}:\n{text}'
 
 
 def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
-    """Put the legend of axes below them, where it hides nothing; constrained layout makes the room."""
+    """Put the legend below the axes, where it hides nothing; constrained layout makes room for it."""
     axes.legend(loc='upper center', bbox_to_anchor=(0.5, -0.13), ncols=columns, **options)
 
 
 def spread(values: Sequence[float], least: float, end: float) -> list[float]:
-    """Return increasing values, moved apart to ``least`` where they are closer, up to ``end`` where that fits."""
+    """Return increasing values at least ``least`` apart, up to ``end`` if that is possible."""
     out: list[float] = []
     for value in values:
         out.append(max(value, out[-1] + least) if out else value)

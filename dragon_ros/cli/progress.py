@@ -1,4 +1,4 @@
-"""Progress of long work on a terminal. What takes less than a second shows nothing, and imports nothing to show it."""
+"""Progress of long work on a terminal. Work of less than a second shows nothing and imports nothing."""
 import sys
 import time
 from collections.abc import Iterable, Iterator
@@ -9,13 +9,13 @@ T = TypeVar('T')
 
 
 class Progress:
-    """Counts what is done, and shows it on standard error from the first second on, if that is a terminal.
+    """Count completed work and, after the first second, show it on standard error if that is a terminal.
 
-    Use it in a ``with`` block and call ``update``, or call it with what is gone through.
+    Use it in a ``with`` block and call ``update``, or call it with an iterable.
     """
 
     def __init__(self, what: str, unit: str, total: float | None = None, **options: Any) -> None:
-        """Name the work and the unit that is counted; ``options`` are tqdm's."""
+        """Name the work and its unit; ``options`` are tqdm's."""
         self.done = 0.0
         self._options = {'desc': what, 'unit': unit if unit == 'B' else f' {unit}', 'total': total, **options}
         self._began_s = time.monotonic()
@@ -36,13 +36,13 @@ class Progress:
         self.update(done - self.done)
 
     def note(self, text: str) -> None:
-        """Say something beside the count."""
+        """Show a note beside the count."""
         self._note = text
         if self._bar is not None:
             self._bar.set_postfix_str(text, refresh=False)
 
     def __call__(self, rows: Iterable[T]) -> Iterator[T]:
-        """Yield what is gone through, and count it, from nothing."""
+        """Yield the items of an iterable and count them from zero."""
         self.done, self._began_s = 0.0, time.monotonic()
         with self:
             for row in rows:

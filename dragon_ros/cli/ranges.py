@@ -5,19 +5,19 @@ from re import compile as pattern
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import InputError, shown
 
-_LATEST_S = 1e10        # stamps end long before
+_LATEST_S = 1e10        # beyond any time stamp
 _MOST = 10**7           # values of one option
 _DASHED = pattern(r'([\d.]+)-([\d.]+)')
 
 
 def times_of(text: str, option: str = '--times') -> list[float]:
-    """Return the times in s of a text such as ``0,60,300``, ``0-10`` or ``0:300:10``; both ends are included."""
+    """Return the times in s of a text such as ``0,60,300``, ``0-10`` or ``0:300:10``, both ends included."""
     return list(_values(text, option, lambda part: number(f'{option}: t_s', float(part), low=-_LATEST_S,
                                                           high=_LATEST_S)))
 
 
 def handles_of(text: str | None, benches: int, option: str = '--handles') -> list[int]:
-    """Return the handles of a text such as ``0,1,51``, ``0-10`` or ``0:223:10``; all without a text."""
+    """Return the handles of a text such as ``0,1,51``, ``0-10`` or ``0:223:10``; all handles if there is no text."""
     if text is None:
         return list(range(benches + 1))
     handles = [int(value) for value in _values(text, option, int)]
@@ -29,7 +29,7 @@ def handles_of(text: str | None, benches: int, option: str = '--handles') -> lis
 
 
 def _values(text: str, option: str, read: Callable[[str], float]) -> Iterator[float]:
-    """Yield the values of each part. Raises InputError for one that is no number and no range, and for too many."""
+    """Yield the values of each part. Raises InputError for an invalid part, and for too many values."""
     room = _MOST
     for part in text.split(','):
         try:

@@ -1,4 +1,4 @@
-"""Signals that end a command, or long work at a point where its output is complete."""
+"""Signals that end a command, or end long work at a point at which its output is complete."""
 import signal
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def ending() -> list[signal.Signals]:
-    """Return the signals that end a command: SIGINT, SIGTERM, and SIGHUP of a closed terminal unless it is ignored.
+    """Return the signals that end a command: SIGINT, SIGTERM, and SIGHUP (a closed terminal) unless it is ignored.
 
     ``nohup`` ignores it.
     """

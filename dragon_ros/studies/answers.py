@@ -1,4 +1,4 @@
-"""The answers of a data set in figures: how many rows there are of which kind, and what the numbers are."""
+"""A summary of a data set in figures: the number of rows of each status, and statistics of the answers."""
 from collections.abc import Iterator
 from dataclasses import asdict
 from importlib.util import find_spec
@@ -30,7 +30,7 @@ _MOST_SHOWN = 5         # reasons
 
 
 def main_answers(study: Study) -> list[str]:
-    """Return the column of each question that pictures show."""
+    """Return the column of each question that figures show."""
     return [MAIN[name_of(one)] for one in study.ask]
 
 
@@ -40,7 +40,7 @@ def numbers(table: pa.Table, name: str) -> Floats:
 
 
 def summary(data: DataSet) -> dict[str, Any]:
-    """Return what a data set holds, as plain values: counts, reasons, and for each main answer its figures."""
+    """Return a summary of a data set as plain values: counts, reasons, and statistics of each main answer."""
     table = data.table()
     statuses = table.column('status').to_pylist()
     reasons = [reason for reason in table.column('reason').to_pylist() if reason]
@@ -54,7 +54,7 @@ def summary(data: DataSet) -> dict[str, Any]:
 
 
 def _figures(study: Study, table: pa.Table, name: str) -> dict[str, Any]:
-    """Return least, median and greatest of an answer; of random rows with what they say of all dragons."""
+    """Return the minimum, median and maximum of an answer; for random rows also bounds on all dragons."""
     values = numbers(table, name)
     known = values[~np.isnan(values)]
     if not known.size:

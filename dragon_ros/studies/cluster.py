@@ -1,8 +1,8 @@
-"""Running a study on Dask: on processes of this host that it starts itself, or on a cluster that is there.
+"""Run a study on Dask: on processes that it starts on this host, or on a running cluster.
 
-Batches are as many rows as take about ``_BATCH_S`` seconds, so that what Dask costs for each is small beside it, and a
-few batches for each worker are ahead. A batch comes back as a Parquet file and is kept as it comes. What a worker had
-that died is computed again by Dask; a batch under which worker after worker died is tried row by row.
+A batch has as many rows as take about ``_BATCH_S`` seconds, so that the overhead of Dask is small. A few batches per
+worker are submitted ahead. A batch returns as a Parquet file and is written as received. If a worker dies, Dask
+computes its batch again; a batch that kills worker after worker is tried row by row.
 """
 import asyncio
 import logging
@@ -36,17 +36,17 @@ from dragon_ros.studies.rows import FAILED, OK, STATUSES, columns_of, parsed, ro
 from dragon_ros.studies.sampling import check_libraries
 from dragon_ros.version import __version__
 
-_BATCH_S = 2.0          # of work in a batch: Dask takes some milliseconds for each
-_MOST_ROWS = 4096       # in a batch; a block is a multiple of it
-_AHEAD = 2              # batches for each worker: the next one waits there while one is computed
-_LATEST = 0.3           # weight of the latest batch in the mean time of a row
-_WAIT_S = 0.5           # for a batch, before signals are looked at again
-_LOOK_S = 2.0           # between two looks at who is working
+_BATCH_S = 2.0          # work per batch; Dask takes some milliseconds for each
+_MOST_ROWS = 4096       # per batch; a block is a multiple of it
+_AHEAD = 2              # batches per worker: one is computed while the next one waits
+_LATEST = 0.3           # weight of the latest batch in the mean time per row
+_WAIT_S = 0.5           # for a batch, before signals are checked again
+_LOOK_S = 2.0           # between two counts of the workers
 _CONNECT_S = 30.0
 _START_S = 120.0        # for a thread of this process
-_NO_WORKERS_S = 60.0    # before it is told that no worker is there
-# What Dask serves by HTTP beside its own protocol is for its dashboard: here nothing is served. Nor does anybody look
-# at its profiles: what it would watch a hundred times a second took a tenth of a worker's time.
+_NO_WORKERS_S = 60.0    # before an error says that there is no worker
+# Dask's HTTP routes are for its dashboard, which is off. Its profiler is off too: sampling a hundred times per second
+# took a tenth of a worker's time.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',
@@ -54,7 +54,7 @@ _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.
 
 
 class Batch(NamedTuple):
-    """What a worker sends back: rows as a Parquet file, how many have which status, and seconds of work."""
+    """The result of a batch: rows as a Parquet file, the number of rows of each status, and the seconds of work."""
 
     part: bytes
     statuses: dict[str, int]
@@ -63,7 +63,7 @@ class Batch(NamedTuple):
 
 @dataclass
 class State:
-    """How far a study is: rows that are there, and of those that this run has computed how many of each status."""
+    """The progress of a study: rows that exist, and the number of rows of each status that this run has computed."""
 
     total: int
     done: int
@@ -77,13 +77,13 @@ class State:
 
 
 def versions() -> dict[str, str]:
-    """Return the versions that must agree for rows to have the same values everywhere."""
+    """Return the versions that must agree everywhere for rows to have the same values."""
     return {'dragon_ros': __version__, 'python': python_version(), 'numpy': np.__version__, 'scipy': _scipy(),
             'pyarrow': pyarrow.__version__, 'dask': dask.__version__, 'distributed': distributed.__version__}
 
 
 def _scipy() -> str:
-    """Return the version of scipy, which a study without random laws does without."""
+    """Return the version of scipy, which only random laws need."""
     try:
         return version('scipy')
     except PackageNotFoundError:
@@ -91,8 +91,8 @@ def _scipy() -> str:
 
 
 def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> Batch:
-    """Return the rows from ``start`` up to before ``stop``: what a worker does. Raises InputError for its versions."""
-    _check_same('worker', versions(), wanted)       # it may have joined later
+    """Compute the rows from ``start`` to before ``stop`` on a worker. Raises InputError if its versions differ."""
+    _check_same('worker', versions(), wanted)       # a worker may have joined later
     began, study = perf_counter(), parsed(text)
     rows = rows_of(study, range(start, stop))
     statuses = {status: sum(row['status'] == status for row in rows) for status in STATUSES}
@@ -108,10 +108,10 @@ def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None
 
 @contextmanager
 def local_client(workers: int | None) -> Iterator[Client]:
-    """Yield a client of processes on this host, one a core, that only it can reach.
+    """Yield a client of processes on this host, one per core, that no one else can reach.
 
-    They listen on the loopback address, without a dashboard, and speak TLS with keys that exist in their memory alone:
-    another user of this host can neither see nor join them.
+    They listen on the loopback address, without a dashboard, and use TLS with keys that exist only in memory, so
+    another user of this host can neither read nor join.
     """
     with TemporaryDirectory(prefix='dragon-study-') as scratch, dask.config.set(_ALONE), \
             ExitStack() as opened:
@@ -127,9 +127,9 @@ def local_client(workers: int | None) -> Iterator[Client]:
 
 
 def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
-    """Return an event loop that runs in a thread of its own, and what ends it. Raises DragonError where none starts.
+    """Return an event loop that runs in its own thread, and a function that ends it. Raises DragonError if none starts.
 
-    Dask would start one too, but gives it ten seconds, too few for a machine that stands still for a moment.
+    Dask can start one too, but allows only ten seconds, which is too short for a machine that stalls for a moment.
     """
     ready: Queue[tuple[IOLoop, asyncio.Event]] = Queue()
 
@@ -155,10 +155,10 @@ def _running_loop() -> tuple[IOLoop, Callable[[], None]]:
 
 @contextmanager
 def _deaf_to_ctrl_c() -> Iterator[None]:
-    """Let threads and processes that are started inside this block never get SIGINT; for this thread it waits.
+    """Block SIGINT in threads and processes that are started inside this block; for this thread it stays pending.
 
-    A terminal sends it to all processes: workers are to end with this one, in order, not each with a traceback. The
-    tracker of multiprocessing is started before, since it would let the signal through again.
+    A terminal sends SIGINT to all processes, but workers should end in order with this one and not each with a
+    traceback. The resource tracker of multiprocessing is started before, since it would unblock the signal.
     """
     resource_tracker.ensure_running()
     before = signal.pthread_sigmask(signal.SIG_BLOCK, [signal.SIGINT])
@@ -170,17 +170,17 @@ def _deaf_to_ctrl_c() -> Iterator[None]:
 
 @contextmanager
 def joined_client(scheduler: str) -> Iterator[Client]:
-    """Yield a client of a running cluster, by address or scheduler file, with the TLS settings of Dask's configuration.
+    """Yield a client of a running cluster, given its address or scheduler file, with the TLS settings of Dask.
 
-    Raises MissingError where none is reached, InputError where versions differ.
+    Raises MissingError if it cannot be reached, InputError if versions differ.
     """
     where = {'scheduler_file': scheduler} if Path(scheduler).is_file() else {'address': scheduler}
     loop, end = _running_loop()
     try:
-        with warnings.catch_warnings():         # versions are refused below, all of them in one line
+        with warnings.catch_warnings():         # versions are compared below, with one line for all of them
             warnings.simplefilter('ignore', distributed.versions.VersionMismatchWarning)
             client = Client(**where, timeout=_CONNECT_S, set_as_default=False, loop=loop)
-    except (OSError, ValueError, TypeError, RuntimeError) as error:     # its loop stays: it closes itself there, later
+    except (OSError, ValueError, TypeError, RuntimeError) as error:     # the client closes itself in its loop, later
         why = ' '.join(str(error).split())[:200] or type(error).__name__
         raise MissingError(f'--scheduler {scheduler}: cannot be reached ({why}); give an address such as '
                            'tcp://host:8786, or a scheduler file', field='scheduler') from None
@@ -192,7 +192,7 @@ def joined_client(scheduler: str) -> Iterator[Client]:
 
 
 def check_versions(client: Client) -> None:
-    """Raise InputError where the scheduler or a worker has other versions than this process, or no dragon_ros."""
+    """Raise InputError if versions of the scheduler or of a worker differ from ours, or dragon_ros is missing there."""
     wanted = versions()
     found = {'the scheduler': _asked(lambda: client.run_on_scheduler(versions)),
              **{f'worker {address}': one for address, one in client.run(versions, on_error='return').items()}}
@@ -211,10 +211,10 @@ def _asked(call: Callable[[], Any]) -> Any:
 
 
 def run(data: DataSet, client: Client, stop: Event, tell: Callable[[State], object]) -> State:
-    """Compute the rows that a data set lacks and keep them, until all are there or ``stop`` is set.
+    """Compute the missing rows of a data set and write them, until the set is complete or ``stop`` is set.
 
-    ``tell`` is called after each batch. Raises DiskError where rows cannot be kept, DragonError where the cluster is
-    gone; what was kept until then stays, and the next run goes on from there.
+    ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is gone.
+    Rows that were written stay, and the next run continues from them.
     """
     work = _Run(data, client)
     tell(work.progress)
@@ -224,7 +224,7 @@ def run(data: DataSet, client: Client, stop: Event, tell: Callable[[State], obje
             work.take()
             tell(work.progress)
     finally:
-        with suppress(Exception):       # the cluster may be what is gone
+        with suppress(Exception):       # the cluster itself may be gone
             client.cancel(list(work.ahead))
     if work.is_done:
         data.join_blocks()
@@ -232,7 +232,7 @@ def run(data: DataSet, client: Client, stop: Event, tell: Callable[[State], obje
 
 
 class _Run:
-    """Ranges that are still to be computed, batches that are ahead, and what a row takes."""
+    """One run of a study: ranges to compute, batches in flight, and the mean time per row."""
 
     def __init__(self, data: DataSet, client: Client) -> None:
         self._data, self._client, self._wanted = data, client, versions()
@@ -246,11 +246,11 @@ class _Run:
 
     @property
     def is_done(self) -> bool:
-        """Whether all rows are there."""
+        """Whether all rows exist."""
         return not self._ranges and not self.ahead
 
     def fill(self) -> None:
-        """Hand out batches until every worker has enough ahead."""
+        """Submit batches until every worker has enough of them."""
         if monotonic() >= self._look_again:
             self._count_workers()
             self._look_again = monotonic() + _LOOK_S
@@ -269,7 +269,7 @@ class _Run:
         future.add_done_callback(self._came.put)
 
     def _size(self) -> int:
-        """Return how many rows the next batch has: one until one is timed, and fewer where few are left for each."""
+        """Return the size of the next batch: one row until one is timed, and fewer rows when few remain per worker."""
         if self._row_s is None:
             return 1
         left = sum(stop - start for start, stop in self._ranges)
@@ -277,7 +277,7 @@ class _Run:
         return max(1, min(int(_BATCH_S / max(self._row_s, 1e-6)), share, _MOST_ROWS))
 
     def _count_workers(self) -> None:
-        """Look how many workers there are. Raises DragonError where the scheduler is gone or no worker comes."""
+        """Count the workers. Raises DragonError if the scheduler is gone or no worker joins."""
         if self._client.status not in ('running', 'connecting'):
             raise DragonError(f'the scheduler is gone; {self.progress.done} rows are kept, start the study '
                               'again to go on')
@@ -292,7 +292,7 @@ class _Run:
                               'kept: start workers, and the study again')
 
     def take(self) -> None:
-        """Keep the batches that have come; wait a little where none has."""
+        """Write the batches that have arrived; wait a little if there are none."""
         with suppress(Empty):
             self._keep(self._came.get(timeout=_WAIT_S))
             while True:
@@ -321,7 +321,7 @@ class _Run:
             self.progress.statuses[status] += count
 
     def _after_deaths(self, start: int, stop: int) -> None:
-        """Try the rows of a batch one by one under which workers died; a row alone is told to have failed."""
+        """Try the rows of a batch that killed workers one by one; a single row that does so has failed."""
         if stop - start > 1:
             for index in range(start, stop):
                 self._submit(index, index + 1)
@@ -333,7 +333,7 @@ class _Run:
 
 
 def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
-    """Yield ranges cut where blocks end, so that no part lies in two."""
+    """Yield ranges cut at the ends of blocks, so that no part spans two."""
     for start, stop in ranges:
         while start < stop:
             end = min(stop, (start // BLOCK + 1) * BLOCK)
@@ -343,9 +343,9 @@ def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
 
 def complete(data: DataSet, stop: Event, tell: Callable[[State], object], workers: int | None = None,
              scheduler: str | None = None) -> State:
-    """Compute what a data set lacks, on processes of this host or on the cluster of a scheduler (``run``).
+    """Compute the missing rows of a data set on processes of this host or on the cluster of a scheduler (``run``).
 
-    Where nothing is missing no process is started.
+    If nothing is missing, no process is started.
     """
     check_libraries(data.study)
     if not data.missing:

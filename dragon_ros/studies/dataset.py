@@ -1,9 +1,9 @@
-"""A study's data set: a folder with the study file and its rows as Parquet, each part whole or not there.
+"""A study's data set: a folder with the study file and its rows as Parquet parts, each of them complete or absent.
 
-A part holds the rows of one range of indices and is named after it. It is written under another name, brought to disk
-and renamed, so that a killed study, a full disk or a power cut leaves no half of one. Parts of batches are joined into
-larger ones, block by block, and removed then; where a kill comes in between, what is there twice is left out, and
-removed by the next run. In the end each block of ``BLOCK`` rows is one file, whatever the batches were.
+A part holds the rows of one range of indices and is named after it. It is written under a temporary name, synchronised
+to disk and renamed, so a killed study, a full disk or a power cut leaves no partial file. The parts of batches are
+joined into larger ones, block by block, and then removed. After a kill in between, duplicates are ignored, and the next
+run removes them. In the end each block of ``BLOCK`` rows is one file, whatever the batches were.
 """
 import fcntl
 import os
@@ -29,7 +29,7 @@ _TYPES: dict[type, Any] = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(
 
 
 class Part(NamedTuple):
-    """A file with the rows from ``start`` up to before ``stop``."""
+    """A file with the rows from ``start`` to before ``stop``."""
 
     start: int
     stop: int
@@ -56,7 +56,7 @@ def _as_bytes(table: pa.Table) -> bytes:
 
 
 class DataSet:
-    """The rows of a study in a folder, of which one process writes."""
+    """The rows of a study in a folder, to which one process writes."""
 
     def __init__(self, folder: Path, study: Study) -> None:
         """Take an existing folder (``open_set``, ``created``)."""
@@ -64,7 +64,7 @@ class DataSet:
 
     @property
     def parts(self) -> list[Part]:
-        """The parts in order; one whose rows another one has too is left out."""
+        """The parts in order, without those whose rows another part contains."""
         kept: list[Part] = []
         for part in sorted(self._files(), key=lambda one: (one.start, -one.stop)):
             if not kept or part.start >= kept[-1].stop:
@@ -86,7 +86,7 @@ class DataSet:
 
     @property
     def missing(self) -> list[tuple[int, int]]:
-        """The ranges of indices whose rows are not there, from each up to before the other."""
+        """The ranges of indices whose rows are missing, as (start, stop) with ``stop`` excluded."""
         out, at = [], 0
         for part in [*self.parts, Part(self.study.rows, self.study.rows, Path())]:
             if part.start > at:
@@ -95,7 +95,7 @@ class DataSet:
         return [one for one in out if one[0] < one[1]]
 
     def table(self, columns: list[str] | None = None) -> pa.Table:
-        """Return all rows in order. Raises InputError for a part that cannot be read, or that another study made."""
+        """Return all rows in order. Raises InputError if a part cannot be read or belongs to another study."""
         schema = schema_of(self.study)
         if columns is not None:
             schema = pa.schema([schema.field(name) for name in columns])
@@ -104,7 +104,7 @@ class DataSet:
         return table.slice(0, self.study.rows) if len(table) > self.study.rows else table
 
     def write(self, start: int, stop: int, data: bytes) -> None:
-        """Keep the rows of a range. Raises DiskError."""
+        """Write the rows of a range. Raises DiskError."""
         self._write(Part(start, stop, self._path(start, stop)), data)
         block = start // BLOCK * BLOCK
         if start == block and stop - start >= min(BLOCK, self.study.rows - block):
@@ -128,7 +128,7 @@ class DataSet:
                             'and start the study again to go on') from None
 
     def _join(self, block: int) -> None:
-        """Join the parts of a block into one where all its rows are there, and remove them."""
+        """Join the parts of a block into one if all its rows exist, and remove the parts."""
         stop = min(block + BLOCK, self.study.rows)
         parts = [part for part in self.parts if block <= part.start < stop]
         if sum(part.stop - part.start for part in parts) == stop - block and len(parts) > 1:
@@ -137,7 +137,7 @@ class DataSet:
             self.tidy()
 
     def tidy(self) -> None:
-        """Remove what a kill has left behind: files that were not finished, and parts whose rows another one has."""
+        """Remove what a killed run has left: unfinished files, and parts whose rows another part contains."""
         kept = {part.path for part in self.parts}
         try:
             for path in (self.folder / ROWS).iterdir():
@@ -147,7 +147,7 @@ class DataSet:
             raise DiskError(f'{self.folder / ROWS}: cannot be tidied: {error.strerror}') from None
 
     def join_blocks(self) -> None:
-        """Join what a former run has left in parts."""
+        """Join the parts that an earlier run has left."""
         for block in range(0, self.study.rows, BLOCK):
             self._join(block)
 
@@ -165,17 +165,16 @@ def _read(part: Part, schema: pa.Schema) -> pa.Table:
 
 
 def open_set(folder: Path) -> DataSet:
-    """Return the data set of a folder. Raises MissingError or InputError where it holds none."""
+    """Return the data set of a folder. Raises MissingError or InputError if it holds none."""
     document = read_document(folder / STUDY_FILE)
     return DataSet(folder, study_of(document, None))
 
 
 @contextmanager
 def writing(folder: Path, study: Study) -> Iterator[DataSet]:
-    """Yield the data set of a study in a folder, new or to go on with, for one process at a time.
+    """Yield the data set of a study in a new or existing folder, for one process at a time.
 
-    Raises InputError where the folder holds another study or another process writes, DiskError where nothing can be
-    written there.
+    Raises InputError if the folder holds another study or another process is writing, DiskError if it is not writable.
     """
     try:
         (folder / ROWS).mkdir(parents=True, exist_ok=True)
@@ -200,7 +199,7 @@ def _lock(file: IO[bytes], folder: Path) -> None:
 
 
 def _check_same(folder: Path, study: Study) -> None:
-    """Refuse a folder with rows of another study or version; one with more or fewer samples is the same."""
+    """Reject a folder with rows of another study or version; the number of samples may differ."""
     path = folder / STUDY_FILE
     if not path.exists():
         return

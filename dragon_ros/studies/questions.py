@@ -1,8 +1,8 @@
-"""What a study can ask of a scene: each question with its options, the columns of its answer, and what answers it.
+"""The questions that a study can ask of a scene: options, columns of the answer, and the function that answers.
 
-An answer has brackets where the engine gives them, and ``proved`` says whether they are proved (docs/model.md). Rows of
-a batch share what they have in common: scenes of one dragon on one track their compiled model, and the smallest pitch
-of one dragon is searched once.
+An answer has brackets if the search gives them, and ``proved`` says whether they are proved (docs/model.md). Rows of a
+batch share work: scenes of one dragon on one track share a compiled model, and the smallest pitch of one dragon is
+searched once.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -26,15 +26,15 @@ from dragon_ros.core.search.near_misses import near_misses
 
 Tell = Callable[[int], object]
 Values = dict[str, Any]
-_NEAR_M = 1.0       # the largest gap that a near miss may have
-_SHARED = 64        # answers that are kept for the other rows of a batch
+_NEAR_M = 1.0       # the largest threshold of near misses
+_SHARED = 64        # answers cached for other rows of a batch
 
 
 class Asked:
-    """A scene that is asked, and what several questions need: its first contact is searched once."""
+    """A scene with results that several questions need: its first contact is searched once."""
 
     def __init__(self, scene: Scene, tell: Tell) -> None:
-        """Take the scene; ``tell(states)`` is called as work is done, and may raise to end it."""
+        """Take the scene. ``tell(states)`` is called as work is done, and may raise to end it."""
         self.scene, self.tell = scene, tell
 
     @cached_property
@@ -45,7 +45,7 @@ class Asked:
 
 @dataclass(frozen=True)
 class FirstContact:
-    """The first contact of the run: when, between which benches, where, and how the run ends without one."""
+    """The first contact of the run: time, benches, point, and how the run ends if there is none."""
 
     columns: ClassVar[dict[str, type]] = {
         'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
@@ -53,7 +53,7 @@ class FirstContact:
         'contact_grazing': bool, 'contact_proved': bool, 'run_end_s': float, 'run_end': str}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; bounds of the time are what positions may put it off, and the proof is that none came before."""
+        """Answer. The bounds of the time follow from the position error; the proof excludes earlier contacts."""
         found, proved = asked.contact, asked.contact.certificate.complete
         if isinstance(found, NoContact):
             return {'contact': False, 'contact_proved': proved, 'run_end_s': found.end.t_s, 'run_end': found.end.reason}
@@ -67,7 +67,7 @@ class FirstContact:
 
 @dataclass(frozen=True)
 class NearMisses:
-    """Near misses before the first contact, closer than ``below_m``: how many, and the nearest."""
+    """Near misses before the first contact, closer than ``below_m``: their number, and the closest one."""
 
     below_m: float = 0.01
     columns: ClassVar[dict[str, type]] = {
@@ -75,11 +75,11 @@ class NearMisses:
         'near_miss_outer': int, 'near_miss_proved': bool}
 
     def __post_init__(self) -> None:
-        """Refuse a threshold that is none."""
+        """Reject an invalid threshold."""
         number('ask.near_misses.below_m', self.below_m, above=0.0, high=_NEAR_M)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; near misses are sampled, and not proved."""
+        """Answer. Near misses are sampled, not proved."""
         found = near_misses(asked.scene, asked.contact, self.below_m, asked.tell)
         nearest = found.nearest[0] if found.nearest else None
         out = {'near_misses': found.count, 'near_miss_proved': False}
@@ -90,7 +90,7 @@ class NearMisses:
 
 @dataclass(frozen=True)
 class Clearance:
-    """The smallest gap of all benches at a time; without ``at_s`` at the end of the run."""
+    """The smallest gap of all benches at time ``at_s``, by default at the end of the run."""
 
     at_s: float | None = None
     columns: ClassVar[dict[str, type]] = {
@@ -98,12 +98,12 @@ class Clearance:
         'clearance_inner': int, 'clearance_outer': int, 'clearance_proved': bool}
 
     def __post_init__(self) -> None:
-        """Refuse a time that is none."""
+        """Reject an invalid time."""
         if self.at_s is not None:
             number('ask.clearance.at_s', self.at_s, low=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; bounds are what positions may err, which is tested. Below three benches there is no gap."""
+        """Answer. The bounds follow from the position error, which is tested. Fewer than three benches have no gap."""
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
@@ -121,8 +121,9 @@ class Clearance:
 class MinPitch:
     """The smallest pitch at which the head reaches a circle without contact, from ``start_turns`` (the scene's) on.
 
-    Where benches are equal behind the head, it is proved that none up to ``largest_m`` has a contact. Of mixed benches
-    the bracket between ``smallest_m`` and ``largest_m`` is halved: its two ends are proved, what lies above is not.
+    If all benches behind the head are equal, it is proved that no pitch from there to ``largest_m`` has a contact. For
+    mixed benches the bracket from ``smallest_m`` to ``largest_m`` is bisected: its two ends are proved, pitches above
+    are not examined.
     """
 
     diameter_m: float = 9.0
@@ -135,7 +136,7 @@ class MinPitch:
         'min_pitch_outer': int, 'min_pitch_radius_m': float, 'min_pitch_proved': bool}
 
     def __post_init__(self) -> None:
-        """Refuse a circle or a bracket that is none."""
+        """Reject an invalid circle or bracket."""
         number('ask.min_pitch.diameter_m', self.diameter_m, above=0.0, high=1e6)
         if self.smallest_m is not None:
             number('ask.min_pitch.smallest_m', self.smallest_m, above=0.0)
@@ -145,7 +146,7 @@ class MinPitch:
             number('ask.min_pitch.start_turns', self.start_turns, above=0.0, high=1e4)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; ``min_pitch_m`` is the upper end of the bracket, from which on a dragon is safe."""
+        """Answer. ``min_pitch_m`` is the upper end of the bracket, the safe side."""
         dragon = asked.scene.dragon
         start_turns = asked.scene.spiral.start_turns if self.start_turns is None else self.start_turns
         try:
@@ -160,7 +161,7 @@ class MinPitch:
 
 
 class _Key:
-    """What the smallest pitch depends on; ``tell`` only follows the work."""
+    """The inputs of the smallest pitch; ``tell`` only reports progress and is not compared."""
 
     def __init__(self, question: MinPitch, dragon: AnyDragon, start_turns: float, tell: Tell) -> None:
         self.values, self.tell = (question, dragon, start_turns), tell
@@ -174,7 +175,7 @@ class _Key:
 
 @lru_cache(maxsize=_SHARED)
 def _pitch_of(key: _Key) -> SmallestPitch:
-    """Return the smallest pitch; rows that differ in other values share it."""
+    """Return the smallest pitch, which rows that differ only in other values share."""
     question, dragon, start_turns = key.values
     return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
                      question.smallest_m)
@@ -182,7 +183,7 @@ def _pitch_of(key: _Key) -> SmallestPitch:
 
 @dataclass(frozen=True)
 class Fit:
-    """The smallest squares that hold the run, and whether it fits into one of ``square_m``."""
+    """The smallest squares that contain the run, and whether it fits into a square of side ``square_m``."""
 
     square_m: float | None = None
     columns: ClassVar[dict[str, type]] = {
@@ -190,12 +191,12 @@ class Fit:
         'fits_centred': bool, 'fits_free': bool, 'fit_proved': bool}
 
     def __post_init__(self) -> None:
-        """Refuse a square that is none."""
+        """Reject an invalid square."""
         if self.square_m is not None:
             number('ask.fit.square_m', self.square_m, above=0.0)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; ``fits_...`` is empty where no square is given or the bounds cannot tell."""
+        """Answer. ``fits_...`` is empty if no square is given or the bounds cannot decide."""
         found = bounding_box(asked.scene, progress=asked.tell)
         out: Values = {'fit_proved': True}
         for name, (low_m, high_m) in (('centred', found.centred_m), ('free', found.free_m)):
@@ -214,11 +215,11 @@ class MaxSpeed:
         'max_speed_handle': int, 'max_speed_along_m': float, 'max_speed_proved': bool}
 
     def __post_init__(self) -> None:
-        """Refuse a limit that is none."""
+        """Reject an invalid limit."""
         number('ask.max_speed.limit_m_s', self.limit_m_s, above=0.0, high=1e9)
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; at the lower bound no handle exceeds the limit, at the upper one does."""
+        """Answer. At the lower bound no handle exceeds the limit; at the upper bound one does."""
         found = max_speed(asked.scene, asked.tell)
         low, high = self.limit_m_s / found.bound, self.limit_m_s / found.ratio
         return {'max_speed_m_s': low, 'max_speed_low_m_s': low, 'max_speed_high_m_s': high,
@@ -228,12 +229,12 @@ class MaxSpeed:
 
 @dataclass(frozen=True)
 class Lock:
-    """Where the chain locks if nothing stops the run before: when, and which link."""
+    """The lock that ends the run if nothing else does: its time and link."""
 
     columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
 
     def answer(self, asked: Asked) -> Values:
-        """Answer; the place is known to a float, which is tested and not proved."""
+        """Answer. The place is known to the last float, which is tested, not proved."""
         limit = compile_scene(replace(asked.scene, run=replace(asked.scene.run, stop_s=None))).limit
         if limit is None or limit.reason != 'lock':
             return {'locks': False, 'lock_proved': False}
@@ -244,7 +245,7 @@ Question = FirstContact | NearMisses | Clearance | MinPitch | Fit | MaxSpeed | L
 QUESTIONS: dict[str, type[Question]] = {
     'contact': FirstContact, 'near_misses': NearMisses, 'clearance': Clearance, 'min_pitch': MinPitch, 'fit': Fit,
     'max_speed': MaxSpeed, 'lock': Lock}
-# What a picture shows of each answer unless told otherwise.
+# The column of each answer that figures show by default.
 MAIN = {'contact': 'contact_t_s', 'near_misses': 'near_miss_gap_m', 'clearance': 'clearance_m',
         'min_pitch': 'min_pitch_m', 'fit': 'fit_centred_high_m', 'max_speed': 'max_speed_m_s', 'lock': 'lock_t_s'}
 

@@ -1,7 +1,7 @@
-"""Rows: a scene of a study with its answers, as a function of the study and an index alone; and batches of them.
+"""Rows and batches of rows. A row is a scene of a study with its answers, a function of the study and an index alone.
 
-A scene that is refused, or that takes longer than its budget, is a row that says why. Only what a row took (``cpu_s``)
-and whether that was over its budget depend on the machine.
+A scene that is rejected or exceeds its budget gives a row with the reason. Only ``cpu_s``, and so whether a row exceeds
+its budget, depends on the machine.
 """
 import hashlib
 import json
@@ -20,25 +20,25 @@ from dragon_ros.studies.study import Listed, Study, study_from, target_of
 from dragon_ros.version import __version__
 
 OK, REFUSED, OVER_BUDGET, FAILED = 'ok', 'refused', 'over_budget', 'failed'
-STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from good to bad: a row has the worst of its answers
+STATUSES = (OK, REFUSED, OVER_BUDGET, FAILED)       # from best to worst: a row has the worst status of its answers
 _ABOUT: dict[str, type] = {'status': str, 'reason': str, 'cpu_s': float, 'version': str, 'scene_sha256': str}
 _MOST_SHOWN = 500       # characters of a reason
 Row = dict[str, Any]
 
 
 class _OverBudget(Exception):
-    """A row has taken its seconds."""
+    """A row has used up its budget of seconds."""
 
 
 class Column(NamedTuple):
-    """A column of a data set: its type, and whether it holds a list, one value for each bench."""
+    """A column of a data set: its type, and whether each value is a list with one entry per bench."""
 
     type: type
     is_list: bool = False
 
 
 def columns_of(study: Study) -> dict[str, Column]:
-    """Return the columns of a study's rows: index, inputs by their keys, answers, and what is told of each row."""
+    """Return the columns of a study's rows: index, inputs by key, answers, status and cost."""
     inputs = {key: Column(_type_of(study, key, one), one.is_per_bench) for key, one in study.vary}
     answers = {name: Column(kind) for question in study.ask for name, kind in question.columns.items()}
     about = {name: Column(kind) for name, kind in _ABOUT.items()}
@@ -55,14 +55,14 @@ def _type_of(study: Study, key: str, variation: object) -> type:
 
 
 def row_of(study: Study, index: int) -> Row:
-    """Return the row of an index; answers that are missing are None."""
+    """Return the row of an index; missing answers are None."""
     return _computed(study, _Drawn.of(study, index))
 
 
 def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
-    """Return rows in the order of their indices; those of one dragon on one track are computed one after the other.
+    """Return rows in the order of their indices. Rows of one dragon on one track are computed consecutively.
 
-    They share the compiled model, and their values are those that they have alone.
+    They share a compiled model; their values do not depend on that.
     """
     drawn = sorted((_Drawn.of(study, index) for index in indices), key=lambda one: one.shares)
     return sorted((_computed(study, one) for one in drawn), key=lambda row: row['index'])
@@ -70,12 +70,12 @@ def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
 
 @lru_cache(maxsize=8)
 def parsed(text: str) -> Study:
-    """Return the study of a complete text, as workers are sent it."""
+    """Return the study of a complete text, the form in which workers receive it."""
     return study_from('study', text)
 
 
 class _Drawn(NamedTuple):
-    """The inputs of a row, the mapping of its scene, and what a compiled model is shared by."""
+    """The inputs of a row, the mapping of its scene, and the key under which rows share a compiled model."""
 
     number: int
     inputs: Row
@@ -90,7 +90,7 @@ class _Drawn(NamedTuple):
 
 
 def _computed(study: Study, drawn: _Drawn) -> Row:
-    """Return a row with its answers, its status and what it took."""
+    """Return a row with its answers, status and cost."""
     began, row = time.thread_time(), dict.fromkeys(columns_of(study))
     row |= {'index': drawn.number, **drawn.inputs, 'version': __version__, 'scene_sha256': _hash_of(drawn.scene)}
     reasons: list[tuple[str, str]] = []
@@ -113,7 +113,7 @@ def _computed(study: Study, drawn: _Drawn) -> Row:
 
 
 def _tried(what: str, answer: Callable[[], object], reasons: list[tuple[str, str]], study: Study) -> object:
-    """Return an answer, or None and note why there is none; no error of one scene ends a study of a million."""
+    """Return an answer, or None and note the reason; an error of one scene must not end a study of a million."""
     try:
         return answer()
     except _OverBudget:

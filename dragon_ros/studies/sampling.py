@@ -1,7 +1,7 @@
-"""Designs of experiments: which values the row of an index has, as a function of the study and that index alone.
+"""Designs of experiments: the values of a row as a function of the study and the row's index alone.
 
-A random point is drawn from a generator of its own, seeded by (seed, index); a Sobol point is reached by going forward
-in one scrambled sequence. So rows can be drawn in any order, in any batch and in any process.
+Each random point has its own generator, seeded by (seed, index); a Sobol point is reached by advancing one scrambled
+sequence. So rows can be drawn in any order, batch and process.
 """
 from functools import lru_cache
 from importlib.util import find_spec
@@ -17,7 +17,7 @@ Values = dict[str, Any]
 
 
 def check_libraries(study: Study) -> None:
-    """Refuse a study that needs scipy where it is not installed: Sobol sequences and normal laws do."""
+    """Reject a study that needs scipy if it is not installed; Sobol sequences and normal laws need it."""
     needs = study.design in ('sobol', 'saltelli') or any(isinstance(one, Normal) for _, one in study.vary)
     if needs and not find_spec('scipy'):
         raise MissingError(f"scipy: is not installed; design {study.design} or a normal law needs it: "
@@ -25,7 +25,7 @@ def check_libraries(study: Study) -> None:
 
 
 def values_of(study: Study, index: int) -> Values:
-    """Return the values of the keys that a study varies, for the row of an index; those of benches are lists."""
+    """Return the values of the varied keys for the row of an index; values per bench are lists."""
     if study.design == 'grid':
         return _in_grid(study, index)
     point, at, out = _point(study, index), 0, {}
@@ -37,7 +37,7 @@ def values_of(study: Study, index: int) -> Values:
 
 
 def scene_values_of(study: Study, values: Values) -> Values:
-    """Return the base scene with values in the place of its own, as the mapping of a scene file."""
+    """Return the base scene with the given values in place of its own, as the mapping of a scene file."""
     scene: Values = _copied(study.base)
     for key, value in values.items():       # groups are split last, so that the others keep their numbers
         if not isinstance(value, list):
@@ -66,7 +66,7 @@ def _in_grid(study: Study, index: int) -> Values:
 
 
 def levels_of(variation: Variation) -> list[Any]:
-    """Return the values that a key has in a grid."""
+    """Return the values of a key in a grid."""
     if isinstance(variation, Listed):
         return list(variation.values)
     assert isinstance(variation, Range)
@@ -75,7 +75,7 @@ def levels_of(variation: Variation) -> list[Any]:
 
 
 def _typed(study: Study, key: str, value: Any) -> Any:
-    """Return a value as a whole number where the scene has one."""
+    """Return a value as a whole number if the scene has one there."""
     last, target = target_of(study.base, key)
     return round(value) if isinstance(target[last], int) and isinstance(value, float) else value
 
@@ -103,10 +103,10 @@ def _of_two(study: Study, base: int, which: int) -> Floats:
 
 
 class _Sequence:
-    """A scrambled Sobol sequence with a place in it: going on is fast, going back begins anew."""
+    """A scrambled Sobol sequence and a position in it: advancing is fast, going back restarts it."""
 
     def __init__(self, dimensions: int, seed: int) -> None:
-        from scipy.stats import qmc  # other designs do without
+        from scipy.stats import qmc  # other designs do not need it
         self._engine, self._next = qmc.Sobol(dimensions, scramble=True, seed=np.random.default_rng(seed)), 0
         self._last: Floats = np.empty(0)
 

@@ -1,7 +1,7 @@
-"""The JSON Schema of study files, made from the dataclasses that they describe: for editors, and for other programs.
+"""The JSON Schema of study files, made from the dataclasses that they describe, for editors and other programs.
 
-It covers names, types and choices. What only the base scene can tell, such as which keys there are to vary, is checked
-where a study is read, with clearer errors.
+It covers names, types and choices. Checks that need the base scene, such as which keys can be varied, are made when a
+study is read, with clearer errors.
 """
 import json
 

@@ -1,7 +1,7 @@
-"""What a data set says: quantiles and distributions with confidence bands, shares, and which input matters how much.
+"""Statistics of a data set: quantiles and distributions with confidence bands, shares, and Sobol indices.
 
-Bands are for 95 % confidence and, but where one says so, without an assumption on the distribution. They speak for rows
-of a random design; of a Sobol design they are too wide as a rule, and not proved.
+Bands have 95 % confidence and, unless stated otherwise, assume nothing of the distribution. They hold for rows of a
+random design; for a Sobol design they are usually too wide, which is not proved.
 """
 from dataclasses import dataclass
 from math import ceil, inf, log, sqrt
@@ -14,13 +14,13 @@ from dragon_ros.studies.study import Study
 
 CONFIDENCE = 0.95
 _RESAMPLES = 999
-_NORMAL_FROM = 20       # rows: fewer tell no deviation
-_MOST_TESTED = 5000     # values, above which p-values of the test are not accurate
+_NORMAL_FROM = 20       # rows; fewer give no standard deviation
+_MOST_TESTED = 5000     # values; above it p-values of the test are not accurate
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A value with its confidence interval; an end is infinite where so few rows tell none."""
+    """A value with its confidence interval; an end is infinite if there are too few rows to give one."""
 
     value: float
     low: float
@@ -28,8 +28,8 @@ class Estimate:
 
 
 def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Estimate:
-    """Return a quantile of samples (N,) with the order statistics that enclose it, from the binomial distribution."""
-    from scipy.stats import binom  # takes longer to import than a small study to sum up
+    """Return a quantile of samples (N,) with the order statistics that bracket it, by the binomial distribution."""
+    from scipy.stats import binom  # slow to import
     ordered, out = np.sort(values), (1 - confidence) / 2
     count = ordered.size
     low, high = int(binom.ppf(out, count, share)), int(binom.ppf(1 - out, count, share)) + 1
@@ -38,12 +38,12 @@ def quantile(values: Floats, share: float, confidence: float = CONFIDENCE) -> Es
 
 
 def safe_rows(share: float, confidence: float = CONFIDENCE) -> int:
-    """Return from how many rows on their largest value is a bound of a quantile: 1 - share^N >= confidence."""
+    """Return the number of rows from which on their maximum bounds a quantile: 1 - share^N >= confidence."""
     return ceil(log(1 - confidence) / log(share))
 
 
 def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return a value that a share of all is below, with confidence; inf where there are too few rows for one."""
+    """Return a bound below which a given share of all values lies, with confidence; inf if there are too few rows."""
     from scipy.stats import binom
     count = values.size
     rank = int(binom.ppf(confidence, count, share)) + 1
@@ -51,7 +51,7 @@ def upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) ->
 
 
 def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDENCE) -> float:
-    """Return what ``upper_bound`` does **if** values are normally distributed (the one-sided tolerance factor)."""
+    """Return the bound of ``upper_bound`` **if** values are normally distributed (the one-sided tolerance factor)."""
     from scipy.stats import nct, norm
     count = values.size
     factor = float(nct.ppf(confidence, count - 1, norm.ppf(share) * sqrt(count))) / sqrt(count)
@@ -59,7 +59,7 @@ def normal_upper_bound(values: Floats, share: float, confidence: float = CONFIDE
 
 
 def may_be_normal(values: Floats) -> bool:
-    """Return whether a sample is continuous and does not contradict a normal distribution (Shapiro and Wilk 1965)."""
+    """Return whether a sample is continuous and consistent with a normal distribution (Shapiro and Wilk 1965)."""
     from scipy.stats import shapiro
     if values.size < _NORMAL_FROM or np.unique(values).size < values.size:
         return False
@@ -83,7 +83,7 @@ def distribution(values: Floats, confidence: float = CONFIDENCE) -> tuple[Floats
 
 @dataclass(frozen=True)
 class Indices:
-    """Sobol indices of one input: alone (first order), and with all that it takes part in (total)."""
+    """Sobol indices of one input: its own effect (first order), and with all interactions (total)."""
 
     key: str
     first: Estimate
@@ -93,7 +93,7 @@ class Indices:
 def indices(study: Study, values: Floats) -> list[Indices]:
     """Return the indices of an answer (rows,) of a study by the design ``saltelli`` (Saltelli 2010), bootstrapped.
 
-    Raises FieldError for another design, and where an answer is missing: the indices take each row.
+    Raises FieldError for another design and for a missing answer: the indices need every row.
     """
     if study.design != 'saltelli':
         raise FieldError('design', study.design, 'indices take rows in pairs', 'write design: saltelli')

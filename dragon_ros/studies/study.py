@@ -1,7 +1,7 @@
-"""A study: a base scene, what varies, by which design, how often, and what is asked. Read from files as scenes are.
+"""A study: a base scene, what varies in it, the design, the samples and the questions. It is read like a scene.
 
-A study is complete and plain: it holds its base scene in full and is written as the YAML text that makes it again. That
-text is what workers are sent and what a data set carries.
+A study is complete: it holds its base scene in full and can be written as a YAML text that restores it. Workers receive
+that text, and a data set contains it.
 """
 from collections.abc import Mapping
 from dataclasses import dataclass, field, fields, replace
@@ -22,23 +22,23 @@ from dragon_ros.studies.questions import QUESTIONS, Question, name_of
 
 DESIGNS = ('grid', 'random', 'sobol', 'saltelli')
 MOST_ROWS = 10**9
-MOST_DIMENSIONS = 10_000        # of Sobol sequences, twice as many for saltelli; scipy has 21,201
+MOST_DIMENSIONS = 10_000        # of Sobol sequences, twice as many for saltelli; scipy supports 21,201
 _KEYS = ('scene', 'set', 'vary', 'design', 'samples', 'seed', 'ask', 'budget_s', 'about')
 _MOST_STEPS = 100_000
-_MOST_DIGITS = 6        # of the number of a list's item
-_FAR = 1e300            # so that differences are finite
+_MOST_DIGITS = 6        # of the index of a list item
+_FAR = 1e300            # keeps differences finite
 Values = dict[str, Any]
 
 
 @dataclass(frozen=True)
 class Listed:
-    """Values one by one; a random design takes each as often as the others."""
+    """A list of values; a random design takes each with equal probability."""
 
     values: tuple[Any, ...]
     is_per_bench: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Refuse an empty list, and values that are no number, word or None."""
+        """Reject an empty list, and values other than numbers, words and None."""
         if not 1 <= len(self.values) <= _MOST_STEPS:
             raise FieldError('values', len(self.values), f'a list has 1 to {_MOST_STEPS} values', 'list some')
         for value in self.values:
@@ -55,7 +55,7 @@ class Listed:
 
 @dataclass(frozen=True)
 class Range:
-    """``steps`` values from ``low`` to ``high``, both included; a random design takes any value between them."""
+    """``steps`` values from ``low`` to ``high``, both included; a random design takes any value in between."""
 
     low: float
     high: float
@@ -63,7 +63,7 @@ class Range:
     is_per_bench: ClassVar[bool] = False
 
     def __post_init__(self) -> None:
-        """Refuse a range that is none."""
+        """Reject an invalid range."""
         settle(self, low=number('from', self.low, low=-_FAR), high=number('to', self.high, above=self.low, high=_FAR))
         if self.steps is not None:
             whole('steps', self.steps, low=2, high=_MOST_STEPS)
@@ -76,14 +76,14 @@ class Range:
 
 @dataclass(frozen=True)
 class Uniform:
-    """Any value between two alike; ``per: bench`` draws one for each bench of a group."""
+    """A uniform distribution; ``per: bench`` draws one value for each bench of a group."""
 
     low: float
     high: float
     is_per_bench: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a distribution that is none."""
+        """Reject invalid bounds."""
         settle(self, low=number('uniform', self.low, low=-_FAR),
                high=number('uniform', self.high, above=self.low, high=_FAR))
 
@@ -95,7 +95,7 @@ class Uniform:
 
 @dataclass(frozen=True)
 class Normal:
-    """A normal distribution, truncated to ``within``; ``per: bench`` draws one for each bench of a group."""
+    """A normal distribution, truncated to ``within``; ``per: bench`` draws one value for each bench of a group."""
 
     mean: float
     deviation: float
@@ -104,7 +104,7 @@ class Normal:
     is_per_bench: bool = False
 
     def __post_init__(self) -> None:
-        """Refuse a distribution that is none, or that is cut off from all of its mass."""
+        """Reject invalid values, and bounds that exclude almost all of the distribution."""
         settle(self, mean=number('normal', self.mean, low=-_FAR, high=_FAR),
                deviation=number('normal', self.deviation, above=0.0, high=_FAR),
                low=number('within', self.low, low=-_FAR), high=number('within', self.high, above=self.low, high=_FAR))
@@ -127,11 +127,10 @@ def _per(is_per_bench: bool) -> Values:
 
 @dataclass(frozen=True)
 class Study:
-    """What is varied in which scene, and what is asked of each: all that a row depends on, but for its index.
+    """A base scene, the varied keys, the design and the questions: all that a row depends on besides its index.
 
-    ``samples`` are the points of a random or Sobol design; of ``saltelli`` the base points, with a row for each of the
-    two that belong together and one for each key besides. A grid has its own number. ``budget_s`` are the CPU seconds
-    of a row.
+    ``samples`` is the number of points of a random or Sobol design; for ``saltelli`` the number of base points, each
+    with two rows and one more per key. It is ignored for grids. ``budget_s`` is the CPU time per row.
     """
 
     scene: Scene = field(default_factory=Scene)
@@ -143,7 +142,7 @@ class Study:
     budget_s: float = 600.0
 
     def __post_init__(self) -> None:
-        """Refuse what makes no rows."""
+        """Reject a study that would have no rows."""
         choice('design', self.design, DESIGNS)
         whole('seed', self.seed, low=0, high=2**63 - 1)
         settle(self, budget_s=number('budget_s', self.budget_s, above=0.0, high=1e9))
@@ -167,7 +166,7 @@ class Study:
         whole('vary', self.dimensions, low=1, high=MOST_DIMENSIONS)
 
     def _check_key(self, key: str, variation: Variation) -> None:
-        """Refuse a key that the base scene has not, and a variation that does not suit it or the design."""
+        """Reject an unknown key, and a variation that suits neither the key nor the design."""
         at = f'vary.{key}'
         group, target = target_of(self.base, key)
         value = target.get(group)
@@ -190,17 +189,17 @@ class Study:
 
     @cached_property
     def widths(self) -> tuple[int, ...]:
-        """How many numbers each key is drawn from: one, or one for each bench."""
+        """The number of coordinates that each key takes: one, or one per bench."""
         return tuple(target_of(self.base, key)[1]['count'] if one.is_per_bench else 1 for key, one in self.vary)
 
     @property
     def dimensions(self) -> int:
-        """How many numbers a point is made of."""
+        """The number of coordinates of a point."""
         return sum(self.widths)
 
     @property
     def rows(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
         return self.samples * (len(self.vary) + 2 if self.design == 'saltelli' else 1)
 
     @cached_property
@@ -210,7 +209,7 @@ class Study:
 
     @cached_property
     def identity(self) -> Values:
-        """All that the values of a row depend on."""
+        """Everything that the values of a row depend on."""
         asked = {name_of(one): {f.name: getattr(one, f.name) for f in fields(one)} for one in self.ask}
         return {'scene': self.base, 'vary': {key: one.as_value for key, one in self.vary}, 'design': self.design,
                 'seed': self.seed, 'ask': asked, 'budget_s': self.budget_s}
@@ -229,7 +228,7 @@ class Study:
 
 
 def as_text(values: Values) -> str:
-    """Return values as YAML, by libyaml where PyYAML has it."""
+    """Return values as YAML, written by libyaml if PyYAML has it."""
     text: str = yaml.dump(values, Dumper=getattr(yaml, 'CSafeDumper', yaml.SafeDumper), sort_keys=False)
     return text
 
@@ -237,7 +236,7 @@ def as_text(values: Values) -> str:
 def target_of(scene: Values, key: str) -> tuple[str, Values]:
     """Return the last part of a dotted key and the mapping of a scene that holds it. Raises FieldError.
 
-    The items of a list are counted from 1, as errors of scene files count them.
+    The items of a list are numbered from 1, as in errors of scene files.
     """
     *sections, last = key.split('.')
     target: Any = scene
@@ -254,12 +253,12 @@ def target_of(scene: Values, key: str) -> tuple[str, Values]:
 
 
 def _steps_of(variation: Variation) -> Any:
-    """Return something as long as a variation in a grid."""
+    """Return a sequence of the length of a variation in a grid."""
     return variation.values if isinstance(variation, Listed) else range(getattr(variation, 'steps', None) or 1)
 
 
 def study_names() -> list[str]:
-    """Return the names of the studies that come with the package."""
+    """Return the names of the studies of the package."""
     return sorted(path.stem for path in (configuration_folder() / 'studies').glob('*.yaml'))
 
 
@@ -276,12 +275,12 @@ def load_study(name_or_file: str) -> Study:
 
 
 def study_from(name: str, text: str) -> Study:
-    """Return the study of a text that is complete. Raises InputError."""
+    """Return the study of a complete text. Raises InputError."""
     return study_of(parse_document(name, text), None)
 
 
 def study_of(document: Document, folder: Path | None) -> Study:
-    """Return the study that a document describes; scene files are looked for in a folder, or refused without one."""
+    """Return the study that a document describes. Scene files are found in a folder, or rejected if none is given."""
     document.check_keys('', document.values, _KEYS)
     given = document.values
     try:
@@ -315,7 +314,7 @@ def _scene(document: Document, folder: Path | None) -> Scene:
 
 
 def _variation(document: Document, key: str, given: Any) -> Variation:
-    """Return how a key varies; errors have the key's name."""
+    """Return the variation of a key; errors name the key."""
     at = f'vary.{key}'
     if not isinstance(key, str):
         document.refuse(at, 'it is no key of a scene; write one such as track.pitch_m')
@@ -361,7 +360,7 @@ def _pair(document: Document, at: str, given: Any) -> tuple[float, float]:
 
 
 def _questions(document: Document) -> tuple[Question, ...]:
-    """Return what is asked: a list of names, or a mapping of names to options."""
+    """Return the questions of a list of names, or of a mapping of names to options."""
     given = document.values.get('ask', [])
     if isinstance(given, list) and all(isinstance(name, str) for name in given):
         given = dict.fromkeys(given)
