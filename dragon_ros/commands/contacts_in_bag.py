@@ -7,7 +7,6 @@ from typing import Any
 from dragon_ros.bags.read.frames import BagFrame, claimed_contact, frames
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.cli.progress import Progress
-from dragon_ros.commands.checker import prove
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.near_pairs import NearPairs
 from dragon_ros.core.limits import PROOF_S, SEARCH_WORK, SEARCHED_BENCHES
@@ -69,6 +68,7 @@ def end_in_contact(bag: BagReader, namespace: str, scene: Scene, trust: bool) ->
         claim = claimed_contact(bag, namespace)
         if claim is None:
             raise
+        from dragon_ros.commands.checker import prove  # starts a process, which few bags need
         try:
             said = prove(of_claim(scene, claim), PROOF_S)
         except InputError as why:
