@@ -42,7 +42,6 @@ if TYPE_CHECKING:
     from dragon_ros.core.tracks.s_turn import TurnAnswer
 
 Progress = Callable[[int], object]
-_COLUMNS = ('t_s', 'handle', 'x_m', 'y_m', 'vx_m_s', 'vy_m_s', 'speed_m_s')
 __all__ = ['Bag', 'Contact', 'DragonError', 'FieldError', 'InputError', 'MissingError', 'ModelEnd', 'Motion',
            'NoContact', 'Rows', 'Simulated', 'compile', 'design', 'plot', 'read_bag', 'scene', 'study']
 _DPI = 72       # of a scene that draws itself
@@ -124,10 +123,11 @@ class Motion:
             import pandas as pd  # type: ignore[import-untyped]
         except ImportError:
             raise MissingError('frame: pandas is not installed: pip install pandas') from None
+        from dragon_ros.commands.table import COLUMNS
         times, handles = np.atleast_1d(self.t_s), self.handles_m.shape[-2]
         rows = np.concatenate((self.handles_m, self.velocity_m_s, self.speed_m_s[..., None]), axis=-1).reshape(-1, 5)
         return pd.DataFrame({'t_s': np.repeat(times, handles), 'handle': np.tile(np.arange(handles), times.size),
-                             **dict(zip(_COLUMNS[2:], rows.T, strict=True))})
+                             **dict(zip(COLUMNS[2:], rows.T, strict=True))})
 
 
 @dataclass(frozen=True, eq=False)

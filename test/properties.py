@@ -1,7 +1,18 @@
-"""How many examples a property is tried with: fewer in the profile ``brief``, many more in ``thorough``."""
+"""What properties share: how many examples each is tried with (fewer in the profile ``brief``), and random tracks."""
 from hypothesis import settings
+from hypothesis import strategies as st
+
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
 USUAL = 100         # examples of a property that says nothing
+PIECES = st.lists(st.one_of(
+    st.builds(Line, st.floats(0.1, 9)),
+    st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
+              st.booleans()),
+    st.builds(SpiralArc, st.floats(0.3, 3), st.floats(3, 4), st.floats(1.5, 2.9), st.sampled_from(['left', 'right']))),
+    min_size=1, max_size=6).map(lambda segments: Composite(tuple(segments)))
+TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIECES,
+                   st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
 
 
 def examples(count: int) -> settings:

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from properties import examples
+from properties import TRACKS, examples
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -17,7 +17,7 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import SIDES, BoundingBox, HandleRanges, Reach, SweptBench, bounding_box, fits
 from dragon_ros.core.step import state
 from dragon_ros.core.tracks.composite import track_of
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 
 SCENES = [Scene(), Scene(dragon=Dragon(benches=1)), Scene(dragon=Dragon(benches=3), run=Run(start_s=400.0)),
           Scene(track=Spiral(0.45, 20.0), run=Run(stop_s=60.0)),
@@ -73,14 +73,6 @@ DRAGONS = st.builds(
     st.sampled_from([0.01, 0.275]), st.sampled_from([0.01, 0.3, 1.0]))
 LAWS = st.builds(lambda lead, speeds: Profile(tuple((7.0 * n, v) for n, v in enumerate(speeds)), 'smooth', lead),
                  st.sampled_from(['head', 'tail']), st.lists(st.floats(-1, 3), min_size=1, max_size=4))
-PIECES = st.lists(st.one_of(
-    st.builds(Line, st.floats(0.1, 9)),
-    st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
-              st.booleans()),
-    st.builds(SpiralArc, st.floats(0.3, 3), st.floats(3, 4), st.floats(1.5, 2.9), st.sampled_from(['left', 'right']))),
-    min_size=1, max_size=6).map(lambda segments: Composite(tuple(segments)))
-TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIECES,
-                   st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
 
 
 @examples(20)

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import assume, example, given
 from hypothesis import strategies as st
-from properties import examples
+from properties import TRACKS, examples
 
 from dragon_ros.core.batches import states, velocity_of
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -16,7 +16,7 @@ from dragon_ros.core.errors import DragonError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
 from hard_cases.truth import design_figures
 
 FIGURES = design_figures()
@@ -249,14 +249,6 @@ DRAGONS = st.builds(lambda lengths: Mixed(tuple(Group(0.55 + length, 2) for leng
 LAWS = st.builds(lambda lead, ramps, speeds: Profile(tuple((4.0 * n, v) for n, v in enumerate(speeds)), ramps, lead),
                  st.sampled_from(['head', 'tail']), st.sampled_from(['linear', 'smooth']),
                  st.lists(st.floats(-1, 3), min_size=1, max_size=4))
-PIECES = st.lists(st.one_of(
-    st.builds(Line, st.floats(0.1, 9)),
-    st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
-              st.booleans()),
-    st.builds(SpiralArc, st.floats(0.3, 3), st.floats(3, 4), st.floats(1.5, 2.9), st.sampled_from(['left', 'right']))),
-    min_size=1, max_size=6).map(lambda segments: Composite(tuple(segments)))
-TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIECES,
-                   st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
 
 
 @examples(25)
