@@ -1,1 +1,1 @@
-"""Frames to CDR bytes and back: topics, templates and decoders, without rclpy."""
+"""Convert frames to CDR bytes and back, without rclpy: topics, templates and decoders."""

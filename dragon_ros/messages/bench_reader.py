@@ -1,4 +1,4 @@
-"""Reads the benches of a run, whose messages differ in stamps and poses alone from one to the next."""
+"""Reads the benches of a run, in which successive messages differ only in stamps and poses."""
 import struct
 import sys
 
@@ -15,10 +15,10 @@ _WORD = 4
 
 
 class BenchReader:
-    """Reads the benches of successive messages; one that is like the last is compared with it and not parsed."""
+    """Reads the benches of successive messages; one with the last one's layout is compared with it, not parsed."""
 
     def __init__(self) -> None:
-        """Start with no message."""
+        """Start without a message."""
         self._last: _Pattern | None = None
 
     def read(self, data: bytes) -> BenchMarkers | BenchCubes:
@@ -31,10 +31,10 @@ class BenchReader:
 
 
 class _Pattern:
-    """What decides how a message is read, if it has only cubes, of one layout, that show the benches in order."""
+    """The words that decide the layout of a message that has only cubes, of one layout, in the order of the benches."""
 
     def __init__(self, read: BenchMarkers) -> None:
-        """Keep all words but stamps, poses, colours and lifetimes. Raises MessageError for impossible sizes."""
+        """Keep all words except stamps, poses, colours and lifetimes. Raises MessageError for impossible sizes."""
         markers = read.markers
         (run,), at = markers.runs, markers.runs[0].layout.at
         self._frame_id, self._size, self._count = read.frame_id, len(markers.data), run.count
@@ -46,17 +46,17 @@ class _Pattern:
         self._same = [words.copy() for words in self._words(markers.data)]
 
     def _words(self, data: bytes | bytearray) -> list[Array]:
-        """View the words that decide, by marker."""
+        """View the words that decide the layout, by marker."""
         return [strided(data, 'u4', start, self._stride, self._count, (end - start) // _WORD)
                 for start, end in self._ranges]
 
     def fits(self, data: bytes) -> bool:
-        """Return whether a message is read as the one before."""
+        """Return whether a message has the same layout as the one before."""
         return len(data) == self._size and data.startswith(self._head) and not any(
             np.not_equal(mine, its).any() for mine, its in zip(self._same, self._words(data), strict=True))
 
     def benches(self, data: bytes) -> BenchCubes:
-        """Return the benches of a message that fits. Raises MessageError where its stamp is none."""
+        """Return the benches of a message that fits. Raises MessageError if its stamp is invalid."""
         sec, nanosec = struct.unpack_from('=iI', data, self._stamp)
         poses = strided(data, 'f8', self._pose, self._stride, self._count, 7)
         return BenchCubes(checked_stamp(sec * NS + nanosec), self._frame_id, poses, self._half_length,
@@ -64,7 +64,7 @@ class _Pattern:
 
 
 def _pattern_of(read: BenchMarkers) -> _Pattern | None:
-    """Return the pattern of a message, None where the next one is better parsed."""
+    """Return the pattern of a message; None if the next message must be parsed."""
     markers = read.markers
     plain = (markers.data[1] == _NATIVE and len(markers.runs) == 1 and markers.type[0] == CUBE
              and np.array_equal(read.order, np.arange(markers.type.size)))

@@ -1,6 +1,6 @@
-"""Frames as CDR bytes: a template built once for each message, which numpy patches in place.
+"""Frames as CDR bytes: one template per message, built once and patched in place by numpy.
 
-It is written by hand for speed: a template takes microseconds where a general serialiser takes milliseconds.
+It is written by hand for speed: a template takes microseconds, a general serialiser takes milliseconds.
 
 The layout is plain CDR (OMG DDS-RTPS 2.3, 10.2; the first XCDR encoding): every primitive is aligned to its size,
 counted from the end of the 4-byte encapsulation header. Padding is zero.
@@ -51,7 +51,7 @@ class Writer:
         return stamp
 
     def finish(self) -> bytearray:
-        """Return the data, padded to a multiple of 4 bytes as on the wire: what is recorded equals what is sent."""
+        """Return the data, padded to a multiple of 4 bytes as on the wire: recorded and sent bytes are equal."""
         self.data += bytes(-len(self.data) % 4)
         return self.data
 
@@ -69,7 +69,7 @@ def stamp_of(t_ns: int) -> tuple[int, int]:
 
 
 def stamp_number(t_ns: int) -> int:
-    """Return a stamp's two fields as the 64-bit number that they form in memory."""
+    """Return the 64-bit number that a stamp's two fields form in memory."""
     seconds, rest_ns = stamp_of(t_ns)
     return seconds | rest_ns << 32
 
@@ -92,9 +92,9 @@ class Rows:
 class Template:
     """The bytes of a message, laid out once and patched in place for each tick.
 
-    They are returned without a copy unless the caller still holds the previous ones when the next are made: BytesIO
-    does this, since copying megabytes takes longer than patching them. Python caches the hash of bytes: a caller that
-    hashes a message must hold it until the next one.
+    BytesIO returns them without a copy, unless the caller still holds the previous message when the next one is made:
+    copying megabytes takes longer than patching them. Python caches the hash of bytes, so a caller that hashes a
+    message must hold it until the next one.
     """
 
     def __init__(self, data: bytearray) -> None:
@@ -102,7 +102,7 @@ class Template:
         self._message = BytesIO(bytes(data))
 
     def patched(self, patch: Callable[[memoryview], None]) -> bytes:
-        """Return the bytes after ``patch``, which must keep no view of them."""
+        """Return the bytes after ``patch``, which must not keep a view of them."""
         with self._message.getbuffer() as data:
             patch(data)
         return self._message.getvalue()
@@ -132,7 +132,7 @@ class PoseArrayTemplate(Template):
 
 
 class VelocitiesTemplate(Template):
-    """std_msgs/Float64MultiArray: rows are handles, columns vx, vy, speed in m/s (or similar ones)."""
+    """std_msgs/Float64MultiArray: one row per handle, with columns vx, vy, speed in m/s (or similar ones)."""
 
     def __init__(self, handles: int, columns: str = 'vx_vy_speed') -> None:
         """Lay out the message for a number of handles."""
@@ -195,7 +195,7 @@ class CloudTemplate(Template):
 
 
 class JointsTemplate(Template):
-    """sensor_msgs/JointState with positions alone."""
+    """sensor_msgs/JointState with positions only."""
 
     def __init__(self, names: list[str], frame_id: str) -> None:
         """Lay out the message for joints with these names."""

@@ -14,7 +14,7 @@ _QOS = {'reliability': ('reliable', 'best_effort'), 'durability': ('volatile', '
 
 @dataclass(frozen=True)
 class Channel:
-    """One topic: relative name, message type, publisher, QoS, and the effect that switches it on (None: always)."""
+    """One topic: relative name, message type, publisher, QoS, and the effect that enables it (None: always on)."""
 
     name: str
     type: str
@@ -33,7 +33,7 @@ class Channel:
 
     @property
     def each_tick(self) -> bool:
-        """Whether it has one message a tick; what a monitor says follows its own pace."""
+        """Whether it has one message per tick; the topics of a monitor have their own rate."""
         return self.publisher == 'sim' and not self.latched
 
 
@@ -44,12 +44,12 @@ def channels() -> dict[str, Channel]:
 
 
 def channels_of(document: Document) -> dict[str, Channel]:
-    """Return the topics that a document lists. Raises InputError with file, line and key."""
+    """Return the topics listed in a document. Raises InputError with file, line and key."""
     return {name: _channel(document, name) for name in document.values}
 
 
 def channel_of(topic: str) -> Channel | None:
-    """Return the channel with the longest name that a full topic name ends in."""
+    """Return the channel with the longest name that is a suffix of a full topic name."""
     return max((row for row in channels().values() if f'/{topic}'.endswith(f'/{row.name.lstrip("/")}')),
                key=lambda row: len(row.name), default=None)
 

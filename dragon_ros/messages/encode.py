@@ -1,4 +1,4 @@
-"""Encodes frames as the bytes of each topic that a scene's effects switch on."""
+"""Encodes frames as the bytes of each topic that a scene's effects enable."""
 from collections.abc import Callable
 
 from dragon_ros.core.frame import Frame
@@ -11,7 +11,7 @@ Encode = Callable[[Frame], bytes]
 
 
 def encoders(scene: Scene, frame_id: str = 'dragon') -> dict[str, Encode]:
-    """Return, by topic, the functions that encode frames of this scene; templates are built once, here."""
+    """Return the functions that encode frames of this scene, by topic; this builds each template once."""
     return {channel.name: _builder(channel.name)(scene, frame_id) for channel in live(scene.effects)}
 
 
@@ -44,7 +44,7 @@ _BUILDERS = {'handles': _handles, 'benches': _benches, 'velocities': _velocities
 
 
 def _builder(topic: str) -> Callable[[Scene, str], Encode]:
-    """Return the builder of a topic; the module of the rarer effects is imported only for them."""
+    """Return the builder of a topic; the module of rarely used effects is imported only when needed."""
     if topic in _BUILDERS:
         return _BUILDERS[topic]
     from dragon_ros.messages.encode_effects import BUILDERS

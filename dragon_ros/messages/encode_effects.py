@@ -1,4 +1,4 @@
-"""Encodes the topics of the effects that few scenes switch on; imported only where one of them is on."""
+"""Encodes the topics of rarely used effects; imported only if a scene enables one of them."""
 from collections.abc import Callable, Mapping
 
 import numpy as np

@@ -1,8 +1,8 @@
-"""Which ticks are skipped where more arrive than can be taken: whole ones, evenly, the more the fuller the queue."""
+"""Skips whole ticks evenly when more arrive than can be processed; a fuller queue skips more of them."""
 from dataclasses import dataclass, field
 
-FROM_FILL = 0.5     # of its budget a queue is filled before a tick is skipped
-_REMEMBERED = 8192      # stamps: one topic may run ahead of another
+FROM_FILL = 0.5     # fraction of its budget to which a queue fills before a tick is skipped
+_REMEMBERED = 8192      # stamps, since one topic may run ahead of another
 
 
 @dataclass
@@ -12,22 +12,22 @@ class _Tick:
 
 
 class EvenSkips:
-    """Decides for each stamp, when its first message arrives, and says the same of its other messages.
+    """Decides for each stamp when its first message arrives, and repeats the decision for its other messages.
 
-    Up to ``FROM_FILL`` of the budget all ticks are kept, at the whole budget none, between in proportion: the queue
-    settles where as many are kept as can be taken.
+    All ticks are kept up to ``FROM_FILL`` of the budget, none at the whole budget; between them the fraction is linear.
+    The queue settles at the fill at which ticks are kept as fast as they are processed.
     """
 
     def __init__(self) -> None:
-        """Start having skipped nothing."""
+        """Start without any skipped tick."""
         self.skipped = 0        # ticks
         self._ticks: dict[int, _Tick] = {}
         self._credit = 0.0
 
     def keeps(self, topic: str, t_ns: int, fill: float) -> bool:
-        """Return whether a message of a tick is to be kept; ``fill`` is that of the queue, 1 is full.
+        """Return whether to keep a message of a tick; ``fill`` is the fill of the queue, where 1 is full.
 
-        A topic that has a stamp once more is of a run that started again.
+        If a topic repeats a stamp, its run has restarted.
         """
         tick = self._ticks.get(t_ns)
         if tick is None or topic in tick.topics:

@@ -1,23 +1,23 @@
-"""Compare the length of each message with what its type holds."""
+"""Compare the length of each message with the length that its type implies."""
 import numpy as np
 
 from dragon_ros.core.numerics.types import Array
 from dragon_ros.messages.decode import Layout, MessageError, Reader, layout_of
 from dragon_ros.messages.schemas import fields_of
 
-_ALIGNED = 4        # a message may be padded to a multiple of it
+_ALIGNED = 4        # a message may be padded to a multiple of this
 
 
 class LengthCheck:
-    """Checks messages of one type; one whose strings and sequences are as long as in the one before is not walked."""
+    """Checks messages of one type; one whose strings and sequences are as long as in the last one is not parsed."""
 
     def __init__(self, name: str) -> None:
-        """Take a type of the package."""
+        """Take the name of a type of the package."""
         self._name, self._fields = name, fields_of(name)
         self._last: tuple[str, Layout, Array, Array] | None = None
 
     def fault(self, data: bytes) -> str | None:
-        """Return why the bytes are not one whole message; None if they are."""
+        """Return the reason why the bytes are not one whole message; None if they are."""
         try:
             end = self._end(Reader(data))
         except MessageError as error:
@@ -27,7 +27,7 @@ class LengthCheck:
         return None
 
     def _end(self, reader: Reader) -> int:
-        """Return where the message ends. Raises MessageError where the bytes end before it."""
+        """Return the offset of the message's end. Raises MessageError if the bytes end before it."""
         if self._last is not None:
             order, layout, places, words = self._last
             if order == reader.order and layout.end <= len(reader.data) and np.array_equal(

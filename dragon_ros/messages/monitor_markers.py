@@ -1,4 +1,4 @@
-"""What the monitor shows of a tick, as bytes: the deepest contacts, the clearance as a label and as a vector."""
+"""The monitor's markers of a tick, as bytes: the deepest contacts, and the clearance as a label and as a vector."""
 import numpy as np
 
 from dragon_ros.core.geometry.signed_distance import shortest_vector, witness
@@ -20,7 +20,7 @@ _POINT_M, _TEXT_M = 0.12, 0.35
 
 
 def report_markers(report: Report) -> bytes:
-    """Return the deepest contacts of a tick as markers that replace all earlier ones; DELETEALL alone without any."""
+    """Return the deepest contacts of a tick as markers that replace all earlier ones; without any, only DELETEALL."""
     observation = report.observation
     if not report.touching:
         return contact_markers(observation.t_ns, observation.frame_id, [], [])
@@ -31,7 +31,7 @@ def report_markers(report: Report) -> bytes:
 
 
 def clearance_marker(report: Report) -> bytes:
-    """Return the clearance as text above the point between the closest benches; DELETE where there are none."""
+    """Return the clearance as text above the point between the closest benches; DELETE if there are none."""
     spec = deleted('clearance')
     if report.closest:
         x, y = witness(report.observation.benches, *report.closest).point_m
@@ -49,7 +49,7 @@ def stamped_clearance(report: Report) -> bytes:
 
 
 def vector_of(report: Report) -> bytes:
-    """Return the shortest vector between the closest benches as a geometry_msgs/Vector3Stamped; it needs some."""
+    """Return the shortest vector between the closest benches, which must exist, as a geometry_msgs/Vector3Stamped."""
     assert report.closest
     observation, writer = report.observation, Writer()
     writer.header(observation.frame_id, observation.t_ns)

@@ -1,6 +1,6 @@
-"""From the bytes of a PoseArray and a MarkerArray to an observation for the contact tracker, with all checks.
+"""Convert the bytes of a PoseArray and a MarkerArray to a checked observation for the contact tracker.
 
-And the MarkerArray of benches over the handles of somebody else's dragon, so that a monitor can observe it.
+Also make the MarkerArray of benches from the handles of a foreign dragon, so that a monitor can observe it.
 """
 from dataclasses import dataclass
 
@@ -16,12 +16,12 @@ from dragon_ros.messages.markers import BENCH, CUBE, TRIANGLE_LIST, CubesTemplat
 
 _ADD = 0
 _SAME_LENGTH_M = 1e-9
-_SKEW = 1e-6        # relative deviation from a rectangle that two triangles of a bench may have
+_SKEW = 1e-6        # largest relative deviation of a bench's two triangles from a rectangle
 
 
 @dataclass(frozen=True)
 class BenchMarkers:
-    """The benches of one message: stamp, frame, the markers, and the indices of those that show benches."""
+    """The benches of one message: stamp, frame, the markers, and the indices of the bench markers."""
 
     t_ns: int
     frame_id: str
@@ -29,20 +29,20 @@ class BenchMarkers:
     order: Ints
 
     def rectangles(self, handles_m: Floats) -> Benches:
-        """Return the benches; ``handles_m`` (N+1, 2) give those of triangles their direction."""
+        """Return the benches; ``handles_m`` (N+1, 2) determine the direction of benches made of triangles."""
         if self.markers.type[self.order[0]] == CUBE:
             return _cubes(self.markers, self.order)
         return _facing(*_triangles(self.markers, int(self.order[0]), len(handles_m)), handles_m)
 
     @property
     def size_bytes(self) -> int:
-        """What is kept of the message."""
+        """Memory of the kept part of the message."""
         return self.markers.size_bytes
 
     def to_wait(self) -> 'BenchMarkers | WaitingBenches':
-        """Return what to keep until handles arrive: the rectangles, a fifth to a quarter of the message's bytes.
+        """Return the part to keep until handles arrive: the rectangles, a fifth to a quarter of the message's bytes.
 
-        A message that is of no use is kept as it is, and refused together with its handles.
+        An invalid message is kept unchanged, and rejected together with its handles.
         """
         kept: tuple[Floats, ...]
         try:
@@ -58,7 +58,7 @@ class BenchMarkers:
 
 @dataclass(frozen=True)
 class BenchCubes:
-    """The benches of a message of cubes: stamp, frame, poses (N, 7) as they are, sizes that have been checked."""
+    """The benches of a message of cubes: stamp, frame, unchecked poses (N, 7), and checked sizes."""
 
     t_ns: int
     frame_id: str
@@ -68,11 +68,11 @@ class BenchCubes:
     size_bytes: int
 
     def rectangles(self, handles_m: Floats) -> Benches:
-        """Return the benches. Raises MessageError where a pose is none."""
+        """Return the benches. Raises MessageError if a pose is invalid."""
         return Benches(*placed(self.poses), self.half_length, self.half_width)
 
     def to_wait(self) -> 'BenchCubes | WaitingBenches':
-        """Return what to keep until handles arrive, as ``BenchMarkers`` does."""
+        """Return the part to keep until handles arrive, as ``BenchMarkers`` does."""
         try:
             centre, axis = placed(self.poses)
         except MessageError:
@@ -99,7 +99,7 @@ class WaitingBenches:
 
     @property
     def size_bytes(self) -> int:
-        """What the arrays take."""
+        """Memory of the arrays."""
         return sum(each.nbytes for each in self.arrays)
 
 
@@ -107,7 +107,7 @@ ShownBenches = BenchMarkers | BenchCubes | WaitingBenches
 
 
 def observation_of(poses: Poses, shown: ShownBenches) -> Observation:
-    """Return the observation from two messages of one tick. Raises MessageError, naming message and field."""
+    """Return the observation from two messages of one tick. Raises MessageError that names message and field."""
     handles_m = np.ascontiguousarray(poses.poses[:, :2], dtype=np.float64)
     rectangles = shown.rectangles(handles_m)
     _counted(len(rectangles.centre), len(handles_m))
@@ -125,14 +125,14 @@ def read_benches(data: bytes) -> BenchMarkers:
 
 
 def checked_stamp(t_ns: int) -> int:
-    """Return the stamp of benches. Raises MessageError where it is none."""
+    """Return the stamp of benches. Raises MessageError if it is invalid."""
     if not 0 <= t_ns < 2**31 * NS:
         raise MessageError(f'benches: stamp: {t_ns} ns; expected a non-negative time')
     return t_ns
 
 
 def read_handles(data: bytes) -> Poses:
-    """Return the poses of a PoseArray. Raises MessageError where they cannot be the handles of a dragon."""
+    """Return the poses of a PoseArray. Raises MessageError if they cannot be the handles of a dragon."""
     poses = read_pose_array(data)
     if len(poses.poses) < 2:
         raise MessageError(f'handles: {len(poses.poses)} poses; a dragon has at least two handles')
@@ -141,14 +141,14 @@ def read_handles(data: bytes) -> Poses:
 
 
 class BenchesFromHandles:
-    """The benches of anybody's dragon, as the monitor reads them: CUBEs over the handles of a PoseArray.
+    """The benches of any dragon, as the monitor reads them: CUBEs computed from the handles of a PoseArray.
 
-    Bench i reaches from handle i + 1 to handle i and ``hole_inset_m`` beyond both, ``width_m`` wide. Places come from
-    the handles, not from their orientations.
+    Bench i is ``width_m`` wide and extends from handle i + 1 to handle i, and ``hole_inset_m`` beyond both. Its pose
+    follows from the positions of the handles, not from their orientations.
     """
 
     def __init__(self, width_m: float = 0.3, hole_inset_m: float = 0.275) -> None:
-        """Take the measures that all benches share, in metres."""
+        """Take the hole inset and the width, in metres, that all benches share."""
         self._width_m, self._hole_inset_m = width_m, hole_inset_m
         self._frame_id, self._lengths_m = '', np.empty(0)       # of the template
         self._template: CubesTemplate | None = None
@@ -156,7 +156,7 @@ class BenchesFromHandles:
     def encode(self, handles: bytes) -> bytes:
         """Return the MarkerArray, with the same stamp and frame, for the bytes of a geometry_msgs/PoseArray.
 
-        Raises MessageError for handles that are none, and for two in one place.
+        Raises MessageError for invalid handles, and for two consecutive handles in one place.
         """
         poses = read_handles(handles)
         p = poses.poses[:, :2].astype(np.float64)
@@ -257,7 +257,7 @@ def _norm(vectors: Floats) -> Floats:
 def _around(first: Floats, second: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     """Return the corners (N, 2), in order, of pairs of triangles (N, 3, 2) that share their longest sides.
 
-    Where they do not, the last corner is moved by the distance between these sides.
+    If they do not, the last corner is moved by the distance between these sides.
     """
     (corner, start, end), (far, one, other) = _from_right_angle(first), _from_right_angle(second)
     apart = np.minimum(_norm(start - one) + _norm(end - other), _norm(start - other) + _norm(end - one))
@@ -273,9 +273,9 @@ def _from_right_angle(triangles: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> Benches:
-    """Return benches along those sides (N, 2, 2) that align best with their handles, from rear to front.
+    """Return benches along the sides (N, 2, 2) that align best with their handles, from rear to front.
 
-    Where the two handles of a bench coincide it is the longer side.
+    If the two handles of a bench coincide, this is the longer side.
     """
     link = handles_m[:-1] - handles_m[1:]
     along = sides[..., 0] * link[:, :1] + sides[..., 1] * link[:, 1:]
@@ -288,7 +288,7 @@ def _facing(centre: Floats, sides: Floats, half: Floats, handles_m: Floats) -> B
 
 
 def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
-    """Return points (K, 3), scaled and posed as their marker says, in the plane."""
+    """Return points (K, 3) in the plane, with the scale and pose of their marker applied."""
     pose = _finite('benches: pose', markers.poses[marker:marker + 1])[0]
     scale = _finite('benches: scale', markers.scale[marker:marker + 1])[0]
     x, y, z, w = pose[3:] / max(float(np.linalg.norm(pose[3:])), 1e-150)
@@ -302,7 +302,7 @@ def _placed(points: Floats, markers: Markers, marker: int) -> Floats:
 
 
 def _finite(what: str, values: Floats) -> Floats:
-    """Return values as native floats. Raises MessageError unless all are finite and below a budget."""
+    """Return values as native floats. Raises MessageError unless all are finite and below the budget."""
     values = np.ascontiguousarray(values, dtype=np.float64)
     size = np.abs(values)
     if not np.max(size, initial=0.0) < COORDINATE_M:

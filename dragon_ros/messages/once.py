@@ -1,4 +1,4 @@
-"""What a run publishes once, for late readers: encoded from the scene alone."""
+"""The latched messages of a run, encoded from the scene alone."""
 from collections.abc import Callable
 
 import numpy as np
@@ -13,15 +13,15 @@ DESCRIPTION = 'robot_description'
 
 
 def once(scene: Scene, frame_id: str) -> dict[str, bytes]:
-    """Return the latched messages that a scene asks for, by topic, without the scene itself."""
+    """Return the latched messages that a scene requests, by topic, without the scene itself."""
     wanted = ['track', *(['path'] if Effect.PATH in scene.effects else [])]
     return {name: ENCODE[name](scene, frame_id) for name in wanted}
 
 
 def path_message(scene: Scene, frame_id: str) -> bytes:
-    """Return the track as a nav_msgs/Path, from the rear to the front of where any handle is in the run.
+    """Return the part of the track that handles cover during the run as a nav_msgs/Path, from rear to front.
 
-    Each pose has the stamp and frame of the whole, x along the way to the next.
+    Each pose has the stamp and frame of the path, and its x axis points to the next pose.
     """
     points = compile_scene(scene).track_line()[::-1]
     steps = np.diff(points, axis=0)
@@ -37,7 +37,7 @@ def path_message(scene: Scene, frame_id: str) -> bytes:
 
 
 def _robot(scene: Scene, _: str) -> bytes:
-    from dragon_ros.messages.urdf import urdf_of  # brings a library for XML, and few ask
+    from dragon_ros.messages.urdf import urdf_of  # imports an XML library, and few runs need it
     return string_message(urdf_of(scene))
 
 

@@ -1,4 +1,4 @@
-"""The ros2msg schemas that come with the package, and the CDR layout of each type."""
+"""The ros2msg schemas included in the package, and the CDR layout of each type."""
 import re
 from dataclasses import dataclass
 from functools import lru_cache
@@ -41,7 +41,7 @@ def type_hash(name: str) -> str:
 
 
 def is_schema_of(name: str, text: str) -> bool:
-    """Return whether a ros2msg schema is the package's own of that type, but for comments and space."""
+    """Return whether a ros2msg schema equals the package's own of that type, ignoring comments and space."""
     return name in _types() and _plain(text) == _plain(schema_text(name))
 
 
@@ -51,7 +51,7 @@ def _types() -> dict[str, str]:
 
 
 def _plain(text: str) -> list[str]:
-    """Return the lines of a schema without comments and space; a line between two types has any length."""
+    """Return the lines of a schema without comments and space; a separator between two types may have any length."""
     lines = (' '.join(line.partition('#')[0].split()) for line in text.splitlines())
     return ['=' if set(line) == {'='} else line for line in lines if line]
 
@@ -66,7 +66,7 @@ def fields_of(name: str) -> tuple[Field, ...]:
 
 
 def _fields(text: str, package: str, texts: dict[str, str]) -> tuple[Field, ...]:
-    """Return the fields of one section; constants are left out."""
+    """Return the fields of one section, without constants."""
     lines = (_FIELD.match(line.partition('#')[0].strip()) for line in text.splitlines())
     return tuple(_field(line, package, texts) for line in lines if line and not line[4])
 

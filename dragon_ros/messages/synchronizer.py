@@ -1,6 +1,6 @@
 """Pairs handles and benches of one tick, which arrive on two topics, by stamp, in bounded memory and time.
 
-Where several publish on a topic, ``Streams`` tells their messages apart.
+If a topic has several publishers, ``Streams`` distinguishes their messages.
 """
 from collections import Counter, deque
 from dataclasses import dataclass
@@ -11,10 +11,10 @@ from dragon_ros.core.limits import MONITOR_BYTES
 from dragon_ros.messages.decode import Poses
 from dragon_ros.messages.observation import BenchCubes, BenchMarkers, ShownBenches
 
-_EACH_BYTES = 4096      # of one message beside its own bytes, at most
-_LONGEST_JUMP = 1000    # messages of a publisher that may be lost one after the other
-_MOST_OTHERS = 7        # publishers besides the known one that are told apart
-_EXACT = 0.25           # steps by which a stamp may be off and still tell its publisher
+_EACH_BYTES = 4096      # bytes of one message in addition to its own, at most
+_LONGEST_JUMP = 1000    # consecutive messages of a publisher that may be lost
+_MOST_OTHERS = 7        # publishers that are distinguished, besides the known one
+_EXACT = 0.25           # steps by which a stamp may deviate and still identify its publisher
 _HANDLES, _BENCHES = 'handles', 'benches'
 Pair = tuple[Poses, ShownBenches]
 
@@ -34,10 +34,10 @@ class Unmatched(NamedTuple):
 
 
 class Synchronizer:
-    """Holds messages without a partner, in order of arrival, until a later pair overtakes them or a limit drops them.
+    """Holds messages without a partner in order of arrival, until a later pair overtakes them or a limit drops them.
 
-    A stamp may repeat where a run restarts while the other topic still lags: the oldest messages are paired first.
-    One topic may run ahead while the other is resent: what waits is bounded in bytes alone, over both topics.
+    A stamp may repeat if a run restarts while the other topic lags: the oldest messages are paired first. One topic may
+    run ahead while the other is resent: waiting messages are bounded only in their total bytes over both topics.
     """
 
     def __init__(self) -> None:
@@ -71,7 +71,7 @@ class Synchronizer:
         return out
 
     def _add(self, topic: str, message: Any, now_s: float) -> Pair | None:
-        """Add a message; return its pair, or drop the messages that have waited longest where too many bytes wait."""
+        """Add a message and return its pair; or, if too many bytes wait, drop the messages that have waited longest."""
         new = _Waiting(message.t_ns, message, now_s, message.size_bytes + _EACH_BYTES)
         self._waiting[topic].append(new)
         self._stamps[topic][new.t_ns] += 1
@@ -83,7 +83,7 @@ class Synchronizer:
         return pair
 
     def _match(self, t_ns: int) -> Pair | None:
-        """Return the oldest pair of a stamp, if any; messages that arrived before its halves are dropped."""
+        """Return the oldest pair of a stamp, if any; drop messages that arrived before its halves."""
         if not all(stamps[t_ns] for stamps in self._stamps.values()):
             return None
         for topic, waiting in self._waiting.items():
@@ -106,49 +106,50 @@ class Synchronizer:
 
 @dataclass
 class _Stream:
-    """What is known of one publisher: its last number and stamp, and how far stamps grow from number to number."""
+    """The state of one publisher: its last number and stamp, and the increase of the stamp per number."""
 
     sequence: int
     t_ns: int
     step_ns: float | None = None
 
     def off(self, sequence: int, t_ns: int) -> float:
-        """Return by how many steps a stamp is off that of the publisher with that number; inf where that is unknown."""
+        """Return how many steps a stamp deviates from the publisher's stamp for that number; inf if that is unknown."""
         if self.step_ns is None:
             return inf
         return abs(t_ns - self.t_ns - self.step_ns * (sequence - self.sequence)) / max(self.step_ns, 1.0)
 
     def jump(self, sequence: int) -> float:
-        """Return how many numbers a message is from the next one; inf where it is too far or too old."""
+        """Return how many numbers a message is from the expected one; inf if it is too far or too old."""
         ahead = sequence - self.sequence - 1
         return ahead if 0 <= ahead <= _LONGEST_JUMP else inf
 
     def advance(self, sequence: int, t_ns: int) -> None:
-        """Take a message."""
+        """Update the state with a message."""
         steps = sequence - self.sequence
         self.step_ns = (t_ns - self.t_ns) / steps if steps > 0 and t_ns > self.t_ns else self.step_ns
         self.sequence, self.t_ns = sequence, t_ns
 
 
 class Streams:
-    """Tells the messages of several publishers of one topic apart, which the middleware does not name to its readers.
+    """Distinguishes the messages of several publishers of one topic; the middleware does not name them to readers.
 
-    Each numbers its messages, and stamps grow evenly with the numbers: a message belongs to the publisher that it
-    continues. Publishers that agree in number and stamp cannot be told apart, nor those that agree in number just when
-    one of them goes to another time. All are taken until one of them is adopted: from then on only that one.
+    Each publisher numbers its messages, and stamps grow evenly with the numbers: a message belongs to the publisher
+    whose sequence it continues. Publishers with equal numbers and stamps cannot be distinguished, nor publishers with
+    equal numbers at the moment when one of them seeks. Messages of all publishers are accepted until one publisher is
+    adopted; from then on only its messages are.
     """
 
     def __init__(self) -> None:
-        """Start with no publisher."""
+        """Start without a publisher."""
         self._all: list[_Stream] = []
         self._known: _Stream | None = None
 
     def follows(self, sequence: int) -> bool:
-        """Return whether a message has the number after the last one of a publisher."""
+        """Return whether a message has the number that follows the last number of a publisher."""
         return any(sequence == stream.sequence + 1 for stream in self._all)
 
     def take(self, sequence: int, t_ns: int, alone: bool) -> bool:
-        """Return whether a message is to be taken; that of a publisher that is ``alone`` always is."""
+        """Return whether to accept a message; a message is always accepted if its publisher is ``alone``."""
         if alone:
             self._all = self._all if len(self._all) == 1 and self.follows(sequence) else [_Stream(sequence, t_ns)]
             self._known = self._known and self._all[0]
@@ -157,12 +158,12 @@ class Streams:
         return self._known is None or stream is self._known
 
     def adopt(self, t_ns: int) -> None:
-        """Stay with the publisher whose last stamp is nearest to this one, unless one is adopted."""
+        """Adopt the publisher whose last stamp is nearest to this one, unless one is already adopted."""
         if self._known is None and self._all:
             self._known = min(self._all, key=lambda stream: abs(stream.t_ns - t_ns))
 
     def forget(self) -> None:
-        """Forget all publishers: the one that was adopted is gone."""
+        """Forget all publishers, since the adopted one is gone."""
         self._known = None
         self._all.clear()
 

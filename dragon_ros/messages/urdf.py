@@ -1,7 +1,7 @@
-"""The dragon as a robot in URDF: benches as links, handles as revolute joints, with the true sizes.
+"""The dragon as a URDF robot: benches are links, handles are revolute joints, and sizes are true.
 
-The frame of bench i is at its front handle, x towards the head. Joint i turns bench i against bench i - 1 about handle
-i, by the angle that topic ``joint_states`` has for it.
+The frame of bench i is at its front handle, with x towards the head. Joint i rotates bench i relative to bench i - 1
+about handle i, by its angle in topic ``joint_states``.
 """
 from math import pi
 from xml.etree.ElementTree import Element, SubElement, indent, tostring
@@ -10,12 +10,12 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.messages.markers import BENCH_HEIGHT_M
 
 ROOT = 'bench_0'
-_UNLIMITED = 1e3        # effort in N m and speed in rad/s: nothing drives a joint, and importers want positive numbers
-_MASS_KG = 1.0          # a scene has no masses, and importers drop links without one
+_UNLIMITED = 1e3        # effort in N m, speed in rad/s: nothing drives a joint, but importers require positive numbers
+_MASS_KG = 1.0          # a scene has no masses, but importers drop links without mass
 
 
 def joint_names(benches: int) -> list[str]:
-    """Return the names of the joints between benches: joint_1 turns bench 1 against bench 0."""
+    """Return the names of the joints between benches: joint_1 rotates bench 1 relative to bench 0."""
     return [f'joint_{n}' for n in range(1, benches)]
 
 
@@ -33,7 +33,7 @@ def urdf_of(scene: Scene) -> str:
 
 
 def _add_bench(robot: Element, n: int, size_m: tuple[float, float, float], link_m: float) -> None:
-    """Add a box whose middle is between its two handles; its moments of inertia are those of an even box."""
+    """Add a box centred between its two handles, with the moments of inertia of a homogeneous box."""
     link = SubElement(robot, 'link', name=f'bench_{n}')
     x, y, z = size_m
     for kind in ('visual', 'collision'):
