@@ -93,6 +93,16 @@ def test_batches_have_all_states_and_each_takes_the_memory_of_the_last(name):
     np.testing.assert_allclose(np.concatenate([v for _, _, v, _ in seen]), whole.velocity_m_s, rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.parametrize('name', ['winding', 'paper', 'street'])
+def test_states_at_no_times_are_empty_with_the_shape_of_the_dragon(name):
+    run = dr.compile(dr.scene(name))
+    motion, handles = run.states([]), len(run.state(0.0).handles_m)
+    assert motion.handles_m.shape == motion.velocity_m_s.shape == (0, handles, 2)
+    assert motion.speed_m_s.shape == (0, handles)
+    assert repr(motion).startswith('Motion(0 times')
+    assert list(run.batches([])) == []
+
+
 @pytest.mark.parametrize('name', ['winding', 'paper'])
 def test_states_fill_the_arrays_that_they_are_given(name):
     run, times = dr.compile(dr.scene(name)), [0.0, 100.0]

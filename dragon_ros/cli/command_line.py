@@ -2,7 +2,7 @@
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Collection, Iterable, Sequence
 from math import isfinite
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NoReturn
@@ -23,7 +23,7 @@ class _Default(str):
 
 
 _SUFFIXES = {'.csv': 'csv', '.json': 'json', '.npz': 'npz', '.parquet': 'parquet', '.txt': 'text', '.xlsx': 'xlsx'}
-_OTHERS = frozenset(('.docx', '.html', '.mat', '.ods', '.tex', '.xls'))      # that no table is written in
+_OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '.svg', '.tex', '.xls'))   # no tables
 DEFAULT_SCENE = _Default('winding')
 
 
@@ -157,20 +157,25 @@ def add_output_options(options: argparse.ArgumentParser, formats: tuple[str, ...
     options.add_argument('--output', type=Path, metavar='FILE', help='write to a file instead of standard output')
 
 
-def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...]) -> None:
-    """Add --format, which defaults to the suffix of --output."""
+def add_format_option(options: argparse.ArgumentParser, formats: tuple[str, ...], pictures: Collection[str] = (),
+                      ) -> None:
+    """Add --format, which defaults to the suffix of --output; ``pictures`` are other suffixes."""
     options.add_argument('--format', choices=formats, default=_Default(formats[0]),
                          help='output format (%(default)s, or as the suffix of --output says)')
-    options.set_defaults(formats=formats)
+    options.set_defaults(formats=formats, pictures=pictures)
 
 
 def _settle_format(parser: argparse.ArgumentParser, arguments: argparse.Namespace) -> None:
     """Choose the format by the suffix of the output; reject a format that contradicts it."""
     output, formats = arguments.output, arguments.formats
-    chosen = _SUFFIXES.get(output.suffix.lower()) if output is not None else None
-    if output is not None and output.suffix.lower() in _OTHERS:
-        parser.error(f'argument --output: {output} would be {output.suffix[1:]}; the formats here are '
-                     f'{", ".join(formats)}')
+    suffix = output.suffix.lower() if output is not None else ''
+    if not suffix or suffix in arguments.pictures:
+        return
+    chosen = _SUFFIXES.get(suffix)
+    if suffix in _OTHERS or (chosen is None and isinstance(arguments.format, _Default)):
+        others = f', or a picture, {", ".join(arguments.pictures)}' if arguments.pictures else ''
+        parser.error(f'argument --output: {output} would be {suffix[1:]}; the formats here are {", ".join(formats)}'
+                     f'{others}')
     if chosen is None or chosen == arguments.format:
         return
     if chosen not in formats:

@@ -52,7 +52,7 @@ def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) ->
     if out is not None:
         _check_room(out, (len(times_s), scene.dragon.benches + 1, 2))
     if simulation.tier is PAPER:
-        chain = stack([simulation.chain(t_s) for t_s in times_s])
+        chain = stack([simulation.chain(t_s) for t_s in list(times_s) or [0.0]], len(times_s))
         if out is None:
             return chain
         out[:] = chain.p

@@ -38,7 +38,7 @@ def _options() -> ArgumentParser:
     command_line.add_scene_options(options)
     options.add_argument('--budget', type=float, default=_BUDGET_S, metavar='S', help='about so many seconds for each '
                          'of the four parts (%(default)g)')
-    command_line.add_format_option(options, ('text', 'json'))
+    command_line.add_format_option(options, ('text', 'json'), figures.FORMATS)
     options.add_argument('--output', type=Path, metavar='FILE', help=f'{", ".join(figures.FORMATS)}: a picture beside '
                          'the tables; else a file instead of standard output')
     return options

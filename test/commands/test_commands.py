@@ -169,11 +169,22 @@ def test_the_example_in_the_help_of_every_executable_is_understood(capsys, monke
 
 @pytest.mark.parametrize(('suffix', 'begins'), [
     ('.csv', b't_s,handle'), ('.json', b'[{"t_s"'), ('.txt', b'         t_s'), ('.xlsx', b'PK'),
-    ('.table', b'         t_s')])
+    ('', b'         t_s')])
 def test_the_suffix_of_the_output_chooses_the_format_of_a_table(capsys, tmp_path, suffix, begins):
     path = tmp_path / f'out{suffix}'
     assert run(capsys, 'table', '--handles', '0', '--output', str(path))[0] == 0
     assert path.read_bytes().startswith(begins)
+
+
+@pytest.mark.parametrize(('suffix', 'form', 'code'), [
+    ('.pdf', None, 2), ('.table', None, 2), ('.pdf', 'csv', 2), ('.table', 'csv', 0)])
+def test_a_suffix_of_no_format_is_refused_unless_the_format_is_given(capsys, tmp_path, suffix, form, code):
+    path = tmp_path / f'out{suffix}'
+    chosen = ['--format', form] if form else []
+    given, _, err = run(capsys, 'table', '--handles', '0', *chosen, '--output', str(path))
+    assert given == code
+    assert path.exists() == (code == 0)
+    assert code == 0 or f'would be {suffix[1:]}; the formats here are text, csv, json, xlsx' in err
 
 
 def test_a_workbook_holds_the_rows_of_the_table(capsys, tmp_path):

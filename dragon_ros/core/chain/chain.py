@@ -306,11 +306,11 @@ def arrays_of(handles: Handles) -> Places:
     return np.array(segment), np.array(u), np.array(lo)
 
 
-def stack(chains: Sequence[Chain]) -> Chain:
-    """Return chains of one dragon as one, with a leading axis."""
+def stack(chains: Sequence[Chain], count: int | None = None) -> Chain:
+    """Return the first ``count`` chains of one dragon, or all, as one with a leading axis; with 0 the axis is empty."""
     first = chains[0]
-    segment, u, lo = (np.stack(values)[..., ::-first.direction]
+    segment, u, lo = (np.stack(values)[:count, ..., ::-first.direction]
                       for values in zip(*(one.places for one in chains), strict=True))
-    p = read_only(np.stack([one.p for one in chains]))
+    p = read_only(np.stack([one.p for one in chains])[:count])
     return type(first)(p, first.links_m, sum(one.evaluations for one in chains), first.track, first.direction,
                        (MarchedLinks(0, (segment, u, lo)),))
