@@ -51,7 +51,7 @@ def run(arguments: Namespace) -> int:
     else:
         with figures.style():
             _write_pages(path, _pages(plan, *_sheet(arguments, plan)))
-    print(path)
+    print(path if kind == 'pdf' else f'{path}: in {"metres" if plan.origin_deg is None else "degrees (RFC 7946)"}')
     for gap in plan.gaps:
         print(f'{gap.name}: {gap.gap_m:.3f} m{" (broken)" if gap.is_broken else ""}')
     return command_line.OK
@@ -73,6 +73,11 @@ class Plan:
 
     scene: 'Scene'
     title: str
+
+    @property
+    def origin_deg(self) -> tuple[float, float] | None:
+        """The longitude and latitude of the plane's origin, if the venue has one."""
+        return self.scene.venue.origin_deg if self.scene.venue else None
 
     @cached_property
     def swept(self) -> 'SweptArea':
@@ -159,15 +164,22 @@ def _passed(at_m: Floats, times_s: Floats, marks_m: Floats) -> Floats:
 
 
 def geojson(plan: Plan) -> str:
-    """Return the swept area, the track and the gaps as GeoJSON in metres."""
+    """Return the swept area, the track and the gaps as GeoJSON: RFC 7946 degrees with an origin, else metres."""
+    from shapely import LineString, normalize, reverse
     from shapely.geometry import mapping
-    swept = plan.swept
-    named = (('swept by the head', mapping(swept.head)), ('swept by the body', mapping(swept.body)),
-             ('track', {'type': 'LineString', 'coordinates': plan.line.tolist()}))
-    features = [{'type': 'Feature', 'properties': {'name': name}, 'geometry': shape} for name, shape in named]
-    features += [{'type': 'Feature', 'properties': {'name': f'gap to {gap.name}', 'gap_m': gap.gap_m},
-                  'geometry': {'type': 'LineString', 'coordinates': gap.ends_m.tolist()}} for gap in plan.gaps]
-    return json.dumps({'type': 'FeatureCollection', 'units': 'm', 'features': features})
+    swept, origin_deg = plan.swept, plan.origin_deg
+    drawn: list[tuple[dict[str, Any], Any]] = [
+        ({'name': 'swept by the head'}, reverse(normalize(swept.head))),        # its outside anticlockwise
+        ({'name': 'swept by the body'}, reverse(normalize(swept.body))),
+        ({'name': 'track'}, LineString(plan.line))]
+    drawn += [({'name': f'gap to {gap.name}', 'gap_m': gap.gap_m}, LineString(gap.ends_m)) for gap in plan.gaps]
+    if origin_deg is not None:
+        from dragon_ros.scenes.venue_files import degrees_of
+        drawn = [(properties, degrees_of(shape, origin_deg)) for properties, shape in drawn]
+    features = [{'type': 'Feature', 'properties': properties, 'geometry': mapping(shape)}
+                for properties, shape in drawn]
+    return json.dumps({'type': 'FeatureCollection', **({'units': 'm'} if origin_deg is None else {}),
+                       'features': features})
 
 
 def _sheet(arguments: Namespace, plan: Plan) -> tuple[str, int, Floats]:

@@ -66,11 +66,15 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 
 @dataclass(frozen=True)
 class Venue:
-    """Obstacles, a polygon (its corners) that benches must not leave, and the gap in metres that is wanted to all."""
+    """Obstacles, a polygon (its corners) that benches must not leave, and the gap in metres that is wanted to all.
+
+    ``origin_deg`` is the longitude and latitude of the plane's origin, if that lies on the earth.
+    """
 
     obstacles: tuple[Obstacle, ...] = ()
     inside: Points | None = None
     margin_m: float = 0.0
+    origin_deg: Point | None = None
 
     def __post_init__(self) -> None:
         """Refuse a venue that is empty or too large, and what is no polygon or line."""
@@ -85,7 +89,8 @@ class Venue:
             inside = _ring('venue.inside', INSIDE, inside)
             _check_simple('venue.inside', INSIDE, inside, ())
         settle(self, obstacles=tuple(one.checked(f'venue.obstacles.{n}') for n, one in enumerate(self.obstacles, 1)),
-               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=_FARTHEST_M))
+               inside=inside, margin_m=number('venue.margin_m', self.margin_m, low=0.0, high=_FARTHEST_M),
+               origin_deg=_origin(self.origin_deg))
         self._check_names()
 
     def _check_names(self) -> None:
@@ -114,6 +119,17 @@ def corners(venue: Venue) -> int:
 
 def _rings(one: Obstacle) -> Iterable[Points]:
     return one.rings_m if isinstance(one, PolygonObstacle) else (one.points_m,)
+
+
+def _origin(value: Any) -> Point | None:
+    """Return a longitude and a latitude in degrees. Raises FieldError."""
+    if value is None:
+        return None
+    if not isinstance(value, tuple) or len(value) != 2:
+        raise FieldError('venue.origin_deg', value, 'it is no place', 'write [longitude, latitude]')
+    lon, lat = (number('venue.origin_deg', one, low=-most, high=most)
+                for one, most in zip(value, (180.0, 90.0), strict=True))
+    return lon, lat
 
 
 def _name(field: str, value: Any) -> str:

@@ -31,11 +31,11 @@ SECTIONS: dict[str, dict[str, type]] = {
     'venue': {'': Venue},
 }       # by kind; the first is the default
 _ABSENT = ('venue',)        # sections without which there is none of it
-_FILE = ('file', 'origin_deg')      # keys of a venue that its file takes the place of
 # Lists of mappings in a section, by their key.
 PARTS: dict[str, dict[str, type]] = {'pieces': dict(PIECES), 'groups': {'': Group}, 'obstacles': dict(OBSTACLES)}
 _EXAMPLES = {'pieces': '{kind: line, length_m: 5}', 'groups': '{count: 100, length_m: 2.2}',
              'obstacles': '{kind: line, name: wall, points_m: [[0, 0], [9, 0]]}'}
+_PAIRS = {'at_m': 'a point; write for example [1.5, 2]', 'origin_deg': 'a place; write [longitude, latitude]'}
 _WORDS = ('lead', 'ramps', 'side', 'name')
 CHOICES = ('solver', 'markers')
 SINGLES = ('accuracy', 'effects', *CHOICES)
@@ -67,10 +67,13 @@ def _read(name_or_file: str) -> Document:
 def _take_file(document: Document, folder: Path) -> None:
     """Put what the file of a venue says in its place, if it names one. Raises InputError."""
     section = document.values.get('venue')
-    if not isinstance(section, dict) or not section.keys() & {*_FILE}:
+    if not isinstance(section, dict):
+        return
+    if 'file' not in section:
+        _refuse_late_origin(document)
         return
     from dragon_ros.scenes.venue_files import venue_values
-    name, origin = section.pop('file', None), section.pop('origin_deg', None)
+    name, origin = section.pop('file'), section.pop('origin_deg', None)
     if not isinstance(name, str):
         document.refuse('venue.file', f'{shown(name)} is not the name of a file; write for example street.geojson')
     if origin is not None and not (_is_pair(origin) and all(type(one) in (int, float) for one in origin)):
@@ -80,6 +83,14 @@ def _take_file(document: Document, folder: Path) -> None:
         if drawn[key]:
             document.refuse(f'venue.{key}', f'{name} brings it too; leave one out')
     document.values['venue'] = {**drawn, **section}
+
+
+def _refuse_late_origin(document: Document) -> None:
+    """Refuse an origin from an option or a change, where the scene's file has been projected about another."""
+    place = document.places.get('venue.origin_deg', '')
+    if 'venue.file' in document.places and place and not place.startswith(f'{document.name}:') and (
+            document.values['venue'].get('origin_deg') is not None):
+        document.refuse('venue.origin_deg', 'the file of the venue lies about its own; write it beside venue.file')
 
 
 def _scene_with_plugin(document: Document) -> Scene:
@@ -266,9 +277,9 @@ def _value(document: Document, name: str, value: Any) -> Any:
         if not isinstance(value, list) or not all(_is_pair(knot) for knot in value):
             document.refuse(name, f'{shown(value)} is not a list of pairs; write for example [[0, 1], [60, -1]]')
         return tuple((plain_number(t_s), plain_number(speed)) for t_s, speed in value)
-    if key == 'at_m' and value is not None:
+    if key in _PAIRS and value is not None:
         if not _is_pair(value):
-            document.refuse(name, f'{shown(value)} is not a point; write for example [1.5, 2]')
+            document.refuse(name, f'{shown(value)} is not {_PAIRS[key]}')
         return tuple(map(plain_number, value))
     if key in ('points_m', 'inside') and value is not None:
         return _points(document, name, value)

@@ -29,8 +29,8 @@ _POINTS: Schema = {'anyOf': [{'type': 'array', 'minItems': 2, 'items': {
 _VENUE_FILE: Schema = {
     'file': {'description': 'a GeoJSON or WKT file beside this one that has the obstacles and the inside',
              'type': 'string', 'default': None},
-    'origin_deg': {'description': 'longitude and latitude of the origin; the middle of the file, unless given',
-                   'type': 'array', 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
+    'origin_deg': {'description': 'longitude and latitude of the origin; the middle of a file in degrees, unless given',
+                   'type': ['array', 'null'], 'items': {'type': 'number'}, 'minItems': 2, 'maxItems': 2,
                    'default': None}}
 _PLUGIN: Schema = {
     'description': 'A head law of your own, by the name of its entry point, with what it takes (docs/ros.md).',

@@ -50,10 +50,13 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
 
 
 def venue_values(path: Path, origin_deg: tuple[float, float] | None = None) -> dict[str, Any]:
-    """Return the obstacles and the inside in a file as a scene file has them. Raises as ``read_drawing``."""
+    """Return obstacles, inside and origin in a file as a scene file has them. Raises as ``read_drawing``."""
     obstacles: list[dict[str, Any]] = []
     out: dict[str, Any] = {}
-    for n, feature in enumerate(read_drawing(path, origin_deg).features, 1):
+    drawing = read_drawing(path, origin_deg)
+    if drawing.origin_deg is not None:
+        out['origin_deg'] = [*drawing.origin_deg]
+    for n, feature in enumerate(drawing.features, 1):
         if feature.name is not None and feature.name.strip().lower() == INSIDE:
             if 'inside' in out:
                 raise InputError(f'{path}: two features are named {INSIDE}; keep one')
@@ -226,7 +229,7 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
         raise InputError(f'{path}: its coordinates are no degrees (longitude, latitude); write "units": "m" at its top '
                          'if they are metres')
     try:
-        from pyproj import CRS, Transformer
+        from pyproj import Transformer
         from pyproj.exceptions import ProjError
     except ImportError:
         raise MissingError(f"{path}: degrees become metres by pyproj: pip install 'dragon_ros[maps]' or pip install "
@@ -235,8 +238,7 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
         to_degrees = Transformer.from_crs(crs, 'OGC:CRS84', always_xy=True)
         degrees = np.stack(to_degrees.transform(*every.T), axis=1)
         lon, lat = origin_deg or (0.5 * (degrees.min(axis=0) + degrees.max(axis=0))).tolist()
-        plane = CRS.from_proj4(f'+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +datum=WGS84 +units=m')
-        project = Transformer.from_crs(crs, plane, always_xy=True)
+        project = Transformer.from_crs(crs, _plane((lon, lat)), always_xy=True)
 
         def metres(points: Any) -> Any:
             return np.stack(project.transform(*points[:, :2].T), axis=1)
@@ -247,3 +249,30 @@ def _projected(path: Path, features: tuple[Feature, ...], crs: str,
     if not all(np.all(np.isfinite(get_coordinates(one.geometry))) for one in moved):
         raise FieldError(f'{path}', crs, 'a coordinate lies outside of it', 'check the crs of the file')
     return Drawing(moved, (lon, lat))
+
+
+def degrees_of(geometry: Any, origin_deg: tuple[float, float]) -> Any:
+    """Return a geometry of shapely in metres about an origin as longitudes and latitudes, to 1e-10 degrees (10 um).
+
+    Raises MissingError without pyproj.
+    """
+    import numpy as np
+    from shapely import transform
+    try:
+        from pyproj import Transformer
+    except ImportError:
+        raise MissingError("venue.origin_deg: metres become degrees by pyproj: pip install 'dragon_ros[maps]' or pip "
+                           'install pyproj; or leave the origin out (--set venue.origin_deg=null) for metres') from None
+    project = Transformer.from_crs(_plane(origin_deg), 'OGC:CRS84', always_xy=True)
+
+    def degrees(points: Any) -> Any:
+        return np.round(np.stack(project.transform(*points.T), axis=1), 10)
+
+    return transform(geometry, degrees)
+
+
+def _plane(origin_deg: tuple[float, float]) -> Any:
+    """Return the transverse Mercator projection about an origin."""
+    from pyproj import CRS
+    lon, lat = origin_deg
+    return CRS.from_proj4(f'+proj=tmerc +lat_0={lat!r} +lon_0={lon!r} +k=1 +datum=WGS84 +units=m')

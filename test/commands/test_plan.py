@@ -76,10 +76,29 @@ def test_a_pdf_is_to_scale_and_a_geojson_in_metres(capsys, tmp_path, scene):
     sizes = re.findall(rb'/MediaBox \[ 0 0 ([\d.]+) ([\d.]+) \]', data)
     assert [tuple(round(float(value) / 72 * 25.4) for value in size) for size in sizes] == [(297, 210)] * len(sizes)
     assert len(sizes) > 2
-    assert run(capsys, *options, '--output', area)[0] == 0
+    code, out, _ = run(capsys, *options, '--output', area)
+    assert (code, 'area.geojson: in metres' in out) == (0, True)
+    assert json.loads(area.read_text())['units'] == 'm'
     features = {one['properties']['name']: shape(one['geometry']) for one in json.loads(area.read_text())['features']}
     assert features['swept by the head'].area > 40
     assert 'gap to lamp post' in features
+
+
+def test_a_geojson_of_a_scene_with_an_origin_is_in_degrees(capsys, tmp_path, scene):
+    pyproj = pytest.importorskip('pyproj')
+    area, origin = tmp_path / 'area.geojson', (113.1, 23.0)
+    _, out, _ = run(capsys, '--scene', 'street', '--set', 'dragon.benches=12', '--set',
+                    f'venue.origin_deg={list(origin)}', '--output', area)
+    assert 'area.geojson: in degrees (RFC 7946)' in out
+    values = json.loads(area.read_text())
+    assert values.keys() == {'type', 'features'}
+    features = {one['properties']['name']: shape(one['geometry']) for one in values['features']}
+    head = features['swept by the head']
+    square_m, _ = pyproj.Geod(ellps='WGS84').geometry_area_perimeter(head)
+    assert square_m == pytest.approx(swept_area(scene).head.area, rel=1e-5)     # positive: its outside is anticlockwise
+    x, y = compile_scene(scene).track_line(1e-3)[-1]
+    lon, lat, _ = pyproj.Geod(ellps='WGS84').fwd(*origin, np.degrees(np.arctan2(x, y)), np.hypot(x, y))
+    assert np.array(features['track'].coords)[0] == pytest.approx((lon, lat), abs=1e-8)
 
 
 def test_a_broken_margin_is_said(capsys, tmp_path):

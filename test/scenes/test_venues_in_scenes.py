@@ -13,7 +13,7 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.scenes.load import changed_scene, load_scene, scene_of, scene_values, strangers_scene
 from dragon_ros.scenes.provenance import scene_file
-from dragon_ros.scenes.venue_files import read_drawing, venue_values
+from dragon_ros.scenes.venue_files import degrees_of, read_drawing, venue_values
 from dragon_ros.scenes.yaml import parse_document
 
 TRACK = 'track: {kind: joined, pieces: [{kind: line, length_m: 50}], start_m: 20}\ndragon: {benches: 5}\n'
@@ -174,7 +174,9 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name, text, says):
 @pytest.mark.parametrize(('venue', 'says'), [
     ('{file: 3}', 'venue.file: 3 is not the name of a file'),
     ('{file: v.wkt, origin_deg: 3}', 'origin_deg: 3 is no place'),
-    ('{file: v.wkt, origin_deg: [1, 2]}', 'leave out origin_deg'), ('{origin_deg: [1, 2]}', 'venue.file: None is not'),
+    ('{file: v.wkt, origin_deg: [1, 2]}', 'leave out origin_deg'),
+    ('{origin_deg: [1, 2]}', 'has obstacles or an inside'),
+    ('{inside: "0 0, 1 0, 1 1", origin_deg: [1, 91]}', 'origin_deg: 91 is not possible, the largest is 90'),
     ('{file: v.wkt, obstacles: []}', r'venue.obstacles: v.wkt brings it too; leave one out'),
     ('{file: none.wkt}', 'none.wkt: cannot be read')])
 def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
@@ -182,6 +184,27 @@ def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
     (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {venue}')
     with pytest.raises(DragonError, match=says):
         load_scene(str(tmp_path / 'scene.yaml'))
+
+
+def test_the_origin_of_a_file_in_degrees_stays_with_the_scene(tmp_path):
+    pytest.importorskip('pyproj')
+    written(tmp_path, {'type': 'LineString', 'coordinates': [[113.1, 23.0], [113.102, 23.001]]})
+    path = tmp_path / 'scene.yaml'
+    path.write_text(f'{TRACK}venue: {{file: v.geojson}}')
+    scene = load_scene(str(path))
+    assert scene.venue.origin_deg == pytest.approx((113.101, 23.0005), abs=1e-12)
+    assert strangers_scene('bag', scene_file(scene)) == scene
+    with pytest.raises(InputError, match=r'origin_deg.*write it beside venue.file'):
+        load_scene(str(path), ['venue.origin_deg=[113.1, 23.0]'])
+    assert load_scene(str(path), ['venue.origin_deg=null']).venue.origin_deg is None
+
+
+def test_metres_become_the_degrees_that_they_came_from(tmp_path):
+    pytest.importorskip('pyproj')
+    lonlat = [[113.1, 23.0], [113.102, 23.0], [113.102, 23.001]]
+    drawing = read_drawing(written(tmp_path, {'type': 'LineString', 'coordinates': lonlat}))
+    back = degrees_of(drawing.features[0].geometry, drawing.origin_deg)
+    assert np.array(back.coords) == pytest.approx(np.array(lonlat), abs=1e-9)
 
 
 @pytest.mark.parametrize('name', ['street', 'square'])
