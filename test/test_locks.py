@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 
 ROOT = Path(__file__).parents[1]
-LISTS = ('requirements', 'requirements-study', 'requirements-test', 'requirements-mutants', 'requirements-lowest')
+LISTS = ('requirements', 'requirements-study', 'requirements-test', 'requirements-mutants', 'requirements-lowest',
+         'requirements-kilted')
 LOCKS = sorted((ROOT / 'locks').glob('*.txt'))
 _PIN = re.compile(r'([A-Za-z0-9][\w.-]*)(?:\[[\w,]+\])?==([\w.]+)')
 
@@ -85,3 +86,13 @@ def test_lists_that_are_installed_together_agree():
         for other in together:
             shared = {name for name, _ in first} & {name for name, _ in other}
             assert {pin for pin in first if pin[0] in shared} == {pin for pin in other if pin[0] in shared}
+
+
+def test_kilted_is_tried_with_its_own_wheels_and_with_the_other_packages_of_jazzy():
+    jazzy = {pin for name in ('requirements', 'requirements-test') for pin in pins(ROOT / 'locks' / f'{name}.txt')}
+    kilted = pins(ROOT / 'locks' / 'requirements-kilted.txt')
+    assert {pin for pin in kilted if not pin[0].startswith('ros-')} == {
+        pin for pin in jazzy if not pin[0].startswith('ros-')}
+    of_jazzy, of_kilted = ({name for name, _ in pins(ROOT / f'{name}.txt') if name.startswith('ros-')}
+                           for name in ('requirements', 'requirements-kilted'))
+    assert of_kilted == {name.replace('ros-jazzy-', 'ros-kilted-') for name in of_jazzy}
