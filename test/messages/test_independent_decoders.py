@@ -244,7 +244,18 @@ def test_diagnostics_say_which_link_is_the_worst(read):
     assert (level, int(values['worst_link']), float(values['off_m'])) == (0, health.link, health.off_m)
 
 
+def test_joint_states_have_the_angle_between_each_bench_and_the_one_before(read):
+    frame, message = made('cubes')[0], read('joint_states')
+    yaw = np.arctan2(frame.benches.axis[:, 1], frame.benches.axis[:, 0])
+    angles = np.array(message.position)
+    assert stamp_ns(message.header) == T_NS
+    assert len(message.name) == len(set(message.name)) == len(angles) == 23
+    near(np.exp(1j * angles), np.exp(1j * np.diff(yaw)), atol=1e-13)
+    assert np.all(np.abs(angles) <= np.pi)
+
+
 def test_every_topic_of_sim_with_messages_of_its_own_is_read_here():
     tested = {'handles', 'measured', 'benches', 'velocities', 'accelerations', 'forces', 'model/contacts',
-              'model/clearance', 'leader', 'cloud', 'trail', 'track', 'model/markers', 'model/diagnostics'}
+              'model/clearance', 'leader', 'cloud', 'trail', 'track', 'model/markers', 'model/diagnostics',
+              'joint_states'}
     assert set(made('cubes')[1]) == tested

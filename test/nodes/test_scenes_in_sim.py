@@ -30,8 +30,8 @@ def recorded(start, bag, scene, changes):
         result = compare_with_model(run, loaded)
         assert result.faults == []
         assert result.equal == len(topics) * (compile_scene(loaded).last_tick + 1)
-        # track and scene are latched and told once
-        return {topic.name.removeprefix('/dragon/') for topic in run.topics} - {'track', 'scene'}
+        # these are latched and published once
+        return {topic.name.removeprefix('/dragon/') for topic in run.topics} - {'track', 'scene', 'path'}
 
 
 @pytest.mark.parametrize('scene', scene_names())
