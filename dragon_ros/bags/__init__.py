@@ -1,1 +1,1 @@
-"""MCAP bags: read, written, checked, recorded. Never imports rclpy."""
+"""MCAP bags: reading, writing, checking and recording. Never imports rclpy."""

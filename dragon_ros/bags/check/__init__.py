@@ -1,1 +1,1 @@
-"""How far a bag can be trusted: integrity, gaps, repair, and comparison with the model."""
+"""Checking bags: integrity, gaps, repair, and comparison with the model."""

@@ -6,7 +6,7 @@ _MOST = 100
 
 @dataclass
 class CappedLog:
-    """The first lines, and how many there were in total."""
+    """The first lines of a log, and the total number of lines."""
 
     lines: list[str] = field(default_factory=list)
     count: int = 0

@@ -1,8 +1,8 @@
-"""Compare a bag with the model tick by tick: bit for bit, or to the promise of its tier where bits differ.
+"""Compare a bag with the model tick by tick: bit for bit, or to the promise of its tier if bits differ.
 
-Last bits may differ between machines, and between versions of this software. Handles, benches and velocities are then
-held to twice the promise of the tier: each side may be off by it. In a bag of another version, or made with other
-kernels of BLAS or numpy, so is everything that is computed from them.
+The last bits may differ between machines and between versions of this software. Handles, benches and velocities must
+then agree within twice the promise of the tier, since each side may be off by it. If another version, or other kernels
+of BLAS or numpy, made the bag, this also applies to everything computed from them.
 
 Every message of the bag is accounted for: compared, or left unchecked, with the reason.
 """
@@ -45,12 +45,12 @@ from dragon_ros.scenes.provenance import RECORD, other_kernel
 from dragon_ros.version import __version__
 
 _HUGE = 1e100
-_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic: a recorder was killed that lagged behind
+_MOST_LAST = 128        # ticks at the end of a led run that may lack a topic: a killed recorder may have lagged
 _Instant = tuple[int, dict[str, list[bytes]]]
-_SHOWN = 'model/markers'        # how contacts are shown is a version's own affair; model/contacts has their places
-_SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved: another version's own affair
-_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # of a cloud: handles, coordinates, speeds
-MOST_FAULTS = 1000      # lines that are kept; all are counted
+_SHOWN = 'model/markers'        # versions may show contacts differently; model/contacts has their places
+_SOLVED = ('solver', 'evaluations', 'worst_link', 'off_m')      # how a tick was solved; versions may differ
+_POINT_FIELDS = {6: '<u4', 7: '<f4', 8: '<f8'}       # arrays of a cloud: handles, coordinates, speeds
+MOST_FAULTS = 1000      # lines that are kept, of all that are counted
 _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
     'handles': lambda data: [read_pose_array(data).poses],
     'benches': lambda data: read_marker_array(data).geometry,
@@ -59,15 +59,16 @@ _VIEWS: dict[str, Callable[[bytes | bytearray], list[Array]]] = {
 
 @dataclass
 class Comparison:
-    """How many messages are equal bit for bit, how many only ``close``, and a line for each range of faults.
+    """The numbers of bit-identical and of only ``close`` messages, and one line per range of faults.
 
     ``close`` messages keep twice the promise of the tier (each side may be off by one); ``worst_m`` is the largest
     position difference among them. ``fault_count`` counts messages that are missing, extra or different;
-    ``missing_count`` those that are missing.
-    ``other_version`` is the version that made the bag, where that is another one, and ``other_kernel`` says which numpy
-    and which kernels did, where those are others: then all topics may be close.
-    ``once`` counts messages that are published once a run, and are those of the scene. ``unchecked`` has, by topic, how
-    many messages were not compared, and why; ``seen`` how many of each tick's topics were.
+    ``missing_count`` counts only missing ones.
+    ``other_version`` is the version that made the bag if it differs from this one; ``other_kernel`` names its numpy and
+    kernels if these differ. In both cases all topics may be close.
+    ``once`` counts the messages that are published once per run and equal the scene's. ``unchecked`` has, by topic, the
+    number of messages that were not compared and the reason; ``seen`` has the number of compared messages of each
+    tick's topics.
     """
 
     other_version: str | None = None
@@ -88,7 +89,7 @@ class Comparison:
         self._note(name, k, k, what)
 
     def missing(self, name: str, first: int, last: int) -> None:
-        """Count the messages of ticks ``first`` to ``last``, which are missing, however many they are."""
+        """Count the missing messages of ticks ``first`` to ``last``, without a limit on their number."""
         self.missing_count += last - first + 1
         self._note(name, first, last, 'is missing')
 
@@ -112,7 +113,7 @@ class Comparison:
         self.fault(f'{name} at {t_ns} ns belongs to no tick', count)
 
     def fault(self, line: str, count: int) -> None:
-        """Count messages that are of no tick of the run."""
+        """Count messages that belong to no tick of the run."""
         self.fault_count += count
         if len(self.faults) < MOST_FAULTS:
             self.faults.append(line)
@@ -124,7 +125,7 @@ class Comparison:
 
     @property
     def passed(self) -> bool:
-        """Whether all that the run must contain was compared, and equals the model."""
+        """Whether every message that the run must contain was compared and equals the model."""
         return not self.fault_count and self.equal + self.close > 0
 
 
@@ -133,7 +134,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
                        contact_s: float | None = None) -> Comparison:
     """Recompute every tick of the scene's run and compare each topic's message with the bag's.
 
-    A run that ends in a contact has the ticks before ``contact_s``, and then the frame at exactly that time.
+    A run that ends in a contact has the ticks before ``contact_s``, followed by the frame at exactly that time.
     """
     made = bag.metadata(RECORD)
     made_by = made.get('about.dragon_ros')
@@ -141,7 +142,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
     result = Comparison(None if made_by in (None, __version__) else made_by, other_kernel(made))
     instants = _instants(bag, namespace, encode)
     if scene.is_led:
-        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that was not killed has whole ticks
+        most = 0 if bag.metadata(RECEIVED) else _MOST_LAST      # a recorder that was not killed has complete ticks
         _compare_led(result, scene, encode, instants, most, progress)
     else:
         _compare_run(result, scene, encode, instants, contact_s, progress)
@@ -151,7 +152,7 @@ def compare_with_model(bag: BagReader, scene: Scene, namespace: str = '/dragon',
 
 def _compare_run(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
                  contact_s: float | None, progress: Callable[[int], object]) -> None:
-    """Compare the ticks of a run that the scene alone decides."""
+    """Compare the ticks of a run that the scene alone determines."""
     ticks, k, last = compile_scene(scene).last_tick + 1, 0, None
     if contact_s is not None:
         ticks, last = min(ticks, ticks_before(scene, contact_s)), contact_frame(scene, contact_s)
@@ -176,11 +177,10 @@ def _compare_run(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
 
 def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode], instants: Iterable[_Instant],
                  most: int, progress: Callable[[int], object]) -> None:
-    """Compare the ticks of a led dragon, whose speeds are those that its topic ``leader`` recorded.
+    """Compare the ticks of a led dragon, with the speeds recorded in its topic ``leader``.
 
-    Such a run ends where it was ended; up to ``most`` of its last ticks may lack topics, which a recorder that was
-    killed had not got yet. Their messages only must not differ. Where a speed is missing nothing after it can be
-    recomputed.
+    Such a run may end at any tick. Up to ``most`` of its last ticks may lack topics that a killed recorder had not yet
+    received, but their messages must not differ. If a speed is missing, nothing after it can be recomputed.
     """
     law, waiting, left = None, list[tuple[int, Frame, dict[str, list[bytes]]]](), iter(instants)
     for k, (t_ns, recorded) in enumerate(left):
@@ -206,7 +206,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
 
 
 def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, frame_id: str, each: set[str]) -> None:
-    """Account for the messages of the bag that are of no tick, or of one that could not be compared."""
+    """Account for the messages of the bag that belong to no tick, or to one that could not be compared."""
     for topic in bag.topics:
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
@@ -230,7 +230,7 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
 
 
 def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topic: str, frame_id: str) -> None:
-    """Compare the messages of a topic that is published once a run. The scene may be known from nowhere else."""
+    """Compare the messages of a topic that is published once per run. They may be the only source of the scene."""
     name = topic.rpartition('/')[2]
     text = bag.metadata(RECORD).get('scene')
     wanted = ENCODE[name](scene, frame_id) if name in ENCODE else None if text is None else string_message(text)
@@ -242,7 +242,7 @@ def _compare_once(result: Comparison, bag: BagReader, scene: Scene, topic: str, 
 
 
 def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
-    """Return whether two messages differ in numbers alone, by twice the promise of the tier at most."""
+    """Return whether two messages differ only in numbers, and by at most twice the promise of the tier."""
     promise_m = compile_scene(scene).promise_m
     try:
         expected, got = (list(_leaves(decode(kind, data))) for data in (wanted, found))
@@ -255,7 +255,7 @@ def _nearly(scene: Scene, kind: str, wanted: bytes, found: bytes) -> bool:
 
 
 def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
-    """Return the speed that the only message of a tick records; None where it is not the only one, or not of it."""
+    """Return the speed in the only message of a tick; None if there are several, or if it belongs to another tick."""
     if len(found) != 1:
         return None
     stamp_ns, speed_m_s = read_odometry(found[0])
@@ -264,13 +264,13 @@ def _walked_m_s(found: list[bytes], t_ns: int) -> float | None:
 
 def _compare_tick(result: Comparison, scene: Scene, encode: Mapping[str, Encode], k: int, frame: Frame,
                   recorded: Mapping[str, list[bytes]]) -> None:
-    """Compare the messages of a frame, which is the k-th of its run."""
+    """Compare the messages of the k-th frame of a run."""
     for name in encode:
         _compare(result, name, k, frame, encode[name](frame), recorded.get(name, []), scene)
 
 
 def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[_Instant]:
-    """Yield (time, messages by topic name) for the topics of a namespace; the time is a tick's."""
+    """Yield (time of a tick, messages by topic name) for the topics of a namespace."""
     if log_times_are_ticks(bag, namespace):
         rows: Iterable[tuple[int, str, bytes]] = (
             (message.t_ns, message.topic.removeprefix(f'{namespace}/'), message.data)
@@ -285,14 +285,14 @@ def _instants(bag: BagReader, namespace: str, names: Iterable[str]) -> Iterator[
         recorded: dict[str, list[bytes]] = {}
         for _, name, data in group:
             found = recorded.setdefault(name, [])
-            found.append(data if not found else b'')        # of several only their number counts
+            found.append(data if not found else b'')        # if there are several, only their number matters
         yield t_ns, recorded
 
 
 def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterator[tuple[int, str, bytes]]:
-    """Yield (stamp, name, message) of one topic of a bag of wall times.
+    """Yield (stamp, name, message) of one topic of a bag with wall-clock log times.
 
-    What has no stamp belongs to the handles of the same number: topics are in order, but overtake each other.
+    Messages without stamps belong to the handles of the same index: topics are in order, but overtake each other.
     """
     kind = channels()[name].type
     for n, message in enumerate(bag.messages([f'{namespace}/{name}'])):
@@ -301,7 +301,7 @@ def _stamped(bag: BagReader, namespace: str, name: str, stamps: Ints) -> Iterato
 
 
 def _missing(result: Comparison, names: Iterable[str], k: int, stop: int) -> int:
-    """Count the ticks from ``k`` to before ``stop`` as missing; return the next one."""
+    """Count the ticks from ``k`` up to, but not including, ``stop`` as missing; return the next one."""
     if stop <= k:
         return k
     for name in names:
@@ -327,14 +327,14 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
 
 
 def _allowed_m(frame: Frame, scene: Scene) -> float:
-    """Return twice the promise, since each side may be off by it; 0 for a tier without a promise."""
+    """Return twice the tier's promise, since each side may be off by it; 0 for a tier without a promise."""
     compiled = compile_scene(scene)
     promise_m = position_promise_m(compiled.tier, compiled.size_m, conditioning(frame.chain))
     return 2 * promise_m if promise_m < inf else 0.0
 
 
 def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return how far a message is off in metres; inf where anything but its numbers differs.
+    """Return the deviation of a message in metres; inf if anything but its numbers differs.
 
     Quaternions are scaled by the shortest link, speeds by the promise for speeds (``speed_promise_m_s``).
     """
@@ -350,7 +350,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
         return inf
     offs = [np.abs(one - other) for one, other in zip(got, expected, strict=True)]
     for view in (*expected, *got):
-        view[...] = 0.0         # these are views: what remains in the bytes is everything else
+        view[...] = 0.0         # these are views: the bytes then hold everything else
     if ours != theirs:
         return inf
     if not any(np.any(off) for off in offs):        # a speed of 0 may be -0
@@ -362,7 +362,7 @@ def _off_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, r
 
 
 def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
-    """Return the error of a position that is the same part of its promise as an error of a speed is of its own."""
+    """Return the position error that is the same fraction of its promise as a speed error is of its own."""
     compiled = compile_scene(scene)
     one = speed_promise_m_s(compiled.tier, compiled.size_m, compiled.model.length_m / scene.dragon.benches,
                             conditioning(frame.chain), _speed_m_s(frame, scene))
@@ -370,7 +370,7 @@ def _in_metres(off_m_s: float, frame: Frame, scene: Scene) -> float:
 
 
 def _farthest_m(off: Array, link_m: float) -> float:
-    """Return the largest of differences of points (K, 3), or of poses (K, 7): quaternions count at a link's end."""
+    """Return the largest difference of points (K, 3) or poses (K, 7); quaternions are scaled by a link."""
     turned = float(np.max(off[:, 3:], initial=0.0)) * link_m
     return max(float(np.max(np.hypot(off[:, 0], off[:, 1]))), float(np.max(off[:, 2])), turned)
 
@@ -380,11 +380,12 @@ def _speed_m_s(frame: Frame, scene: Scene) -> float:
 
 
 def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene: Scene, result: Comparison) -> float:
-    """Return how far a message of another version or kernel is off in metres; inf where more than its numbers differs.
+    """Return the deviation in metres of a message of another version or kernel; inf if more than its numbers differs.
 
-    Accelerations and tensions are second derivatives of places: an error of these counts 1 / link^2 times the square of
-    the leader's speed, and once more for each power of the conditioning that derivatives add. A tension sums what all
-    handles up to the free end need, handed on from link to link through directions, which are exact to places / link.
+    Accelerations and tensions contain second derivatives of positions. A position error enters them with a factor of
+    1 / link^2 times the square of the leader's speed, and once more per power of the conditioning that derivatives add.
+    A tension sums the forces on all handles up to the free end. They are passed from link to link along directions with
+    a relative error of position error / link.
     """
     kind = channels()[name].type
     try:
@@ -414,9 +415,9 @@ def _off_of_others_m(name: str, wanted: bytes, found: bytes, frame: Frame, scene
 
 
 def _off_of_clouds_m(wanted: dict[str, Any], found: dict[str, Any], frame: Frame, scene: Scene) -> float:
-    """Return how far the points of a cloud are off in metres, and take them out of both messages.
+    """Return the deviation of a cloud's points in metres, and remove the points from both messages.
 
-    Coordinates are float32: two that are rounded from nearly the same number may be one step of it apart.
+    Coordinates are float32: two nearly equal numbers may be rounded to adjacent values.
     """
     expected, got = wanted.pop('data'), found.pop('data')
     if expected.size != got.size:
@@ -440,7 +441,7 @@ def _off_of_clouds_m(wanted: dict[str, Any], found: dict[str, Any], frame: Frame
 
 
 def _leaves(value: object) -> Iterator[object]:
-    """Yield the numbers and texts of a decoded message, without how a tick was solved."""
+    """Yield the numbers and texts of a decoded message, except those on how a tick was solved."""
     if isinstance(value, dict):
         if value.get('key') in _SOLVED:
             return

@@ -33,16 +33,16 @@ from dragon_ros.messages.schemas import is_schema_of
 
 _BLOCK = 2**20
 _MOST_RANGES = 20
-_REGULAR = 0.8      # a topic has ticks if this part of its steps lies within a tenth of the median
+_REGULAR = 0.8      # a topic has ticks if this fraction of its steps is within a tenth of the median
 _LEAST = 3
-Checks = dict[int, LengthCheck | str]       # of a file's channels: what checks their lengths, or why nothing does
+Checks = dict[int, LengthCheck | str]       # by channel: its length check, or why it has none
 
 
 @dataclass
 class TopicSeen:
     """A topic of a bag: type, encoding, count and bytes of its messages, and their log times in file order.
 
-    Of ``measured`` messages the length was compared with the type; ``unmeasured`` says why of others it was not.
+    The lengths of ``measured`` messages were compared with the type; ``unmeasured`` has the reasons for the others.
     """
 
     type: str
@@ -56,7 +56,7 @@ class TopicSeen:
 
 @dataclass
 class Contents:
-    """What the files of a bag contain; ``problems`` name offsets, ``notes`` are harmless."""
+    """The contents of a bag's files; ``problems`` name offsets, ``notes`` are harmless."""
 
     files: list[Path]
     size: int = 0
@@ -69,7 +69,7 @@ class Contents:
 
 
 def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -> Contents:
-    """Return the contents of a bag, damaged or not. Raises BagError where it is not a bag, MissingError."""
+    """Return the contents of a bag, damaged or not. Raises BagError if it is not a bag, MissingError."""
     contents = Contents(files_of(path))
     for each in contents.files:
         try:
@@ -77,7 +77,7 @@ def examine(path: Path, progress: Callable[[int], object] = lambda size: None) -
         except InputError as error:
             if len(contents.files) == 1:
                 raise
-            contents.problems.note(error)       # as a killed recorder leaves the part that it just began
+            contents.problems.note(error)       # a part that a killed recorder had just begun
             continue
         with closing(file):
             _examine(contents, file, progress)
@@ -106,7 +106,7 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
 
 
 def _writer(file: McapFile) -> str:
-    """Return profile and library from the header."""
+    """Return the profile and the library from the header."""
     try:
         place = file.place(len(MAGIC))
         header = file.fields(place, Header.read) if place.opcode == Opcode.HEADER else Header('', '')
@@ -162,7 +162,7 @@ def _measure(contents: Contents, index: Index, checks: Checks, seen: TopicSeen, 
 
 
 def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
-    """Return what checks the lengths of a channel, or why nothing does."""
+    """Return the length check of a channel, or why it has none."""
     schema = index.schemas.get(channel.schema_id)
     if schema is None:
         return 'no schema'
@@ -174,7 +174,7 @@ def _check_of(index: Index, channel: Channel) -> LengthCheck | str:
 
 
 def _hold_summary(contents: Contents, file: McapFile, scanned: Index) -> None:
-    """Report where the summary contradicts the records."""
+    """Report contradictions between the summary and the records."""
     if scanned.damage and not file.closed_properly:
         return
     try:
@@ -209,10 +209,10 @@ def _check_data_crc(contents: Contents, file: McapFile, scanned: Index) -> None:
 
 @dataclass(frozen=True)
 class Gaps:
-    """Messages per second, and for a topic with ticks: how many are missing, which, and how many are doubled.
+    """Messages per second and, for a topic with ticks, which and how many are missing, and how many are duplicates.
 
     Ticks are numbered as in the run of the scene, or from the first message if there is none; ``ranges`` holds the
-    first missing ones as (first, last). All but ``rate_hz`` are None where the spacing of messages is irregular.
+    first missing ones as (first, last). All but ``rate_hz`` are None if the spacing of messages is irregular.
     """
 
     rate_hz: float | None
@@ -224,14 +224,14 @@ class Gaps:
 
 
 def gaps_of(times_ns: 'array[int]', run: Run | None, each_tick: bool = True) -> Gaps:
-    """Return the gaps among the log times of a topic, given in any order; one without ``each_tick`` has none."""
+    """Return the gaps in the log times of a topic, given in any order; a topic without ``each_tick`` has none."""
     times = np.sort(np.frombuffer(times_ns, np.uint64)).astype(np.float64) if times_ns else np.empty(0)
     span_s = (times[-1] - times[0]) / NS if times.size else 0.0
     rate_hz = float((times.size - 1) / span_s) if span_s > 0 else None
     steps = np.diff(distinct(times))
     if not each_tick or steps.size + 1 < _LEAST:
         return Gaps(rate_hz)
-    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # their median
+    usual = float(np.mean(np.sort(steps)[(steps.size - 1) // 2:steps.size // 2 + 1]))     # the median of their spacing
     if np.mean(np.abs(steps - usual) <= 0.1 * usual) < _REGULAR:
         return Gaps(rate_hz)
     start_ns, period_ns = (run.start_ns, NS / run.rate_hz) if run else (times[0], usual)

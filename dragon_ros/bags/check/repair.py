@@ -1,4 +1,4 @@
-"""Rescue a complete bag from a truncated or damaged one."""
+"""Recover a complete bag from a truncated or damaged one."""
 from collections.abc import Callable, Iterator
 from contextlib import closing, contextmanager, suppress
 from dataclasses import dataclass, field
@@ -35,9 +35,9 @@ from dragon_ros.version import __version__
 
 @dataclass
 class Repaired:
-    """How many messages were rescued, and a line for each part that was not.
+    """The number of messages that were recovered, and one line per part that was not.
 
-    ``unsaved`` counts messages that parse and were not saved all the same.
+    ``unsaved`` counts messages that parse but were not saved.
     """
 
     messages: int = 0
@@ -46,7 +46,7 @@ class Repaired:
 
 
 class _Sink:
-    """Writes the rescued messages; channels keep their contents and get new numbers."""
+    """Writes the recovered messages; channels keep their contents and get new numbers."""
 
     def __init__(self, file: IO[bytes]) -> None:
         self.writer = Writer(file, compression=CompressionType.ZSTD)
@@ -68,7 +68,7 @@ class _Sink:
 
 
 def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda size: None) -> Repaired:
-    """Write what can be read of a bag to one complete file, in file order. Raises BagError, MissingError."""
+    """Write the readable parts of a bag to one complete file, in file order. Raises BagError, MissingError."""
     done, parts = Repaired(), files_of(path)
     with _created(output) as out:
         sink = _Sink(out)
@@ -78,7 +78,7 @@ def repair(path: Path, output: Path, progress: Callable[[int], object] = lambda 
             except InputError as error:
                 if len(parts) == 1:
                     raise
-                done.lost.note(error)       # as a killed recorder leaves the part that it just began
+                done.lost.note(error)       # a part that a killed recorder had just begun
                 continue
             with closing(file):
                 _save(done, sink, file, progress)
@@ -131,13 +131,13 @@ def _put(done: Repaired, sink: _Sink, index: Index, row: StoredMessage, data: by
 
 
 def messages_that_parse(file: McapFile) -> int:
-    """Return how many messages a walk over all records finds, whatever stands between them, up to the first damage.
+    """Return how many messages a pass over all records finds up to the first damage, whatever stands between them.
 
-    It shares nothing with the scan but the records: a repair is held to it.
+    It shares only the record parser with the scan, so that a repair can be checked against it.
     """
     found, offset = 0, len(MAGIC)
     while offset < file.size:
-        if file.read(offset, min(len(MAGIC), file.size - offset)) == MAGIC:      # between two bags in one file
+        if file.read(offset, min(len(MAGIC), file.size - offset)) == MAGIC:      # separates two bags in one file
             offset += len(MAGIC)
             continue
         try:
@@ -153,7 +153,7 @@ def messages_that_parse(file: McapFile) -> int:
 
 
 def _parsed_in(file: McapFile, place: Location) -> int:
-    """Return how many messages of a chunk parse, whatever its CRC says."""
+    """Return how many messages of a chunk parse, regardless of its CRC."""
     found = 0
     with suppress(BagError, ValueError):
         for record in records_in(chunk_data(file, place, checked=False)):

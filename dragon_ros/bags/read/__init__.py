@@ -1,1 +1,1 @@
-"""Reading bags in bounded memory, damaged ones too."""
+"""Reading bags, including damaged ones, in bounded memory."""

@@ -13,10 +13,10 @@ _PART = re.compile(r'(.*)_(\d{1,9})')
 
 
 def files_of(path: Path) -> list[Path]:
-    """Return the .mcap files of a bag in their order. Raises MissingError or BagError.
+    """Return the .mcap files of a bag in order. Raises MissingError or BagError.
 
-    ``path`` is a file, a folder, or the metadata.yaml in it. A recorder that is killed leaves parts that metadata.yaml
-    does not list, or no metadata.yaml: they belong to the bag all the same.
+    ``path`` is a file, a folder, or the metadata.yaml in it. A killed recorder leaves parts that metadata.yaml does not
+    list, or no metadata.yaml at all; these parts still belong to the bag.
     """
     folder = _folder_of(path)
     if folder is None:
@@ -31,7 +31,7 @@ def files_of(path: Path) -> list[Path]:
 
 
 def unlisted(path: Path) -> list[Path]:
-    """Return the parts of a bag that its metadata.yaml, if there is one, does not list. Raises BagError."""
+    """Return the parts of a bag that are missing from its metadata.yaml, if there is one. Raises BagError."""
     folder = _folder_of(path)
     return [] if folder is None or not (folder / METADATA).is_file() else _parts(folder)[1]
 
@@ -45,7 +45,7 @@ def _folder_of(path: Path) -> Path | None:
 
 
 def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
-    """Return the parts that metadata.yaml lists, and the others: named alike, or all where nothing is listed."""
+    """Return the parts that metadata.yaml lists, and the others: those with similar names, or all if it lists none."""
     listed = _listed(folder / METADATA) if (folder / METADATA).is_file() else None
     stems = {_number(part)[0] for part in listed or ()}
     others = [part for part in folder.glob('*.mcap')
@@ -54,13 +54,13 @@ def _parts(folder: Path) -> tuple[list[Path], list[Path]]:
 
 
 def _number(part: Path) -> tuple[str, int]:
-    """Return the name of a part without its number, and its number."""
+    """Return the name of a part without its number, and the number."""
     found = _PART.fullmatch(part.stem)
     return (found[1], int(found[2])) if found else ('', -1)
 
 
 def _listed(path: Path) -> list[Path]:
-    """Return what metadata.yaml lists; paths outside its folder are rejected, and so is one that is listed twice."""
+    """Return the parts that metadata.yaml lists; reject paths outside its folder and duplicates."""
     if path.stat().st_size > FOLDER_BYTES:
         raise BagError(f'{path}: has {path.stat().st_size} bytes; the largest that is read has {FOLDER_BYTES}')
     section = read_document(path).values.get(_ROOT)

@@ -45,10 +45,10 @@ class BagFrame:
 
     @cached_property
     def clearance_m(self) -> float | None:
-        """Smallest signed gap of benches that are not neighbours, in m; inf where all are, None without benches."""
+        """Smallest signed gap of benches that are not neighbours, in m; inf if all are, None without benches."""
         if self.benches is None:
             return None
-        from dragon_ros.core.geometry.near_pairs import closeness  # few readers ask
+        from dragon_ros.core.geometry.near_pairs import closeness  # few readers need it
         return closeness(self.handles_m, self.benches).clearance_m
 
 
@@ -61,9 +61,9 @@ class _Parts:
 
 
 def namespace_of(bag: BagReader, asked: str | None = None) -> str:
-    """Return the namespace of the requested dragon, or of the only one that has messages (or a topic at all).
+    """Return the namespace of the requested dragon, or of the only one that has messages (or, failing that, topics).
 
-    Raises InputError where it is missing or ambiguous.
+    Raises InputError if it is missing or ambiguous.
     """
     topics = [topic for topic in bag.topics
               if topic.name.endswith('/handles') and topic.type == 'geometry_msgs/msg/PoseArray']
@@ -79,31 +79,31 @@ def namespace_of(bag: BagReader, asked: str | None = None) -> str:
 
 
 def scene_of_bag(bag: BagReader, namespace: str | None = None, trust: bool = False) -> Scene | None:
-    """Return the scene that is stored in a bag, or was published in it; None if there is none.
+    """Return the scene that a bag stores or has as a message; None if there is none.
 
-    Raises InputError, also beyond its budgets.
+    Raises InputError, also if the scene exceeds its budgets.
     """
     text = _scene_text(bag, namespace)
     return None if text is None else strangers_scene(f'{bag.path}: scene', text, trust)
 
 
 def frame_of_bag(bag: BagReader, namespace: str | None = None) -> str:
-    """Return the frame of the messages in a bag, as its scene says; the default where it says none."""
+    """Return the frame of a bag's messages according to its scene; the default if the scene names none."""
     return str(_about(bag, namespace).get('frame_id', FRAME_ID))
 
 
 def ends_in_contact(bag: BagReader, namespace: str | None = None) -> bool:
-    """Return whether the run in a bag was to end in its first contact, as its scene says."""
+    """Return whether the run in a bag should end in its first contact, according to its scene."""
     return _about(bag, namespace).get('on_contact') in ('hold', 'stop')
 
 
 def claimed_contact(bag: BagReader, namespace: str | None = None) -> Any:
-    """Return what the scene in a bag claims of the run's first contact, as it stands there; None if nothing."""
+    """Return the unchecked claim of a bag's scene about the first contact; None without a claim."""
     return _about(bag, namespace).get(CLAIM)
 
 
 def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
-    """Return what the scene file in a bag says about its run; nothing where it is too long to be read."""
+    """Return the ``about`` section of the scene file in a bag; empty if the file is too long to be read."""
     text = _scene_text(bag, namespace)
     if text is None or len(text) > SCENE_CHARACTERS:
         return {}
@@ -111,7 +111,7 @@ def _about(bag: BagReader, namespace: str | None) -> dict[str, Any]:
 
 
 def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
-    """Return the scene file in a bag: of its metadata, its attachment, or the latched topic ``scene``."""
+    """Return the scene file in a bag, from its metadata, its attachment or the latched topic ``scene``."""
     text = bag.metadata(RECORD).get('scene')
     if text is None:
         attached = bag.attachment(ATTACHMENT)
@@ -120,7 +120,7 @@ def _scene_text(bag: BagReader, namespace: str | None) -> str | None:
 
 
 def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
-    """Return the first message of the topic ``scene`` of a dragon, as any recorder stores it."""
+    """Return the first message of a dragon's topic ``scene``, as any recorder stores it."""
     try:
         topic = f'{namespace_of(bag) if namespace is None else namespace}/scene'
     except InputError:
@@ -132,9 +132,9 @@ def _published_scene(bag: BagReader, namespace: str | None) -> str | None:
 
 
 def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Walked:
-    """Return the law of a led scene with the speed of the next tick; None before the first, at which it rests.
+    """Return the head law of a led scene, extended by the next tick's speed; None before the first tick, at rest.
 
-    Raises InputError for a speed that no led dragon has.
+    Raises InputError for a speed that a led dragon cannot have.
     """
     settings, t_s = scene.head, t_ns / NS
     assert isinstance(settings, Commanded)
@@ -145,14 +145,14 @@ def law_on(scene: Scene, law: Walked | None, t_ns: int, speed_m_s: float) -> Wal
 
 
 def keep_s(scene: Scene) -> float:
-    """Return how far back a tick of a led scene looks: as far as its trail."""
+    """Return how far back in time a tick of a led scene depends on the walk: the length of its trail."""
     return scene.trails.seconds if Effect.TRAILS in scene.effects else 0.0
 
 
 def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
-    """Return a led scene as it was walked: a profile of the recorded speeds, up to the last that follows on the others.
+    """Return a led scene as walked: a profile of the recorded speeds, up to the last of the consecutive ones.
 
-    Any other scene is returned as it is. Raises InputError where there are too many changes of speed for a profile, or
+    Any other scene is returned unchanged. Raises InputError if there are too many changes of speed for a profile, or
     too many ticks.
     """
     if not scene.is_led:
@@ -175,7 +175,7 @@ def walked_scene(bag: BagReader, scene: Scene, namespace: str) -> Scene:
 
 
 def log_times_are_ticks(bag: BagReader, namespace: str) -> bool:
-    """Return whether messages are logged at simulation time, as our recorder does, and not at wall time."""
+    """Return whether messages are logged at simulation time, as by our recorder, rather than at wall time."""
     first = next(bag.messages([f'{namespace}/handles']), None)
     return first is None or read_stamp_ns(first.data) == first.t_ns
 
@@ -184,8 +184,8 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
            end_ns: int | None = None) -> Iterator[BagFrame]:
     """Yield the ticks of a bag with log times in start_ns <= t < end_ns, in order.
 
-    Handles and benches are paired by their stamps; velocities, which have none, belong to the handles of the same log
-    time. Handles without benches are yielded alone. Raises InputError, naming topic and time.
+    Handles and benches are paired by their stamps. Velocities have no stamp and belong to the handles with the same log
+    time. Handles without benches are yielded alone. Raises InputError that names topic and time.
     """
     root = namespace_of(bag) if namespace is None else namespace
     names = {topic.name: name for name in _TOPICS for topic in bag.topics if topic.name == f'{root}/{name}'}
@@ -211,7 +211,7 @@ class _Ticks:
     """Groups messages by tick, in bounded memory."""
 
     def __init__(self, alone: bool) -> None:
-        """``alone``: the bag has no benches to wait for."""
+        """``alone`` means that the bag has no benches to wait for."""
         self._alone = alone
         self._waiting: OrderedDict[int, _Parts] = OrderedDict()
         self._early: OrderedDict[int, ShownBenches] = OrderedDict()

@@ -1,8 +1,8 @@
 """A bounded MCAP reader: no length in a file is trusted before it is checked against the file.
 
-It is written by hand because the library's reader allocates what a file claims, decompresses without a bound and
-stops at the first damage; here every allocation is bounded, damage is reported with its offset, and what precedes or
-follows it can be rescued.
+It is written by hand because the library's reader allocates the sizes that a file claims, decompresses without a bound
+and stops at the first damage. Here every allocation is bounded, damage is reported with its offset, and the records
+before and after it can be recovered.
 
 The layout is that of the MCAP specification, version 0: a magic, then records of opcode (1 byte), length (8 bytes) and
 content, then the magic again. The ``mcap`` package parses the fields of small records, each from its own bytes.
@@ -32,11 +32,11 @@ FOOTER_BYTES = HEAD.size + 20
 T = TypeVar('T')
 _FIXED = struct.Struct('<QQQII')
 _MESSAGE = struct.Struct('<HIQQ')
-_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # channel and bytes of what follows; time and offset
-MESSAGE_HEAD = _MESSAGE.size    # bytes of the content of a message before its data
-_LONGEST_NAME = 32              # of the name of a compression
+_INDEX_HEAD, _INDEX_ENTRY = struct.Struct('<HI'), 16     # channel and bytes of the entries; time and offset of each
+MESSAGE_HEAD = _MESSAGE.size    # bytes in the content of a message before its data
+_LONGEST_NAME = 32              # characters in the name of a compression
 _MOST_FAULTS = 100      # that are kept
-_PACKED_MORE = 1 / 128          # by which a chunk of random bytes grows when it is compressed, at most
+_PACKED_MORE = 1 / 128          # largest growth of a chunk of random bytes by compression
 _RUN = 4 * 2**20            # bytes of consecutive messages outside chunks that form one batch
 
 
@@ -46,7 +46,7 @@ class BagError(InputError):
 
 @dataclass(frozen=True, order=True)
 class Location:
-    """Where a record stands: opcode, offset of its first byte, and the length of its content."""
+    """The location of a record: opcode, offset of its first byte, and length of its content."""
 
     opcode: int
     offset: int
@@ -67,7 +67,7 @@ class McapFile:
     """One .mcap file, open for reading."""
 
     def __init__(self, path: Path) -> None:
-        """Open it and check its beginning. Raises MissingError or BagError."""
+        """Open the file and check its beginning. Raises MissingError or BagError."""
         self.path = path
         self._file = _open(path)
         try:
@@ -84,7 +84,7 @@ class McapFile:
         return BagError(f'{self.path}: is damaged at byte {offset} of {self.size}: {what}', offset=offset)
 
     def read(self, offset: int, length: int) -> bytes:
-        """Return bytes; all of them, or BagError."""
+        """Return exactly the requested bytes. Raises BagError if there are fewer."""
         if not 0 <= length <= self.size - offset:
             raise self.fault(offset, f'{length} bytes should follow, {max(0, self.size - offset)} do')
         try:
@@ -97,7 +97,7 @@ class McapFile:
         return data
 
     def place(self, offset: int, end: int | None = None) -> Location:
-        """Return the record at an offset. Raises BagError where it does not end before ``end`` (the file's end)."""
+        """Return the record at an offset. Raises BagError if it does not end before ``end`` (the file's end)."""
         end = self.size if end is None else min(end, self.size)
         if offset + HEAD.size > end:
             raise self.fault(offset, f'a record should begin, {max(0, end - offset)} bytes are left')
@@ -118,7 +118,7 @@ class McapFile:
             offset = place.end
 
     def fields(self, place: Location, parse: Callable[[ReadDataStream], T]) -> T:
-        """Return the fields of a small record, read by ``parse``, one of the ``mcap.records`` readers."""
+        """Return the fields of a small record; ``parse`` is one of the ``mcap.records`` readers."""
         if place.length > RECORD_BYTES:
             raise self.fault(place.offset, f'a record with opcode {place.opcode} has {place.length} bytes; '
                              f'the largest that is read is {RECORD_BYTES}')
@@ -129,12 +129,12 @@ class McapFile:
 
     @property
     def closed_properly(self) -> bool:
-        """Whether the file ends like a bag that was closed."""
+        """Whether the file ends like a closed bag."""
         tail = FOOTER_BYTES + len(MAGIC)
         return self.size >= len(MAGIC) + tail and self.read(self.size - len(MAGIC), len(MAGIC)) == MAGIC
 
     def footer(self) -> tuple[Location, Footer]:
-        """Return the footer. Raises BagError where the file is truncated or has no footer."""
+        """Return the footer. Raises BagError if the file is truncated or has no footer."""
         if not self.closed_properly:
             raise BagError(f'{self.path}: is truncated and has no index ({self.size} bytes)')
         place = self.place(self.size - len(MAGIC) - FOOTER_BYTES, self.size - len(MAGIC))
@@ -148,7 +148,7 @@ class McapFile:
 
 
 class _Exact(ReadDataStream):
-    """A stream that raises where fewer bytes are left than requested."""
+    """A stream that raises an error if fewer bytes remain than requested."""
 
     def __init__(self, data: bytes) -> None:
         super().__init__(BytesIO(data))
@@ -162,7 +162,7 @@ class _Exact(ReadDataStream):
 
 
 def parse_fields(data: bytes, parse: Callable[[ReadDataStream], T]) -> T:
-    """Return the fields of a record's content. Raises ValueError where they exceed it."""
+    """Return the fields of a record's content. Raises ValueError if they exceed it."""
     return parse(_Exact(data))
 
 
@@ -175,13 +175,13 @@ def _open(path: Path) -> IO[bytes]:
         if path.exists() and not path.is_file():    # opening a pipe would block forever
             raise MissingError(f'{path}: is not a file')
         return path.open('rb')
-    except (OSError, ValueError) as error:      # a ValueError of a path with a NUL in it
+    except (OSError, ValueError) as error:      # ValueError: a path that contains a NUL
         raise MissingError(f'{shown(str(path))}: cannot be read: {getattr(error, "strerror", error)}') from None
 
 
 @dataclass(frozen=True)
 class ChunkHead:
-    """The head of a chunk: message times in ns, size and CRC of its records, and where they are."""
+    """The head of a chunk: message times in ns, and size, CRC and location of its records."""
 
     start_ns: int
     end_ns: int
@@ -193,7 +193,7 @@ class ChunkHead:
 
 
 class StoredMessage(NamedTuple):
-    """One message in a chunk; its data are the bytes from ``start`` to ``end``."""
+    """One message in a chunk; its data are bytes ``start`` to ``end``."""
 
     t_ns: int
     start: int
@@ -204,7 +204,7 @@ class StoredMessage(NamedTuple):
 
 
 class OtherRecord(NamedTuple):
-    """A record other than a message: its opcode and where its content is."""
+    """A record other than a message: its opcode and the location of its content."""
 
     opcode: int
     start: int
@@ -212,7 +212,7 @@ class OtherRecord(NamedTuple):
 
 
 def chunk_head(file: McapFile, place: Location) -> ChunkHead:
-    """Return the head of a chunk. Raises BagError where it contradicts the record's length."""
+    """Return the head of a chunk. Raises BagError if it contradicts the record's length."""
     if place.length < _FIXED.size + 8:
         raise file.fault(place.offset, f'a chunk of {place.length} bytes')
     start_ns, end_ns, size, crc, name = _FIXED.unpack(file.read(place.content, _FIXED.size))
@@ -256,7 +256,7 @@ def message_time_ns(file: McapFile, place: Location) -> int:
 
 
 def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
-    """Yield the records of a chunk. Raises ValueError with the offset where they are truncated."""
+    """Yield the records of a chunk. Raises ValueError with the offset if they are truncated."""
     at, size = 0, len(data)
     while at < size:
         if at + HEAD.size > size:
@@ -277,13 +277,13 @@ def records_in(data: bytes) -> Iterator[StoredMessage | OtherRecord]:
 
 
 def row_of(data: bytes, start: int, end: int) -> StoredMessage:
-    """Return the message whose data are the bytes from ``start`` to ``end``."""
+    """Return the message whose data are bytes ``start`` to ``end``."""
     channel, sequence, t_ns, publish_ns = _MESSAGE.unpack_from(data, start - _MESSAGE.size)
     return StoredMessage(t_ns, start, end, channel, sequence, publish_ns)
 
 
 def first_bytes(data: bytes, compression: str) -> bytes:
-    """Return what can be decompressed of a truncated chunk, at most CHUNK_BYTES bytes."""
+    """Return the part of a truncated chunk that can be decompressed, at most CHUNK_BYTES bytes."""
     if compression == 'zstd':
         return _first_of_zstd(data)
     if compression == 'lz4':
@@ -292,7 +292,7 @@ def first_bytes(data: bytes, compression: str) -> bytes:
 
 
 def _first_of_zstd(data: bytes) -> bytes:
-    # In small steps: what was decompressed before the damage is kept.
+    # In small steps, to keep the data decompressed before the damage.
     reader, out = zstandard.ZstdDecompressor(max_window_size=CHUNK_BYTES).stream_reader(data), bytearray()
     try:
         while len(out) < CHUNK_BYTES and (part := reader.read(2**17)):
@@ -336,9 +336,9 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 
 @dataclass(frozen=True)
 class Batch:
-    """A chunk, or consecutive messages outside chunks: where it is, and the times of its messages in ns.
+    """A chunk, or consecutive messages outside chunks: its location, and the times of its messages in ns.
 
-    ``messages`` is how many a chunk has by the indexes that follow it; None where nothing depends on them.
+    ``messages`` is the number of messages in a chunk by the indexes that follow it; None if it is not needed.
     """
 
     file: McapFile
@@ -368,10 +368,10 @@ class Batch:
 class Index:
     """Contents of one file.
 
-    ``damage`` is where and why a scan ended early, ``cut`` the chunk in which it ended. ``faults`` are the first of
-    ``fault_count`` records that cannot be read, between others that can. ``data_end`` is the end of the data section,
-    None where it is unknown. ``stray`` are ends of data that records follow all the same. ``numbered`` counts messages
-    by channel as the indexes of the chunks do. ``reach`` is the offset up to which there are records.
+    ``damage`` says where and why a scan ended early, ``cut`` is the chunk in which it ended. ``faults`` are the first
+    of ``fault_count`` records that cannot be read, between others that can. ``data_end`` is the end of the data
+    section, None where it is unknown. ``stray`` are ends of data that records follow all the same. ``numbered`` counts
+    messages by channel as the indexes of the chunks do. ``reach`` is the offset up to which there are records.
     """
 
     file: McapFile
@@ -393,7 +393,7 @@ class Index:
     _learned: int = 0
 
     def learn(self, opcode: int, content: bytes) -> None:
-        """Register a schema or a channel. Raises ValueError where it is malformed, or where they exceed their limit."""
+        """Register a schema or a channel. Raises ValueError if it is malformed, or if they exceed their limit."""
         if opcode == Opcode.SCHEMA:
             schema = parse_fields(content, Schema.read)
             self._count(content, schema, self.schemas.setdefault(schema.id, schema))
@@ -434,7 +434,7 @@ class Index:
 
 
 def summary_index(file: McapFile) -> Index | None:
-    """Return the index from the summary; None where there is none. Raises BagError."""
+    """Return the index from the summary; None if there is no summary. Raises BagError."""
     at, footer = file.footer()
     if footer.summary_start == 0:
         return None
@@ -489,10 +489,10 @@ def _indexed(file: McapFile, opcode: int, offset: int, length: int) -> Location:
 
 
 def scanned_index(file: McapFile, progress: Callable[[int], object] = lambda offset: None) -> Index:
-    """Return the index from a scan of all records, up to the first damage; chunks are not decompressed.
+    """Return the index from a scan of all records up to the first damage, without decompressing chunks.
 
-    It is what a bag contains, for every command. It has what a stream reader sees: messages inside of chunks and
-    outside of them, also behind a stray end of data. A summary, which repeats that, follows the last end of data.
+    For every command, this defines the contents of a bag. It has what a stream reader sees: messages inside and outside
+    of chunks, including those after a stray end of data. The summary, which repeats them, follows the last end of data.
     """
     scan = _Scan(Index(file))
     try:
@@ -511,16 +511,16 @@ _DATA = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT, Opcode.METADATA)
 
 
 class _Scan:
-    """Takes one record after the other."""
+    """Processes one record after the other."""
 
     def __init__(self, index: Index) -> None:
         self.index = index
         self._run: list[tuple[Location, int]] = []
-        self._numbered: int | None = None       # messages by the indexes of the last chunk
-        self._end: Location | None = None       # of the data, where nothing but a summary has followed so far
+        self._numbered: int | None = None       # messages in the last chunk according to its indexes
+        self._end: Location | None = None       # end of the data, if only a summary has followed so far
 
     def take(self, place: Location) -> bool:
-        """Take a record; return whether others may follow."""
+        """Process a record; return whether others may follow."""
         index = self.index
         if place.opcode == Opcode.FOOTER:
             if place.end + len(MAGIC) != index.file.size:
@@ -538,7 +538,7 @@ class _Scan:
         return True
 
     def end(self, error: BagError | None) -> None:
-        """Note where the records end; damage to a summary costs no message."""
+        """Record where the records end; damage to a summary loses no message."""
         self._end_batch()
         index, file = self.index, self.index.file
         index.reach = file.size if error is None else error.fields.get('offset', file.size)
@@ -546,7 +546,7 @@ class _Scan:
         index.cut = None if self._end or error is None else _cut(file, error.fields.get('offset'))
 
     def _end_stray(self) -> None:
-        """Note that something follows the last end of data."""
+        """Record that something follows the last end of data."""
         if self._end:
             self.index.stray.append(self._end)
             self._end = None
@@ -571,7 +571,7 @@ class _Scan:
             index.attachments.append(place)
 
     def _number(self, place: Location) -> None:
-        """Count the messages of a chunk by one of its indexes."""
+        """Count the messages of a chunk that one of its indexes lists."""
         if self._numbered is None or place.length < _INDEX_HEAD.size:
             raise self.index.file.fault(place.offset, 'an index of messages that belongs to no chunk')
         channel, size = _INDEX_HEAD.unpack(self.index.file.read(place.content, _INDEX_HEAD.size))
@@ -579,7 +579,7 @@ class _Scan:
         self.index.numbered[channel] += size // _INDEX_ENTRY
 
     def _grow(self, place: Location) -> None:
-        """Add a message to the batch before it, or end that batch and start another."""
+        """Add a message to the current batch, or end that batch and start another."""
         file, run = self.index.file, self._run
         if place.length > CHUNK_BYTES:
             raise file.fault(place.offset, f'a message of {place.length} bytes; the largest that is read has '
@@ -603,9 +603,9 @@ class _Scan:
 
 
 def is_indexed(scanned: Index, summary: Index) -> bool:
-    """Return whether summary, indexes of chunks and records of a file agree, so that no chunk needs to be opened.
+    """Return whether a file's summary, chunk indexes and records agree, so that no chunk needs to be opened.
 
-    Then the counts of the summary are those of the file. Writers may omit parts of a summary.
+    If they agree, the counts of the summary are those of the file. Writers may omit parts of a summary.
     """
     said, counts, channels = summary.statistics, +summary.counts, scanned.channels
     return (said is not None and not scanned.fault_count and _chunks(summary) == _chunks(scanned)
@@ -615,7 +615,7 @@ def is_indexed(scanned: Index, summary: Index) -> bool:
 
 
 def _chunks(index: Index) -> list[tuple[Location, int, int]]:
-    """Return where the batches of a file are, and their times."""
+    """Return the locations and times of a file's batches."""
     return sorted((one.place, one.start_ns, one.end_ns) for one in index.batches)
 
 

@@ -1,4 +1,4 @@
-"""Reads bags, single MCAP files or rosbag2 folders, in the order of time and in bounded memory."""
+"""Reads bags (single MCAP files or rosbag2 folders) in time order and in bounded memory."""
 from array import array
 from bisect import bisect_left
 from collections import OrderedDict, deque
@@ -46,7 +46,7 @@ class Message:
 
 @dataclass(frozen=True)
 class Topic:
-    """One topic of a bag: full name, type, encoding, QoS as rosbag2 writes it, and number of messages."""
+    """One topic of a bag: full name, type, encoding, QoS in rosbag2's form, and number of messages."""
 
     name: str
     type: str
@@ -56,7 +56,7 @@ class Topic:
 
 
 class BagReader:
-    """Reads a complete bag; of a ``damaged`` one, the batches that are intact."""
+    """Reads a complete bag, or the intact batches of a ``damaged`` one."""
 
     def __init__(self, path: Path, damaged: bool = False) -> None:
         """Open a bag and read its index. Raises MissingError or BagError."""
@@ -91,7 +91,7 @@ class BagReader:
 
     @property
     def files(self) -> list[Path]:
-        """The files that the bag is made of."""
+        """The files of the bag."""
         return [index.file.path for index in self._indexes]
 
     def messages(self, topics: list[str] | None = None, start_ns: int | None = None,
@@ -107,7 +107,7 @@ class BagReader:
             yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
 
     def _learn(self, batch: Batch, record: OtherRecord, data: bytes) -> None:
-        """Hold the schemas and channels in a chunk to those of the index. Raises BagError."""
+        """Check the schemas and channels in a chunk against the index. Raises BagError."""
         self._by_file[batch.file].learn_inside(batch, record, data)
 
     def _name(self, batch: Batch, row: StoredMessage) -> str:
@@ -127,7 +127,7 @@ class BagReader:
         return {}
 
     def attachment(self, name: str) -> bytes | None:
-        """Return the first attachment with a name that is small enough to read. Raises BagError."""
+        """Return the first attachment with a name, if it is small enough to read. Raises BagError."""
         for index in self._indexes:
             for place in index.attachments:
                 with suppress(BagError):
@@ -161,7 +161,7 @@ def _opened(file: Path, bag: Path) -> McapFile:
 
 
 def _index_of(file: McapFile) -> Index:
-    """Return the index of a complete file; what its summary leaves open is counted in its chunks."""
+    """Return the index of a complete file; messages that its summary does not count are counted in its chunks."""
     index = None
     try:
         summary, index = summary_index(file), scanned_index(file)
@@ -181,7 +181,7 @@ def _index_of(file: McapFile) -> Index:
 
 
 def _survey(index: Index) -> None:
-    """Count the messages of each batch by opening it, and leave out what has none. Raises BagError."""
+    """Count the messages of each batch by opening it, and omit empty batches. Raises BagError."""
     batches, index.batches = index.batches, []
     for batch in batches:
         if sum(1 for _ in index.survey(batch)):
@@ -189,7 +189,7 @@ def _survey(index: Index) -> None:
 
 
 def _readable(file: McapFile) -> Index:
-    """Return what is readable in a damaged file: the intact batches before the damage."""
+    """Return the readable part of a damaged file: the intact batches before the damage."""
     index = scanned_index(file)
     batches, index.batches = index.batches, []
     for batch in batches:
@@ -236,7 +236,7 @@ class ChosenMessage(NamedTuple):
 
 
 class _OpenBatch(NamedTuple):
-    """The records of a batch, and times and offsets of its chosen messages, by time."""
+    """The records of a batch, and the times and offsets of its chosen messages, ordered by time."""
 
     data: bytes
     times: 'array[int]'
@@ -249,9 +249,9 @@ class _OpenBatch(NamedTuple):
 
 
 class TimeOrder:
-    """Yields the messages that ``choose`` accepts, by time and then in file order, however the batches overlap.
+    """Yields the messages that ``choose`` accepts, by time and then in file order, even if batches overlap.
 
-    ``learn`` is given all other records of the batches, to raise BagError where one contradicts the index.
+    ``learn`` receives all other records of the batches, and raises BagError if one contradicts the index.
     """
 
     def __init__(self, batches: Sequence[Batch], choose: Callable[[Batch, StoredMessage], bool],
@@ -261,7 +261,7 @@ class TimeOrder:
         self._open: OrderedDict[int, _OpenBatch] = OrderedDict()
 
     def between(self, start_ns: int, end_ns: int) -> Iterator[ChosenMessage]:
-        """Yield messages with start_ns <= t < end_ns. Raises BagError where a chunk is damaged."""
+        """Yield messages with start_ns <= t < end_ns. Raises BagError if a chunk is damaged."""
         waiting = deque(sorted((batch.start_ns, number) for number, batch in enumerate(self._pieces)
                                if batch.end_ns >= start_ns and batch.start_ns < end_ns))
         heap: list[tuple[int, int, int]] = []
@@ -282,7 +282,7 @@ class TimeOrder:
             heappush(heap, (times[position], number, position))
 
     def _opened(self, number: int) -> _OpenBatch:
-        """Return an open batch; the least recently used ones are closed where they exceed the limit."""
+        """Return an open batch; close the least recently used ones if open batches exceed the limit."""
         if number in self._open:
             self._open.move_to_end(number)
             return self._open[number]

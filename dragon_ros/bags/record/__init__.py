@@ -1,1 +1,1 @@
-"""What a recorder needs besides the bag: a writer thread, simulation times, loss accounting."""
+"""The parts of a recorder besides the bag: a writer thread, simulation times and loss accounting."""

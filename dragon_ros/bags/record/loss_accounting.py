@@ -1,9 +1,9 @@
-"""Loss accounting: compares what a recorder received with what was published, so that no loss is silent.
+"""Loss accounting: compares received with published messages, so that every loss is reported.
 
 There are two sources. A publisher numbers its messages (the publication sequence number of DDS): a gap is a message
-that was lost on the way, and a first number above 1 tells how many were published before the recorder listened. And
-where the scene is known a stamp is a tick: a gap is a missing tick, lost or never published, and a first tick after
-tick 0 means that the beginning of the run is missing.
+lost in transit, and a first number above 1 tells how many were published before the recorder listened. If the scene is
+known, a stamp is also a tick: a gap is a missing tick, lost or never published, and a first tick after tick 0 means
+that the beginning of the run is missing.
 """
 from collections import Counter
 from collections.abc import Iterable
@@ -16,7 +16,7 @@ from dragon_ros.messages.channels import channel_of, live
 
 RECEIVED = 'dragon_ros.received'     # name of the metadata record with the account
 _MOST_STEPS = 1000
-_MOST_EARLY = 100_000       # stamps that are kept until the scene is known
+_MOST_EARLY = 100_000       # stamps kept until the scene is known
 
 
 @dataclass
@@ -24,17 +24,17 @@ class TopicCount:
     """The account of one topic."""
 
     received: int = 0
-    left_out: int = 0           # of these, since the disk did not take them in time
-    lost: int = 0               # by publishers that have been replaced by another
+    left_out: int = 0           # left out because the disk was too slow
+    lost: int = 0               # by publishers that were replaced
     sequence: IntervalSet = field(default_factory=IntervalSet)
     ticks: IntervalSet = field(default_factory=IntervalSet)
     off_ticks: int = 0
-    early: list[int] | None = None      # stamps that came before the scene of their publisher; None once it is known
-    scene_ahead: bool = False           # the scene of the next publisher came before its first message
-    shared: bool = False        # several publishers at a time: their numbers cannot be separated
+    early: list[int] | None = None      # stamps that arrived before their publisher's scene; None once it is known
+    scene_ahead: bool = False           # the next publisher's scene arrived before its first message
+    shared: bool = False        # several simultaneous publishers: their numbers cannot be separated
 
     def number(self, sequence: int) -> None:
-        """Count a sequence number; it restarts at 1 with the next publisher. 0 is unknown."""
+        """Count a sequence number, which restarts at 1 with the next publisher; 0 means unknown."""
         if sequence == 1 and self.sequence.last is not None:
             self.lost += interval_set.count(self.sequence.gaps())
             self.sequence = IntervalSet()
@@ -43,7 +43,7 @@ class TopicCount:
             self.sequence.add(sequence)
 
     def scene_came(self) -> list[int]:
-        """Return the stamps that waited for the scene."""
+        """Return the stamps that waited for the scene, which is now known."""
         early, self.early = self.early or [], None
         self.scene_ahead = not early
         return early
@@ -58,7 +58,7 @@ class TopicCount:
 
     @property
     def lost_on_the_way(self) -> int:
-        """How many messages after the first received one were published and not received."""
+        """How many messages after the first received one were published but not received."""
         return 0 if self.shared else self.lost + interval_set.count(self.sequence.gaps()) + self.sequence.forgotten
 
     @property
@@ -68,7 +68,7 @@ class TopicCount:
 
 
 class LossAccount:
-    """Counts messages by topic; ``report`` says what is missing."""
+    """Counts messages by topic; ``report`` lists the missing ones."""
 
     def __init__(self) -> None:
         """Start without topics."""
@@ -79,7 +79,7 @@ class LossAccount:
         self._last_ns: int | None = None
 
     def scene(self, scene: Scene | None, namespace: str) -> None:
-        """Set the run that is recorded, which gives each stamp its tick, also those that came just before the scene.
+        """Set the recorded run, which assigns a tick to each stamp, also to stamps that arrived just before the scene.
 
         Another run resets the ticks.
         """
@@ -92,14 +92,14 @@ class LossAccount:
         self.scene_again()
 
     def scene_again(self) -> None:
-        """Count what came just before the scene, which may be that of the run before."""
+        """Count stamps that arrived just before the scene, which may be the scene of the previous run."""
         for topic, row in self.topics.items():
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:
                     row.tick(self._run, t_ns)
 
     def share(self, topics: Iterable[str]) -> None:
-        """Mark topics that have several publishers at a time: nobody can say what of them is missing."""
+        """Mark topics with several simultaneous publishers: their missing messages cannot be counted."""
         for topic in topics:
             self._row(topic).shared = True
 
@@ -110,7 +110,7 @@ class LossAccount:
         return row
 
     def note(self, topic: str, t_ns: int, sequence: int, kept: bool = True) -> None:
-        """Count a message that was logged at ``t_ns``, or left out of the bag."""
+        """Count a message that was logged at ``t_ns`` or left out of the bag."""
         row = self._row(topic)
         row.received += 1
         row.number(sequence)
@@ -123,15 +123,15 @@ class LossAccount:
             row.tick(self._run, t_ns)
 
     def stamp(self, t_ns: int) -> None:
-        """Record the stamp of handles, whose spacing is reported where no scene is known."""
+        """Record the stamp of handles; their spacing is reported if no scene is known."""
         if self._last_ns is not None and (len(self._steps) < _MOST_STEPS or t_ns - self._last_ns in self._steps):
             self._steps[t_ns - self._last_ns] += 1
         self._last_ns = t_ns
 
     def missing(self, ended: bool) -> dict[str, list[Interval]]:
-        """Return the missing ticks by topic, between its first and its last.
+        """Return the missing ticks of each topic, between its first and its last tick.
 
-        Where the run has ``ended``, its last tick is that of any topic: what others lack at the end is missing too.
+        If the run has ``ended``, its last tick is the last of any topic, so that topics that end earlier lack ticks.
         """
         ticks = {topic: row.ticks for topic, row in self.topics.items()
                  if row.ticks.last is not None and not row.shared}
@@ -140,9 +140,9 @@ class LossAccount:
         return {topic: gaps for topic, gaps in found.items() if gaps}
 
     def beginnings(self) -> dict[str, int]:
-        """Return, by topic, how many messages are missing before its first: ticks of the run, or else what is numbered.
+        """Return, by topic, how many messages are missing before its first, by ticks of the run or by sequence numbers.
 
-        Topics of each tick count, and without a scene those of ``sim``: others go on from run to run.
+        Only topics with a message per tick count, and those of ``sim`` without a scene: others continue across runs.
         """
         if self._run is None:
             found = {topic: row.before for topic, row in self.topics.items()
@@ -152,12 +152,12 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics of each tick of which nothing came, where the handles came."""
+        """Return the topics with a message per tick that received nothing although handles arrived."""
         heard = {topic for topic, row in self.topics.items() if row.received}
         return sorted(self._each_tick - heard) if heard & self._each_tick else []
 
     def complete(self, ended: bool) -> bool:
-        """Return whether nothing is missing, as far as anybody can say."""
+        """Return whether nothing is known to be missing."""
         lost = any(row.lost_on_the_way or row.left_out for row in self.topics.values())
         return not (self.missing(ended) or self.beginnings() or self.unheard() or lost)
 
@@ -184,7 +184,7 @@ class LossAccount:
         return out
 
     def lines(self, ended: bool) -> list[str]:
-        """Return a line for each topic that lacks anything."""
+        """Return a line for each topic with missing messages."""
         what = 'messages' if self._run is None else 'ticks'
         out = [f'{topic}: the beginning is missing: {count} {what} came before the first that was heard'
                for topic, count in self.beginnings().items()]
@@ -201,7 +201,7 @@ class LossAccount:
         return out
 
     def spacing(self) -> str:
-        """Return the usual spacing of the stamps, and how many deviate from it."""
+        """Return the usual spacing of the stamps and the number of deviations."""
         if not self._steps:
             return 'too few stamps'
         (usual, _), = self._steps.most_common(1)

@@ -1,4 +1,4 @@
-"""Reads the scenes that arrive on a topic, apart from the thread that records: what they say may take seconds."""
+"""Reads the scenes that arrive on a topic, outside the recording thread, since a scene may take seconds."""
 from concurrent.futures import Future, ThreadPoolExecutor
 from typing import NamedTuple
 
@@ -10,9 +10,9 @@ from dragon_ros.scenes.load import strangers_scene
 
 
 class ReadScene(NamedTuple):
-    """A text, the scene that it describes (None: ``why`` it cannot be read), and the metadata record for a bag.
+    """A text, its scene (None if it cannot be read; then ``why`` has the reason), and the metadata record for a bag.
 
-    A text beyond the budgets has no metadata: a recorder stores it as the message that it is.
+    A text that exceeds the budgets has no metadata; a recorder stores it only as a message.
     """
 
     text: str
@@ -22,10 +22,10 @@ class ReadScene(NamedTuple):
 
 
 class SceneReader:
-    """Reads one scene at a time; of those that arrive meanwhile only the newest is read."""
+    """Reads one scene at a time; of the scenes that arrive meanwhile only the newest is read."""
 
     def __init__(self, settings: dict[str, str], trust: bool = False) -> None:
-        """``settings`` are those of the recorder, for the metadata record."""
+        """``settings`` are the recorder's, for the metadata record."""
         self._settings, self._trust = settings, trust
         self._thread = ThreadPoolExecutor(1, 'scene')
         self._job: Future[ReadScene] | None = None
@@ -33,18 +33,18 @@ class SceneReader:
 
     @property
     def busy(self) -> bool:
-        """Whether a result is to come."""
+        """Whether a result is pending."""
         return self._job is not None
 
     def read(self, text: str) -> None:
-        """Read a text as soon as the one before it is read."""
+        """Read a text as soon as the previous one has been read."""
         if self._job is None:
             self._job = self._thread.submit(self._read, text)
         else:
             self._next = text
 
     def take(self, wait: bool = False) -> ReadScene | None:
-        """Return the newest scene once it is read, and only once; with ``wait``, wait for it."""
+        """Return the newest scene, once, when it has been read; with ``wait``, wait for it."""
         while self._job is not None and (wait or self._job.done()):
             found, self._job = self._result(self._job), None
             if self._next is None:
@@ -58,7 +58,7 @@ class SceneReader:
         self._thread.shutdown(cancel_futures=True)
 
     def _result(self, job: 'Future[ReadScene]') -> ReadScene:
-        """Return what was read; even an error that nobody foresaw ends no recording."""
+        """Return the result of reading; even an unexpected error must not end the recording."""
         error = job.exception()
         return job.result() if error is None else ReadScene('', None, f'{type(error).__name__}: {error}')
 

@@ -1,8 +1,9 @@
-"""Simulation time for every recorded message, even without a stamp of its own.
+"""Assigns a simulation time to every recorded message, even to messages without a stamp.
 
-A message with a stamp is logged at that time. One without belongs to the tick whose stamped message its publisher sent
-last before it, by source times, since topics overtake each other in transit: for a sim the handles (velocities follow),
-for a monitor, which lags behind the sim, the stamped clearance. What cannot be paired so is left out and counted.
+A message with a stamp is logged at that time. A message without one belongs to the tick of its publisher's last
+stamped message before it. Source times decide this order, since topics overtake each other in transit. The stamped
+message of a sim is the handles (velocities follow); of a monitor, which lags behind the sim, the stamped clearance. A
+message that cannot be paired is left out and counted.
 """
 import time
 from bisect import bisect_right
@@ -33,7 +34,7 @@ class _Mark(NamedTuple):
 
 
 class SimulationClock:
-    """Holds messages of a publisher without a stamp back until their tick is known."""
+    """Holds back a publisher's messages without a stamp until their tick is known."""
 
     def __init__(self, write: Write) -> None:
         """``write(topic, data, t_ns, sequence, source_ns)`` receives every message once."""
@@ -45,7 +46,7 @@ class SimulationClock:
         self._last: dict[str, _Mark] = {}       # by topic, the tick of its last message
         self.first_ns: int | None = None        # time of the first tick
         self.left_out = 0                       # messages from before the first tick
-        self.unpaired: Counter[str] = Counter()     # messages whose tick nobody can tell, by topic
+        self.unpaired: Counter[str] = Counter()     # messages with an unknown tick, by topic
 
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
         """Record that the stamped message of the tick at ``t_ns`` was published at ``source_ns``, with this number."""
@@ -59,10 +60,10 @@ class SimulationClock:
 
     def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int, latched: bool = False,
                   exact: bool = True) -> None:
-        """Log a message without a stamp as soon as its tick is known.
+        """Log a message without a stamp when its tick is known.
 
-        Of messages from before the first tick only latched ones are kept, logged at that tick. What is not ``exact`` is
-        of no tick, and logged at the last one before it.
+        Of messages before the first tick only latched ones are kept, and logged at that tick. A message that is not
+        ``exact`` belongs to no tick and is logged at the last tick before it.
         """
         self._held.append(_Held(source_ns, topic, data, sequence, latched, exact, time.monotonic()))
         self._held_bytes += len(data)
@@ -74,9 +75,9 @@ class SimulationClock:
         self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
 
     def flush(self, age_s: float = 0.0, first_ns: int | None = None) -> None:
-        """Log what has waited for at least ``age_s``: without a newer tick it belongs to the last one.
+        """Log messages that have waited for at least ``age_s``: without a newer tick they belong to the last one.
 
-        At the end, with an age of 0, latched messages are logged though there is no tick: at ``first_ns`` if given.
+        At the end, with an age of 0, latched messages are logged even without a tick: at ``first_ns`` if given.
         """
         before_s = time.monotonic() - age_s
         self._release(lambda held: held.since_s <= before_s and (age_s == 0 or (
@@ -95,7 +96,7 @@ class SimulationClock:
                 self._write(held.topic, held.data, t_ns, held.sequence, held.source_ns)
 
     def _time_of(self, held: _Held, first_ns: int | None) -> int | None:
-        """Return the time of a message; None, counted, where it has none."""
+        """Return the time of a message; if it has none, count it and return None."""
         at = bisect_right(self._sources, held.source_ns) - 1
         if at < 0:
             return self._early_time_of(held, first_ns)
@@ -117,12 +118,12 @@ class SimulationClock:
         return None
 
     def _is_gap(self, at: int) -> bool:
-        """Return whether the stamped message of a tick after this one was lost: what follows may be of either."""
+        """Return whether the stamped message of a later tick was lost: messages after it may belong to either tick."""
         if at + 1 == len(self._marks):
             return False
         here, there = self._marks[at].sequence, self._marks[at + 1].sequence
         return bool(here and there) and there not in (here + 1, 1)
 
     def _is_second(self, held: _Held, mark: _Mark) -> bool:
-        """Return whether its topic has a message of that tick already: then this one is of a later tick."""
+        """Return whether its topic already has a message of that tick; this one then belongs to a later tick."""
         return held.exact and not held.latched and self._last.get(held.topic) == mark

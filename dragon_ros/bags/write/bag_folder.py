@@ -1,4 +1,4 @@
-"""The folder of a bag that is written: locked against other writers, with room kept for its metadata.yaml."""
+"""The folder of a bag being written: locked against other writers, with space reserved for its metadata.yaml."""
 import os
 from contextlib import suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
@@ -13,12 +13,12 @@ _METADATA = 'metadata.yaml'
 class BagFolder:
     """A folder with the parts of one bag.
 
-    ``metadata.yaml.new`` is there while a part is written, as large as what is to be written into it: where the disk
-    is full, the parts are listed all the same.
+    While a part is written, ``metadata.yaml.new`` exists with the size that its content will need, so that the parts
+    can be listed even if the disk is full.
     """
 
     def __init__(self, path: Path, replace: bool) -> None:
-        """Create and lock it; replacing one removes only the files of a bag. Raises MissingError."""
+        """Create and lock the folder; replacing one removes only the files of a bag. Raises MissingError."""
         self.path, self._new = path, path / f'{_METADATA}.new'
         parts = sorted(path.glob(f'{path.resolve().name}_*.mcap'))
         replace = replace or (bool(parts) and all(map(holds_no_message, parts)))
@@ -41,7 +41,7 @@ class BagFolder:
             raise MissingError(f'{path}: cannot be written: {error.strerror}; give another --output') from None
 
     def reserve(self, size: int) -> None:
-        """Keep room for metadata of ``size`` bytes before a part begins. Raises DiskError."""
+        """Reserve space for metadata of ``size`` bytes before a part begins. Raises DiskError."""
         try:
             self._new.write_bytes(bytes(size))
         except OSError as error:

@@ -1,4 +1,4 @@
-"""Files that a recorder left without any message: the next one may take their place."""
+"""Files without any message that a recorder left: the next recorder may replace them."""
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,17 +11,17 @@ if TYPE_CHECKING:
     from dragon_ros.bags.read.mcap import Index
 
 _HOLDING = (Opcode.MESSAGE, Opcode.CHUNK, Opcode.ATTACHMENT)
-_CUT_BYTES = 4096       # of a record that a kill cut short: more may be something else
+_CUT_BYTES = 4096       # bytes of a record truncated by a kill: more may be something else
 
 
 def holds_no_message(path: Path) -> bool:
-    """Return whether a file is an .mcap file, complete or cut short, without a message and without an attachment."""
+    """Return whether a file is an .mcap file, complete or truncated, without messages and attachments."""
     try:
         if not path.is_file():
             return False
         if path.stat().st_size == 0:
             return path.suffix == '.mcap'
-        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # few bags take the place of another
+        from dragon_ros.bags.read.mcap import McapFile, scanned_index  # few bags replace another
         with closing(McapFile(path)) as file:
             index = scanned_index(file)
             return not (index.batches or index.attachments) and _ends_at_damage(index)
@@ -30,7 +30,7 @@ def holds_no_message(path: Path) -> bool:
 
 
 def _ends_at_damage(index: 'Index') -> bool:
-    """Return whether nothing follows the damage of a file, if there is any, but the beginning of an empty record."""
+    """Return whether a file is undamaged, or only the beginning of an empty record follows the damage."""
     if index.damage is None:
         return True
     file, at = index.file, index.damage.fields['offset']

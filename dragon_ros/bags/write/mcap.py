@@ -1,9 +1,9 @@
-"""Writes one MCAP file chunk by chunk: a chunk reaches the disk whole or not at all, so that the file can be closed.
+"""Writes one MCAP file chunk by chunk: each chunk is written whole or not at all, so that the file can be closed.
 
-It is written by hand because the library's writer ends a chunk by its size alone, without a flush on demand, and
-cannot undo a chunk that a full disk cut short. The records are the library's; only the Message record, on the hot
-path, is packed here. A full chunk is compressed and written on a thread while the next one is filled; two buffers
-alternate. A writer that is a thread's only work does without: to hand over a chunk costs as much as to fill it.
+It is written by hand because the library's writer ends a chunk only by size, cannot flush on demand, and cannot undo a
+chunk that a full disk truncated. The records are the library's; only the Message record, on the hot path, is packed
+here. A full chunk is compressed and written on a thread while the next one is filled; two buffers alternate. A writer
+with a thread of its own does not use another, since handing over a chunk costs as much as filling it.
 """
 import os
 import struct
@@ -36,13 +36,13 @@ _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (withou
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
-MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # of the data of a message: a larger chunk is never read
+MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # largest data of a message: no larger chunk is read
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | memoryview
 
 
 class Worker:
-    """Runs jobs on a thread, in order; at most one is pending, so that memory is bounded."""
+    """Runs jobs on a thread, in order; at most one is pending, which bounds the memory."""
 
     def __init__(self, name: str) -> None:
         """``name`` names the thread, which starts with the first job."""
@@ -50,10 +50,10 @@ class Worker:
         self._job: Future[None] | None = None
 
     def start(self, job: Callable[[], None]) -> None:
-        """Start a job after the previous one. Raises what that one raised, without starting the new one.
+        """Start a job after the previous one. Raises the previous job's error without starting the new one.
 
         Returns when the job first releases the interpreter lock. A thread that merely requests the lock can starve
-        while its holder releases and retakes it all the time, as numpy does: the job would only run once the caller
+        while its holder repeatedly releases and retakes it, as numpy does: the job would run only when the caller
         waits for it.
         """
         self.settle()
@@ -63,7 +63,7 @@ class Worker:
         begun.acquire()
 
     def settle(self) -> None:
-        """Wait until the job is done. Raises what it raised, once."""
+        """Wait until the job is done. Raises its error, once."""
         if self._job is None:
             return
         error = self._job.exception()
@@ -77,27 +77,27 @@ class Worker:
 
 
 class NoWorker:
-    """Runs jobs where they are started: to be used as a Worker by what has a thread of its own."""
+    """Runs jobs in the calling thread: replaces a Worker if the caller has a thread of its own."""
 
     def start(self, job: Callable[[], None]) -> None:
-        """Do a job. Raises what it raises."""
+        """Run a job. Raises its error."""
         job()
 
     def settle(self) -> None:
         """Nothing is ever pending."""
 
     def close(self) -> None:
-        """There is no thread to end."""
+        """Do nothing, since there is no thread."""
 
 
 def _after(begun: Lock, job: Callable[[], None]) -> None:
-    """Do a job; the caller, who waits for its start, resumes when this thread releases the interpreter lock."""
+    """Run a job; the caller waits for its start and resumes when this thread releases the interpreter lock."""
     begun.release()
     job()
 
 
 def packed_bytes(topics: int) -> int:
-    """Return the bytes kept for a chunk with messages of this many topics."""
+    """Return the bytes of memory for a chunk's entry with messages of this many topics."""
     return _CHUNK.size + topics * _COUNT.size
 
 
@@ -125,7 +125,7 @@ class Stored(NamedTuple):
 
 
 class Parts:
-    """The parts of a file in order, packed, since a long recording has many chunks: chunks and a few others."""
+    """The parts of a file in order: chunks and a few others, packed since a long recording has many chunks."""
 
     def __init__(self) -> None:
         """Start empty."""
@@ -173,7 +173,7 @@ class OpenChunk:
         self.clear()
 
     def clear(self) -> None:
-        """Remove the messages; memory of an unusually large one is freed."""
+        """Remove the messages; the memory of an unusually large chunk is freed."""
         if len(self._buffer) > _BUFFER_BYTES:
             self._buffer = _memory(_BUFFER_BYTES)
         self.size = 0
@@ -207,7 +207,7 @@ class OpenChunk:
 
 
 def _memory(size: int) -> memoryview:
-    """Return a buffer; pages that are never written take no memory."""
+    """Return a buffer; pages that are never written use no memory."""
     return np.empty(size, np.uint8).data
 
 
@@ -222,7 +222,7 @@ def record_bytes(*rows: records.McapRecord) -> bytes:
 def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, int]]]) -> tuple[bytes, bytes]:
     """Return the bytes before and after the data of a chunk.
 
-    ``chunk`` itself has no data, which saves a copy: ``size`` bytes follow. ``messages`` has (log time, offset in
+    ``chunk`` has no data, which saves a copy: ``size`` bytes of data follow it. ``messages`` has (log time, offset in
     the chunk) by channel.
     """
     assert not chunk.data
@@ -276,13 +276,13 @@ def _taken(builder: RecordBuilder) -> bytes:
 class McapWriter:
     """Writes one file. A failed write raises DiskError and leaves the file as it was.
 
-    The error of a chunk that is written on a thread is raised by the next call that writes; messages added in between
-    are lost with it.
+    If a chunk fails on a thread, the next call that writes raises the error; messages added in between are lost with
+    the chunk.
     """
 
     def __init__(self, path: Path, overwrite: bool = False, compression: str = 'zstd', fsync: bool = False,
                  threaded: bool = True) -> None:
-        """Create the file. Raises MissingError where it cannot be written or would overwrite another."""
+        """Create the file. Raises MissingError if it cannot be written or would overwrite another."""
         self.path = path
         self._compression = '' if compression == 'none' else compression
         self._compress = compressor(compression)
@@ -291,7 +291,7 @@ class McapWriter:
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self.parts = Parts()        # the parts that have reached the file
+        self.parts = Parts()        # the parts written to the file
         self._open, self._other = OpenChunk(), OpenChunk()
         self._thread = Worker('chunk') if threaded else NoWorker()
         self._end, self._noticed = 0, False
@@ -311,7 +311,7 @@ class McapWriter:
 
     @property
     def closed(self) -> bool:
-        """Whether the file has been ended."""
+        """Whether the file has been closed."""
         return self._file.closed
 
     def add_schema(self, name: str, text: bytes) -> int:
@@ -332,7 +332,7 @@ class McapWriter:
         return channel.id
 
     def add_message(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
-        """Put one message of at most MESSAGE_BYTES into the open chunk; a full chunk is written."""
+        """Add one message of at most MESSAGE_BYTES to the open chunk; a full chunk is written."""
         if self._open.size + _MESSAGE.size + len(data) > limits.CHUNK_BYTES:
             self._end_chunk()
         self._open.add(channel, data, t_ns, sequence, publish_ns)
@@ -392,9 +392,9 @@ class McapWriter:
         self._check_there()
 
     def finish(self) -> None:
-        """Write the index and close. Where the disk is full, the last chunks are removed to make room for it.
+        """Write the index and close the file. If the disk is full, remove the last chunks to make room for it.
 
-        Raises DiskError where messages are lost this way; the file is complete nevertheless.
+        Raises DiskError if this loses messages; the file is complete nevertheless.
         """
         try:
             try:
@@ -448,11 +448,11 @@ class McapWriter:
         return start
 
     def _truncated(self) -> DiskError:
-        """Forget the parts that another program's truncation removed, and what followed them; return the error."""
+        """Forget the parts that another program truncated, and all parts after them; return the error."""
         size = os.fstat(self._file.fileno()).st_size
         while self.parts and self._end > size:
             self._end = self.parts.pop()
-        if self._end > size:        # what comes before the parts was truncated, too
+        if self._end > size:        # the records before the parts were truncated, too
             self._end = len(_HEADER)
             self._file.seek(0)
             self._write([_HEADER])
@@ -474,7 +474,7 @@ class McapWriter:
             os.fdatasync(self._file.fileno())
 
     def _check_there(self) -> None:
-        """Raise DiskError where the file was moved or removed, which writing alone does not notice."""
+        """Raise DiskError if the file was moved or removed, since writing does not detect that."""
         try:
             same = os.path.samestat(os.stat(self.path), os.fstat(self._file.fileno()))
         except OSError:
@@ -490,8 +490,8 @@ _HEADER = MAGIC + record_bytes(records.Header('ros2', f'dragon_ros {__version__}
 def compressor(name: str) -> Callable[[memoryview], _Bytes]:
     """Return the function that compresses a chunk.
 
-    Level -3 is what MCAP's C++ library calls fast. For 223 benches it makes bags 5 % larger than level 1, its default,
-    in three fifths of the time, and they are read in half of it.
+    MCAP's C++ library calls level -3 fast. For 223 benches its bags are 5 % larger than at level 1, its default;
+    writing them takes three fifths of the time, reading them half of it.
     """
     if name == 'none':
         return lambda raw: raw

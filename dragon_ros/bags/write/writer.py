@@ -24,8 +24,8 @@ from dragon_ros.messages.channels import Channel
 from dragon_ros.messages.schemas import schema_text, type_hash
 
 MB = 10**6
-_SWITCH_S = 2e-5        # shorter than the time between two calls by which numpy releases the interpreter lock
-_VERSION = 9            # of metadata.yaml, as ROS 2 Jazzy writes it
+_SWITCH_S = 2e-5        # shorter than the time between two releases of the interpreter lock by numpy
+_VERSION = 9            # version of metadata.yaml, as ROS 2 Jazzy writes it
 _FOREVER = {'sec': 9223372036, 'nsec': 854775807}
 _INDEX_BYTES, _INDEX_BYTES_A_CHUNK = 100_000, 600        # schemas, channels, metadata; a chunk with its 10 channels
 _LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # of metadata.yaml: its topics; a part
@@ -33,9 +33,9 @@ _LISTED_BYTES, _LISTED_BYTES_A_PART = 65_536, 512       # of metadata.yaml: its 
 
 @dataclass(frozen=True)
 class BagOptions:
-    """How a bag is written; None is no limit, a megabyte is 10^6 bytes, durations are of log time.
+    """How a bag is written. None means no limit, a megabyte is 10^6 bytes, and durations are in log time.
 
-    ``fsync`` waits for the disk after each chunk: this protects against power cuts, not only against killed processes.
+    ``fsync`` waits for the disk after each chunk, which also protects against power cuts, not only killed processes.
     """
 
     compression: str = 'zstd'
@@ -76,7 +76,7 @@ class BagPart(NamedTuple):
 
 @dataclass
 class _Extras:
-    """What every file of a bag contains, so that each one alone documents its run."""
+    """The records that every file of a bag contains, so that each file alone documents its run."""
 
     metadata: list[tuple[str, dict[str, str]]] = field(default_factory=list)
     attachments: list[tuple[str, str, bytes]] = field(default_factory=list)
@@ -87,16 +87,16 @@ class BagWriter:
 
     def __init__(self, path: Path, overwrite: bool = False, options: BagOptions | None = None,
                  threaded: bool = True) -> None:
-        """Create the bag. Raises MissingError where it cannot be written or would overwrite another.
+        """Create the bag. Raises MissingError if it cannot be written or would overwrite another.
 
-        ``threaded``: chunks are compressed and written on a thread, while the caller goes on.
+        If ``threaded``, chunks are compressed and written on a thread while the caller continues.
         """
         self.path, self.options, self._threaded = path, options or BagOptions(), threaded
         self._overwrite, self._single = overwrite, path.suffix == '.mcap'
         if self._single and self.options.splits:
             raise InputError(f'--output {path}: is one file and cannot be split; name a directory')
         self._folder = None if self._single else BagFolder(path, overwrite)
-        self._broken: DiskError | None = None       # why no part follows the last one
+        self._broken: DiskError | None = None       # the reason why no part follows the last one
         self._channels: dict[str, Channel] = {}
         self._ids: dict[str, int] = {}
         self._schemas: dict[str, int] = {}
@@ -106,7 +106,7 @@ class BagWriter:
         self._limited = self.options.splits or self.options.max_size_mb is not None
         self.counts: dict[str, int] = {}
         self._closed = False
-        self.left_out: Counter[str] = Counter()     # messages that are too large for any reader, by topic
+        self.left_out: Counter[str] = Counter()     # messages too large for any reader, by topic
         try:
             self._file = self._new_file()
         except BaseException:
@@ -114,25 +114,25 @@ class BagWriter:
             raise
 
     def add_channel(self, topic: str, channel: Channel) -> None:
-        """Register a topic by its full name, with type and QoS of a channel; it is written with its first message."""
+        """Register a topic by its full name, with a channel's type and QoS; it is written with its first message."""
         self._channels[topic] = channel
         self.counts.setdefault(topic, 0)
 
     def describe(self, name: str, values: dict[str, str]) -> None:
-        """Write a metadata record to this file and those that follow."""
+        """Write a metadata record to this file and all later ones."""
         self._extras.metadata.append((name, values))
         self._open_file().add_metadata(name, values)
 
     def attach(self, name: str, media_type: str, content: bytes) -> None:
-        """Write an attachment to this file and those that follow."""
+        """Write an attachment to this file and all later ones."""
         self._extras.attachments.append((name, media_type, content))
         self._open_file().add_attachment(name, media_type, content)
 
     def write(self, topic: str, data: bytes, t_ns: int, sequence: int, publish_ns: int | None = None) -> None:
-        """Append one message with its simulation time and the time of its publication (None: ``t_ns``).
+        """Append one message with its simulation time and its publication time (None: ``t_ns``).
 
-        One that is too large for any reader is left out, and counted. Raises DiskError where it cannot be written, or
-        where the bag reaches its size limit.
+        A message that is too large for any reader is left out and counted. Raises DiskError if it cannot be written, or
+        if the bag reaches its size limit.
         """
         if len(data) > MESSAGE_BYTES:
             self.left_out[topic] += 1
@@ -145,11 +145,11 @@ class BagWriter:
         self.counts[topic] += 1
 
     def flush(self) -> None:
-        """Flush to the file everything written so far: a killed process loses nothing of it."""
+        """Flush all messages written so far to the file, so that a killed process loses none of them."""
         self._open_file().flush()
 
     def close(self) -> None:
-        """Write the index and close the file; repeated calls are harmless. Raises DiskError where messages are lost."""
+        """Write the index and close the file; repeated calls are harmless. Raises DiskError if messages are lost."""
         if self._closed:
             return
         self._closed = True
@@ -171,7 +171,7 @@ class BagWriter:
         self.close()
 
     def _open_file(self) -> McapWriter:
-        """Return the file that is being written. Raises the DiskError after which there is none."""
+        """Return the file being written. If an earlier DiskError left none, raises that error."""
         if self._broken is not None:
             raise self._broken
         return self._file
@@ -202,7 +202,7 @@ class BagWriter:
         self._ids[topic] = self._file.add_channel(topic, self._schemas[channel.type], metadata)
 
     def _make_room(self, more: int, t_ns: int) -> None:
-        """Start the next file where this one is full. Raises DiskError where the bag would exceed its limit."""
+        """Start the next file if this one is full. Raises DiskError if the bag would exceed its limit."""
         limit, options = self.options.max_size_mb, self.options
         size = self._open_file().size + more
         whole = size + sum(file.size for file in self._files) + self._index_bytes()
@@ -215,7 +215,7 @@ class BagWriter:
             self._start_ns = t_ns
 
     def _next_file(self) -> None:
-        """End this part and begin the next one. Raises DiskError, and then no part follows."""
+        """End this part and begin the next one. Raises DiskError, after which no part follows."""
         try:
             self._end_file()
             self._write_metadata()
@@ -239,7 +239,7 @@ class BagWriter:
 
     @property
     def kept(self) -> int:
-        """How many messages the files of a closed bag contain: all, unless the disk was full."""
+        """How many messages a closed bag contains: all, unless the disk was full."""
         return sum(file.messages for file in self._files)
 
     def _summary(self) -> BagPart:
@@ -250,7 +250,7 @@ class BagWriter:
                             self._file.size)
 
     def _write_metadata(self) -> None:
-        """Write metadata.yaml, which rosbag2 requires beside the files of a folder."""
+        """Write metadata.yaml, which rosbag2 requires in the folder."""
         if self._folder is None:
             return
         profiles = {topic: (channel.type, qos_text(channel), type_hash(channel.type))
@@ -272,7 +272,7 @@ def qos_text(channel: Channel) -> str:
 
 def _metadata_text(files: Sequence[BagPart], topics: Mapping[str, tuple[str, str, str]],
                    custom: Mapping[str, str]) -> str:
-    """Return the file's text; ``topics`` has type, offered QoS (as text) and type hash by name."""
+    """Return the file's text; ``topics`` has, by name, type, offered QoS (as text) and type hash."""
     filled = [file for file in files if file.messages]
     start = min((file.start_ns for file in filled), default=0)
     end = max((file.end_ns for file in filled), default=0)
@@ -301,9 +301,9 @@ def _topic(name: str, kind: str, qos: str, type_hash: str, count: int) -> dict[s
 
 @contextmanager
 def prompt_switches() -> Iterator[None]:
-    """Let the thread that compresses have the interpreter lock soon: waiting for it, it is idle.
+    """Let the compressing thread get the interpreter lock soon, since it is idle while it waits.
 
-    Each release of the lock starts the wait of 5 ms anew after which a thread may demand it.
+    A thread may demand the lock after a wait of 5 ms, which restarts at each release of the lock.
     """
     before = sys.getswitchinterval()
     sys.setswitchinterval(_SWITCH_S)
