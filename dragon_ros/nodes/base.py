@@ -1,4 +1,4 @@
-"""What all nodes of the package share: namespace, parameters from a table, log, and a check of /clock."""
+"""The base of all nodes: namespace, parameters from a table, log, and a check of /clock."""
 from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
@@ -19,16 +19,17 @@ from dragon_ros.nodes.params import NAMES, Parameter
 
 
 def given_to(node: Node) -> dict[str, Any]:
-    """Return the values that command line, files and ``parameter_overrides`` give to parameters of a node, by name.
+    """Return the values that the command line, files and ``parameter_overrides`` give to a node's parameters, by name.
 
-    rclpy says which there are to nobody: it declares them all by itself, and fails at an empty list, which has no type,
-    or it gives those that are asked for by name. So this reads where it keeps them, here alone, and changes nothing.
+    rclpy has no public list of them: it either declares all of them itself, and fails at an empty list, which has no
+    type, or returns those requested by name. So this function, and no other, reads rclpy's own list and changes
+    nothing.
     """
     return {name: [] if given.value is None else given.value for name, given in node._parameter_overrides.items()}
 
 
 def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
-    """Declare a parameter and return its value: the one that is given, else the default.
+    """Declare a parameter and return its value: the given one, otherwise the default.
 
     Raises InputError that names it, the value and the limits.
     """
@@ -47,9 +48,9 @@ def declare(node: Node, parameter: Parameter, given: dict[str, Any]) -> Any:
 
 
 def check(parameter: Parameter, value: Any) -> None:
-    """Raise InputError where the value is not one of the choices, or just beyond a limit.
+    """Raise InputError if the value is not one of the choices, or is just beyond a limit.
 
-    ROS checks types and ranges, but takes what differs from a limit by rounding alone.
+    ROS checks types and ranges, but accepts a value that exceeds a limit only by rounding.
     """
     if parameter.choices and value not in parameter.choices:
         raise InputError(f'parameter {parameter.name}: {shown(value)} is not one of {", ".join(parameter.choices)}; '
@@ -65,7 +66,7 @@ def widened(parameter: Parameter, value: Any) -> Any:
 
 
 def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
-    """Return what ``ros2 param describe`` shows."""
+    """Return the descriptor that ``ros2 param describe`` shows."""
     choices = f'one of {", ".join(parameter.choices)}' if parameter.choices else ''
     out = ParameterDescriptor(name=parameter.name, description=parameter.text, read_only=not parameter.live,
                               additional_constraints=choices)
@@ -81,7 +82,7 @@ def descriptor_of(parameter: Parameter) -> ParameterDescriptor:
 NAMESPACE = '/dragon'
 STEADY = Clock(clock_type=ClockType.STEADY_TIME)
 _NO_CLOCK_S = 3.0
-_QOS = 'qos_overrides.'         # of names of parameters that override the QoS of a topic, as everywhere in ROS 2
+_QOS = 'qos_overrides.'         # prefix of parameters that override the QoS of a topic, as everywhere in ROS 2
 _POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
              'liveliness_lease_duration')
 _MISSPELT = 0.85                # of difflib: rate_hx is rate_hz (0.86), publish_rate of others is not publish_tf (0.82)
@@ -94,13 +95,13 @@ class DragonNode(Node):
     ``changed``.
     """
 
-    _given: Mapping[str, Any] = MappingProxyType({})        # rclpy makes topics of its own before the values are known
+    _given: Mapping[str, Any] = MappingProxyType({})        # rclpy creates its own topics before the values are known
 
     def __init__(self, name: str, table: tuple[Parameter, ...] = (), overrides: dict[str, Any] | None = None) -> None:
         """Declare the parameters of the table.
 
-        ``overrides`` take precedence over the command line; lists are appended to what that gives. Raises InputError
-        for what is no value of a parameter, or a misspelt name.
+        ``overrides`` take precedence over the command line, except that lists are appended to its lists. Raises
+        InputError for an invalid value and for a misspelt name.
         """
         lists = {key: value for key, value in (overrides or {}).items() if isinstance(value, list)}
         super().__init__(name, namespace=NAMESPACE, parameter_overrides=[
@@ -125,7 +126,7 @@ class DragonNode(Node):
         return logs.logger(super().get_logger().name)
 
     def _check_names(self, given: dict[str, Any]) -> None:
-        """Raise InputError for a name that looks misspelt; warn of others, since a file may be for several nodes."""
+        """Raise InputError for a name that looks misspelt; warn about others, since a file may be for several nodes."""
         for name in given:
             if self.has_parameter(name) or name.startswith(_QOS):
                 continue
@@ -137,18 +138,18 @@ class DragonNode(Node):
             self.get_logger().warning(f'{unknown}, it is ignored; {hint}')
 
     def create_publisher(self, msg_type: Any, topic: str, qos_profile: Any, **options: Any) -> Publisher:
-        """Create a publisher as rclpy does, with the overrides of its QoS. Raises InputError where they are none."""
+        """Create a publisher as rclpy does, with the overrides of its QoS. Raises InputError if they are invalid."""
         return self._overridden(super().create_publisher, 'publisher', topic, (msg_type, topic, qos_profile), options)
 
     def create_subscription(self, msg_type: Any, topic: str, callback: Any, qos_profile: Any,
                             **options: Any) -> Subscription:
-        """Create a subscription as rclpy does, with the overrides of its QoS. Raises InputError where they are none."""
+        """Create a subscription as rclpy does, with the overrides of its QoS. Raises InputError if they are invalid."""
         return self._overridden(super().create_subscription, 'subscription', topic,
                                 (msg_type, topic, callback, qos_profile), options)
 
     def _overridden(self, create: Any, kind: str, topic: str, arguments: tuple[Any, ...],
                     options: dict[str, Any]) -> Any:
-        """Create a publisher or subscription; only policies that are overridden become parameters."""
+        """Create a publisher or subscription; only overridden policies become parameters."""
         prefix = f'{_QOS}{self.resolve_topic_name(topic)}.{kind}.' if self._given else ''
         policies = [name.removeprefix(prefix) for name in self._given if prefix and name.startswith(prefix)]
         if not policies:
@@ -163,7 +164,7 @@ class DragonNode(Node):
             raise InputError(f'parameters {prefix}*: {" ".join(str(error).split())}') from None
 
     def _check_overrides(self) -> None:
-        """Warn, once all topics are there, of overrides of the QoS of none of them."""
+        """When all topics exist, warn about QoS overrides that match none of them."""
         self._created.cancel()
         for name in self._given:
             if name.startswith(_QOS) and not self.has_parameter(name):
@@ -172,7 +173,7 @@ class DragonNode(Node):
                     f'{_QOS}TOPIC.publisher.POLICY or {_QOS}TOPIC.subscription.POLICY with the full name of the topic')
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError, with the reason, where a live parameter may not take a value."""
+        """Raise DragonError with the reason if a live parameter must not take a value."""
 
     def changed(self, name: str) -> None:
         """Act on the new value of a live parameter."""
@@ -184,7 +185,7 @@ class DragonNode(Node):
     def _on_set(self, given: list[RosParameter]) -> SetParametersResult:
         try:
             for one in given:
-                if not one.name:        # rclpy takes it for a parameter that it knows
+                if not one.name:        # rclpy mistakes it for a known parameter
                     raise InputError('a parameter without a name is not set')
                 if one.name in self._table:
                     check(self._table[one.name], one.value)
@@ -200,7 +201,7 @@ class DragonNode(Node):
                 self.changed(one.name)
 
     def _check_clock(self) -> None:
-        """Warn, once, where ROS time should come from /clock and nothing has arrived."""
+        """Warn once if ROS time should come from /clock and nothing has arrived."""
         self._patience.cancel()
         if self._ros_time.ros_time_is_active and not self._ros_time.now().nanoseconds:
             self.get_logger().warning(f'use_sim_time is true, but nothing arrived on /clock for {_NO_CLOCK_S:g} s: '

@@ -1,4 +1,4 @@
-"""The command lines of the nodes. Nothing here imports ROS before the arguments are read: ``--help`` is quick."""
+"""The command lines of the nodes. They import ROS only after reading the arguments, to keep ``--help`` quick."""
 import argparse
 import threading
 from datetime import datetime
@@ -93,7 +93,7 @@ def _parser(name: str, text: str, example: str) -> argparse.ArgumentParser:
 
 
 def _parse(options: argparse.ArgumentParser, argv: list[str]) -> argparse.Namespace:
-    """Parse the arguments that are not for ROS (``--ros-args ...``); exit with code 2 where any is wrong."""
+    """Parse the arguments that are not for ROS (``--ros-args ...``); exit with code 2 if any is wrong."""
     if '--help' in argv or '-h' in argv:
         _help(options)
     from rclpy.utilities import remove_ros_args
@@ -110,7 +110,7 @@ def _help(options: argparse.ArgumentParser) -> NoReturn:
 
 
 def _add_bag_options(options: argparse.ArgumentParser) -> None:
-    """Add how a bag is written."""
+    """Add the options for writing a bag."""
     options.add_argument('--compression', choices=COMPRESSIONS, default='zstd',
                          help='of its chunks (%(default)s)')
     options.add_argument('--split-size-mb', type=float, metavar='MB', help='start another file at this size')

@@ -9,8 +9,8 @@ from std_msgs.msg import Header
 from dragon_ros.core.geometry.tracker import NS, EpisodeEnd, Event, Report
 from dragon_ros.messages.cdr import stamp_of
 
-_AGAIN_S = 1.0      # between two times that it is said that ticks are not seen
-_OVER_S = 3.0       # after the last one that was not
+_AGAIN_S = 1.0      # interval between reports of unseen ticks
+_OVER_S = 3.0       # time after the last unseen tick
 
 
 def header_of(frame_id: str, t_ns: int) -> Header:
@@ -21,14 +21,14 @@ def header_of(frame_id: str, t_ns: int) -> Header:
 
 
 def collision_of(report: Report) -> DiagnosticArray | None:
-    """Return the contacts that began or ended with a tick; None if there are none."""
+    """Return the contacts that began or ended at a tick; None if there are none."""
     rows = [end_status_of(end) for end in report.ends] + [status_of(event, report.more) for event in report.begins]
     observation = report.observation
     return DiagnosticArray(header=header_of(observation.frame_id, observation.t_ns), status=rows) if rows else None
 
 
 def status_of(event: Event, more: int = 0) -> DiagnosticStatus:
-    """Return the start of a contact as a diagnostic status with all its numbers; ``more`` others are not reported."""
+    """Return the start of a contact as a diagnostic status with all its numbers; ``more`` counts pairs not reported."""
     before = event.after_ns if event.before_ns is None else event.before_ns
     values = {
         'phase': 'begin', 'inner': str(event.benches[0]), 'outer': str(event.benches[1]),
@@ -56,7 +56,7 @@ def end_status_of(end: EpisodeEnd) -> DiagnosticStatus:
 
 
 def point_of(event: Event) -> PointStamped:
-    """Return where a contact began."""
+    """Return the point at which a contact began."""
     x_m, y_m = event.point_m
     return PointStamped(header=header_of(event.frame_id, event.after_ns), point=Point(x=x_m, y=y_m))
 
@@ -85,17 +85,17 @@ def health_of(dragon: str, report: Report | None, warn_below_m: float, dropped: 
 
 
 class Pace:
-    """Which ticks a monitor does not see, and how long it looks away: contacts that are shorter may be missed."""
+    """Counts the ticks that a monitor does not see, and the longest gap: shorter contacts may be missed."""
 
     def __init__(self) -> None:
-        """Start having missed nothing."""
-        self.skipped = 0        # of them by choice, since more arrive than are read
+        """Start without any missed tick."""
+        self.skipped = 0        # unseen ticks that were skipped because more arrive than are read
         self._unseen, self._step_ns = 0, 0
-        self._since_s = self._told_s = -inf         # when there was something to say, and when it was said
-        self._last: tuple[int, int] | None = None       # stamp and number of the last tick that was seen
+        self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
+        self._last: tuple[int, int] | None = None       # stamp and number of the last seen tick
 
     def see(self, t_ns: int, number: int, now_s: float) -> bool:
-        """Note the next tick that is seen and the number of its handles; return whether to say something now."""
+        """Record the next seen tick and the number of its handles; return whether to report now."""
         last, self._last = self._last, (t_ns, number)
         if last is None or number <= last[1] + 1:
             return False
@@ -104,7 +104,7 @@ class Pace:
         return self._news(now_s)
 
     def skip(self, skipped: int, now_s: float) -> bool:
-        """Note how many ticks were skipped so far; return whether to say something now."""
+        """Record how many ticks were skipped so far; return whether to report now."""
         self.skipped = skipped
         return self._news(now_s)
 
@@ -114,7 +114,7 @@ class Pace:
         return due
 
     def text(self) -> str:
-        """Return one line of what was not seen; nothing if all was."""
+        """Return one line about the unseen ticks; empty if there are none."""
         if not (self._unseen or self.skipped):
             return ''
         missed = f': a contact of less than {self._step_ns / NS:.9f} s may be missed' if self._step_ns else ''
@@ -122,7 +122,7 @@ class Pace:
                 f'arrive than are read{missed}')
 
     def warnings(self, dragon: str, now_s: float) -> list[DiagnosticStatus]:
-        """Return a WARN while ticks are not seen; nothing a few seconds later."""
+        """Return a WARN while ticks are not seen, and for a few seconds after that."""
         if now_s - self._since_s > _OVER_S:
             return []
         return [_status(DiagnosticStatus.WARN, f'{dragon}: monitor: pace', self.text(), {

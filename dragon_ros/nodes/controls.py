@@ -1,7 +1,7 @@
 """Playback of frames in simulation time: pause, resume, reset, step, seek and speed, in any executor.
 
-A steady timer, set to the time when the next frame is due, plays it. The services are named after the node, as those
-of a rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
+A steady timer, set to the due time of the next frame, plays it. The services are named after the node, like those of a
+rosbag2 player (``/dragon/sim/pause``), so that a sim and a replay in one namespace do not collide.
 """
 import time
 from collections.abc import Callable
@@ -15,13 +15,13 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
-_POLL_NS = 20_000_000       # interval between checks whether it may start
-_SLICE_S = 0.005            # longest time of playback before the executor serves others
+_POLL_NS = 20_000_000       # interval between checks of whether it may start
+_SLICE_S = 0.005            # longest time of playback before the executor serves other callbacks
 _PROGRESS_S = 1.0               # interval of progress messages
 
 
 class PlaySource(Protocol):
-    """What is played: frames in order of simulation time, with a current position."""
+    """A source of frames in order of simulation time, with a current position."""
 
     def next_ns(self) -> int | None:
         """Return the time of the next frame; None at the end."""
@@ -33,23 +33,23 @@ class PlaySource(Protocol):
         """Publish the next frame and advance."""
 
     def flush(self) -> bool:
-        """Publish what slow readers held back; return whether nothing is held back now."""
+        """Publish the messages that slow readers held back; return whether none are held back now."""
 
     def rewind(self) -> None:
         """Move to the first frame."""
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns``; None: the first. Raises DragonError where there is none."""
+        """Move to the last frame at or before ``t_ns``; None: the first. Raises DragonError if there is none."""
 
     def place(self) -> str:
         """Return the position of the last frame shown, as text."""
 
     def ending(self) -> str:
-        """Return why there is no next frame, as text."""
+        """Return the reason why there is no next frame, as text."""
 
 
 class Player:
-    """Plays a source on a node that has the parameters ``CONTROLS``; ``done`` once it has ended for good."""
+    """Plays a source on a node with the parameters ``CONTROLS``; ``done`` when it has ended for good."""
 
     def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
         """Offer the services; playback starts when ``ready()`` is true."""
@@ -67,7 +67,7 @@ class Player:
         return f'paused {self._source.place()}'
 
     def resume(self) -> str:
-        """Resume; the next frame is due one tick from now. Raises DragonError at an end that holds."""
+        """Resume; the next frame is due one tick from now. Raises DragonError if it holds at the end."""
         if self._source.next_ns() is None and self._node.setting['at_end'] == 'hold':
             raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
         self.paused = False
@@ -75,7 +75,7 @@ class Player:
         return f'resumed {self._source.place()}'
 
     def reset(self) -> str:
-        """Return to the first frame and show it; time jumps back. A pause is kept."""
+        """Return to the first frame and show it; time jumps back. A pause continues."""
         self._source.rewind()
         return self._show_now(1)
 
@@ -87,7 +87,7 @@ class Player:
         return self._show_now(self._node.setting['step_ticks'])
 
     def seek(self) -> str:
-        """Move to the last frame at or before ``seek_s`` (negative: the first) and show it. A pause is kept."""
+        """Move to the last frame at or before ``seek_s`` (negative: the first) and show it. A pause continues."""
         seek_s = self._node.setting['seek_s']
         self._source.seek(None if seek_s < 0 else round(seek_s * NS))
         return self._show_now(1)
@@ -112,7 +112,7 @@ class Player:
         return serve
 
     def _show_now(self, frames: int) -> str:
-        """Show this many frames at once, or as soon as slow readers follow."""
+        """Show this many frames at once, or as soon as slow readers catch up."""
         self._owed, self.done = frames, False
         while self._owed and self._play_owed():
             pass
@@ -120,7 +120,7 @@ class Player:
         return self._source.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
 
     def _play_owed(self) -> bool:
-        """Show one frame that is owed; return whether that was possible."""
+        """Show one owed frame; return whether that was possible."""
         t_ns = self._source.next_ns()
         if t_ns is None:
             self._owed = 0
@@ -146,7 +146,7 @@ class Player:
             self._wake(delay_ns)
 
     def _play(self) -> int | None:
-        """Play what is due; return the wall time until the next action, None if only a service call leads to one."""
+        """Play the due frames; return the wall time until the next action, None if only a service call leads to one."""
         if self._waiting and not self._owed:
             if not self._ready():
                 return _POLL_NS
@@ -160,7 +160,7 @@ class Player:
         return delay_ns
 
     def _play_one(self) -> int | None:
-        """Play one frame if it is due; the result is that of ``_play``."""
+        """Play one frame if it is due; return the same as ``_play``."""
         if not self._source.flush():
             return 0
         if self._owed:
@@ -179,7 +179,7 @@ class Player:
         return 0
 
     def _end(self) -> int | None:
-        """Act at the end as ``at_end`` says; the result is that of ``_play``."""
+        """Act at the end according to ``at_end``; return the same as ``_play``."""
         at_end = self._node.setting['at_end']
         if at_end == 'loop':
             self._source.rewind()
@@ -198,7 +198,7 @@ class Player:
             self._node.get_logger().info(f'{self._source.ending()}{then}')
 
     def _log_progress(self) -> None:
-        """Log the progress every second if somebody follows it."""
+        """Log the progress every second if somebody reads it."""
         if time.monotonic() - self._logged_s >= _PROGRESS_S and logs.progress_wanted() and not self.stands():
             pacer, left_s = self.pacer, self._left_s()
             left = '' if left_s is None else f', {left_s:.0f} s left'
@@ -209,7 +209,7 @@ class Player:
             self._note_place()
 
     def _left_s(self) -> float | None:
-        """Return the wall time until the end at the recent speed; None where time has not advanced."""
+        """Return the wall time until the end at the recent speed; None if time has not advanced."""
         t_ns = self.pacer.last_ns
         if t_ns is None or self._logged_ns is None or t_ns <= self._logged_ns:
             return None

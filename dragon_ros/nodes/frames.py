@@ -1,4 +1,4 @@
-"""The frames of a run in order, with a current position: its ticks, then the contact's frame where it ends there."""
+"""The frames of a run in order, with a current position: its ticks, then the contact's frame if the run ends there."""
 from time import monotonic
 
 from dragon_ros.core.errors import FieldError
@@ -8,17 +8,17 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.search.certificate import Contact
 from dragon_ros.core.step import contact_frame, tick, ticks_before
 
-_AHEAD_S = 1.0      # at most, before the first frame: tables of a run along hundreds of joints take seconds
+_AHEAD_S = 1.0      # at most before the first frame, since tables of a run along hundreds of joints take seconds
 
 
 def build_tables(simulation: Simulation) -> None:
-    """Build the tables of a run ahead of its frames, for a second at most."""
+    """Build the tables of a run ahead of its frames, for at most a second."""
     latest_s = monotonic() + _AHEAD_S
     simulation.build_tables(lambda: monotonic() > latest_s)
 
 
 class Frames:
-    """Ticks 0, 1, 2, ... of a scene; with a contact, those before it and then the frame at exactly its time."""
+    """Ticks 0, 1, 2, ... of a scene; with a contact, the ticks before it and then the frame at exactly its time."""
 
     def __init__(self, scene: Scene, contact: Contact | None = None) -> None:
         """Start before the first frame."""
@@ -31,7 +31,7 @@ class Frames:
         self._ahead: tuple[int, Frame] | None = None
 
     def prepare(self) -> None:
-        """Compute the next frame ahead of its time, and the tables of the run, which may take several ticks."""
+        """Compute the next frame in advance, and the tables of the run, which may take several ticks."""
         self._ahead = self.k, self._frame(self.k)
         build_tables(compile_scene(self._scene))
 
@@ -56,7 +56,7 @@ class Frames:
         self.k = 0
 
     def seek(self, t_ns: int | None) -> None:
-        """Move to the last frame at or before ``t_ns``; None: the first. Raises FieldError outside of the run."""
+        """Move to the last frame at or before ``t_ns``; None: the first. Raises FieldError outside the run."""
         if t_ns is None:
             self.rewind()
             return
@@ -65,7 +65,7 @@ class Frames:
         self.k = self._ticks if self._last and t_ns >= self._last.t_ns else k
 
     def check_time(self, t_ns: int) -> None:
-        """Raise FieldError where ``t_ns`` lies before the first frame or after the end of the run."""
+        """Raise FieldError if ``t_ns`` is before the first frame or after the end of the run."""
         first, last = self._time_ns(0), self.last_ns()
         end = max(last, round(compile_scene(self._scene).end.t_s * NS)) if self._last is None else last
         if not first <= t_ns <= end:
@@ -78,7 +78,7 @@ class Frames:
         return f'at {self._time_ns(k) / NS:.3f} s, tick {k} of {self.count}'
 
     def ending(self) -> str:
-        """Return why there is no next frame, as text."""
+        """Return the reason why there is no next frame, as text."""
         if self._contact:
             inner, outer = self._contact.benches
             return f'the run ends in the contact of benches {inner} and {outer} at {self._contact.t_s:.9f} s'

@@ -1,4 +1,4 @@
-"""What has arrived for a node and waits to be read: more of it than the budget allows is never held."""
+"""The messages that have arrived at a node and wait to be read, within a budget."""
 import time
 from collections import deque
 from collections.abc import Callable
@@ -11,18 +11,18 @@ from dragon_ros.nodes import raw_subscription
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.publishers import Publishers
 
-_SLICE_S = 0.01     # longest time of reading before what has arrived is taken
+_SLICE_S = 0.01     # longest time of reading before new messages are taken
 
 
 class Inbox:
-    """Takes messages as they arrive, so that the middleware loses none of its own choice, and has them read in order.
+    """Takes messages as they arrive, so that the middleware drops none, and has them read in order.
 
-    A node that cannot follow skips whole ticks evenly, unless a publisher waits for its readers: then it reads first.
+    A node that falls behind skips whole ticks evenly; if a publisher waits for its readers, it reads first instead.
     """
 
     def __init__(self, node: DragonNode, sources: dict[str, Publishers], read: Callable[[str, bytes, Any], None],
                  tell: Callable[[], None]) -> None:
-        """``sources`` has the publishers by topic; ``tell`` is called when a tick is skipped."""
+        """``sources`` maps topics to publishers; ``tell`` is called when a tick is skipped."""
         self._sources, self._read, self._tell = sources, read, tell
         self._waiting: deque[tuple[str, bytes, Any]] = deque()
         self._bytes, self._skips = 0, EvenSkips()
@@ -36,11 +36,11 @@ class Inbox:
 
     @property
     def fill(self) -> float:
-        """The share of the budget that is used."""
+        """The used fraction of the budget."""
         return max(self._bytes / INBOX_BYTES, len(self._waiting) / INBOX_MESSAGES)
 
     def put(self, topic: str, kind: str, data: bytes, info: Any) -> None:
-        """Take a message of a type, or skip it with its tick."""
+        """Add a message of a type, or skip it with its tick."""
         source, before = self._sources[topic], self.skipped
         source.arrived(raw_subscription.number(info))
         if self.fill > FROM_FILL and source.waits():
@@ -55,11 +55,11 @@ class Inbox:
         try:
             t_ns = stamp_of_message(kind, data)
         except MessageError:
-            return True     # which is refused when it is read
+            return True     # rejected when it is read
         return t_ns is None or self._skips.keeps(topic, t_ns, self.fill)
 
     def work(self) -> None:
-        """Read what waits, for some milliseconds; the rest is read when what has arrived meanwhile was taken."""
+        """Read waiting messages for some milliseconds; read the rest after taking those that arrive meanwhile."""
         self._work_until(time.monotonic() + _SLICE_S)
         if not self._waiting:
             self._timer.cancel()

@@ -1,4 +1,4 @@
-"""What ``dragon.launch.py`` starts for its arguments, without the launch library: executables and their parameters."""
+"""The executables, with parameters, that ``dragon.launch.py`` starts for its arguments, without the launch library."""
 from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from pathlib import Path
@@ -18,7 +18,7 @@ YES_NO = ('true', 'false')
 
 
 class Argument(NamedTuple):
-    """One argument of the launch file: name, default, meaning, choices, and the only executable that it concerns."""
+    """One argument of the launch file: name, default, meaning, choices, and the only executable to which it applies."""
 
     name: str
     default: str
@@ -62,8 +62,8 @@ ARGUMENTS = (
 class Start:
     """One executable of the package, with its arguments and ROS parameters.
 
-    A parameter ``file`` of the user's takes precedence over all parameters but those in ``asked``, which arguments of
-    the launch asked for.
+    A parameter ``file`` of the user takes precedence over all parameters except those in ``asked``, which come from
+    launch arguments.
     """
 
     executable: str
@@ -75,9 +75,9 @@ class Start:
 
 @dataclass(frozen=True)
 class Plan:
-    """What is started: the readers (the recorder last), then the source; and namespace and frame of the dragon.
+    """The executables to start: the readers (the recorder last), then the source; and the dragon's namespace and frame.
 
-    ``notes`` say what is left out, and why.
+    ``notes`` say what is omitted, and why.
     """
 
     namespace: str
@@ -94,7 +94,7 @@ class Plan:
 
 @dataclass(frozen=True)
 class _Source:
-    """A sim or replay, the frame of its messages, and whether a monitor sees anything of it (None: not known)."""
+    """A sim or replay, the frame of its messages, and whether a monitor can observe it (None: unknown)."""
 
     start: Start
     frame_id: str
@@ -102,7 +102,7 @@ class _Source:
 
 
 def plan(given: Mapping[str, str]) -> Plan:
-    """Return what to start for the arguments of the launch file, all as text. Raises InputError that names one."""
+    """Return the plan for the arguments of the launch file, all as text. Raises InputError that names one."""
     namespace = '/' + given['namespace'].strip('/')
     watching = _on(given, 'monitor')
     source = _replay(given, namespace, watching) if given['replay'] else _sim(given, namespace, watching)
@@ -121,12 +121,12 @@ def plan(given: Mapping[str, str]) -> Plan:
 
 
 def _is_given(given: Mapping[str, str], name: str) -> bool:
-    """Return whether an argument is not its default."""
+    """Return whether an argument differs from its default."""
     return given[name] != next(one.default for one in ARGUMENTS if one.name == name)
 
 
 def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str]) -> None:
-    """Raise InputError for an argument that concerns nothing that is started."""
+    """Raise InputError for an argument that applies to nothing that is started."""
     for one in ARGUMENTS:
         if one.concerns and one.concerns not in started and _is_given(given, one.name):
             why = 'replay:= stands in its place' if one.concerns == 'sim' else notes[0] if notes else 'monitor:=false'
@@ -135,7 +135,7 @@ def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str])
 
 
 def _common(given: Mapping[str, str], one: Start) -> Start:
-    """Add what all nodes have."""
+    """Add the parameters of all nodes."""
     parameters = {'use_sim_time': _on(given, 'use_sim_time'), **one.parameters}
     known = {argument.name for argument in ARGUMENTS}
     asked = {name for name in parameters
@@ -164,15 +164,15 @@ def _wanted(given: Mapping[str, str], row: Channel, watching: bool) -> int:
 
 
 def _at_end(given: Mapping[str, str]) -> str:
-    """Return what to do at the end: what stops at a contact ends there."""
+    """Return the action at the end: a run that stops at a contact ends there."""
     return given['at_end'] or ('stop' if given['on_contact'] == 'stop' else 'hold')
 
 
 def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
     """Return the simulator.
 
-    It starts when the monitor and the recorder have subscribed, and all had time to find each other: a recorder takes
-    what the monitor says, and somebody else may record too.
+    It starts when the monitor and the recorder have subscribed and all nodes had time to discover each other, since the
+    recorder records the monitor, and other recorders may be running.
     """
     optional = {key: _number(given, name) for key, name in (
         ('rate_hz', 'rate'), ('start_s', 'start_s'), ('stop_s', 'stop_s')) if given[name]}
@@ -181,7 +181,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
     try:
         topics = live(load_scene(given['scene'], changes).effects)
     except DragonError:
-        pass            # the sim says what is wrong with the scene
+        pass            # the sim reports errors in the scene
     else:
         if not given['params_file']:        # which may name another scene
             seen = set(_WATCHED) <= {row.name for row in topics}
@@ -196,7 +196,7 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
 def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
     """Return the replay of a bag in a namespace.
 
-    What a monitor reported is left out where a monitor runs: each topic has one publisher.
+    If a monitor runs, recorded monitor topics are omitted, since each topic has one publisher.
     """
     parameters = {'time_scale': _number(given, 'time_scale'), 'at_end': _at_end(given),
                   'discovery_s': _number(given, 'discovery_s')}
@@ -207,7 +207,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Source
             root, names = namespace_of(bag), [topic.name for topic in bag.topics if topic.messages]
             frame_id, span_ns = frame_of_bag(bag, root), (bag.start_ns, bag.end_ns)
     except DragonError:
-        pass                # the replay says what is wrong with the bag
+        pass                # the replay reports errors in the bag
     else:
         rows = {name if name.startswith('/') else f'{root}/{name}': row for name, row in channels().items()}
         seen = {f'{root}/{name}' for name in _WATCHED} <= set(names)
@@ -221,7 +221,7 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Source
 
 
 def _part(given: Mapping[str, str], start_ns: int, end_ns: int) -> list[str]:
-    """Return the options of a replay for the part of a bag to play, in seconds from its start. Raises InputError."""
+    """Return the replay options for the part of a bag to play, in seconds from its start. Raises InputError."""
     options = []
     for name, option in (('start_s', '--start'), ('stop_s', '--end')):
         if given[name]:

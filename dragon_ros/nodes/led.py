@@ -1,4 +1,4 @@
-"""A dragon that is led from outside: speeds from ``cmd_vel``, and the frames that follow from them."""
+"""A led dragon: speeds from ``cmd_vel``, and the frames that follow from them."""
 import time
 from collections import Counter
 from collections.abc import Callable
@@ -19,15 +19,15 @@ from dragon_ros.nodes.frames import build_tables
 
 TOPIC = 'cmd_vel'
 _DEPTH = 10
-_LOOK_S = 1.0       # interval of looks for publishers of the other type
+_LOOK_S = 1.0       # interval between checks for publishers of the other type
 _KINDS = {True: 'geometry_msgs/msg/TwistStamped', False: 'geometry_msgs/msg/Twist'}
 
 
 class Commands:
-    """The last speed that was commanded, while it holds; what cannot be one is dropped and counted."""
+    """The last commanded speed, while it is valid; unusable commands are dropped and counted."""
 
     def __init__(self, node: DragonNode, timeout_s: float, stamped: bool) -> None:
-        """Subscribe: to geometry_msgs/TwistStamped, or to Twist, which many tools still send."""
+        """Subscribe to geometry_msgs/TwistStamped, or to Twist, which many tools still send."""
         self.taken, self.dropped = 0, Counter[str]()
         self._node, self._timeout_s = node, timeout_s
         self._speed_m_s, self._until_s, self._stamp_ns = 0.0, 0.0, 0
@@ -37,11 +37,11 @@ class Commands:
                                  self._on_stamped if stamped else self._take, _DEPTH)
 
     def wanted_m_s(self) -> float:
-        """Return the speed that holds now: 0 after the timeout."""
+        """Return the current speed: 0 after the timeout."""
         return self._speed_m_s if time.monotonic() < self._until_s else 0.0
 
     def _look(self) -> None:
-        """Warn once of each node that publishes commands of the other type: nothing of them arrives."""
+        """Warn once about each node that publishes commands of the other type, since none of them arrive."""
         topic = self._node.resolve_topic_name(TOPIC)
         for one in self._node.get_publishers_info_by_topic(topic):
             name = f'{one.node_namespace.rstrip("/")}/{one.node_name}'
@@ -54,12 +54,12 @@ class Commands:
                     f'publish {self._type}' + (' (teleop_twist_keyboard: -p stamped:=true)' if stamped else ''))
 
     def summary(self) -> str:
-        """Return how many commands were taken and dropped."""
+        """Return how many commands were accepted and dropped."""
         why = ', '.join(f'{count} {what}' for what, count in self.dropped.items())
         return f'commands: {self.taken} taken, {self.dropped.total()} dropped' + (f' ({why})' if why else '')
 
     def _on_stamped(self, message: TwistStamped) -> None:
-        """Take a command whose stamp is 0 or of now; one that is older than another, too, is stale."""
+        """Accept a command whose stamp is 0 or current; a command older than another one is stale, too."""
         stamp_ns = message.header.stamp.sec * NS + message.header.stamp.nanosec
         off_s = (self._node.get_clock().now().nanoseconds - stamp_ns) / NS
         if stamp_ns and (abs(off_s) > self._timeout_s or stamp_ns < self._stamp_ns):
@@ -84,11 +84,11 @@ class Commands:
 
 
 class LedFrames:
-    """Ticks 0, 1, 2, ... of a led scene; each is computed from the speed that is wanted when it is due."""
+    """Ticks 0, 1, 2, ... of a led scene, each computed from the speed that is commanded when it is due."""
 
     def __init__(self, scene: Scene, wanted_m_s: Callable[[], float], on_contact: str, say: Callable[[str], None],
                  keep_s: float) -> None:
-        """Start at rest; ``say`` is told where it brakes before an end, and where it stops at a contact."""
+        """Start at rest; ``say`` receives a line when it brakes before an end, and when it stops at a contact."""
         assert isinstance(scene.head, Commanded)
         self._settings, self._simulation = scene.head, compile_scene(scene)
         self._scene, self._wanted_m_s, self._say, self._keep_s = scene, wanted_m_s, say, keep_s
@@ -99,7 +99,7 @@ class LedFrames:
         self._stopped, self._brakes = '', False
 
     def prepare(self) -> None:
-        """Build the tables ahead of the first frame: they may take several ticks."""
+        """Build the tables before the first frame, since they may take several ticks."""
         led_tick(self._simulation, walked_from(self._settings, self._scene.run.time_ns(0) / NS), 0)
         build_tables(self._simulation)
 
@@ -123,7 +123,7 @@ class LedFrames:
         return frame
 
     def _next_law(self, t_s: float) -> Walked:
-        """Return the law up to the next tick: as wanted, within the limits."""
+        """Return the head law up to the next tick, with the commanded speed within the limits."""
         assert self._law
         back, onwards = self._simulation.model.limits
         ends_m = back.gone_m if back else -inf, onwards.gone_m if onwards else inf
@@ -132,7 +132,7 @@ class LedFrames:
         return law
 
     def _mind(self, limit: Limit | None) -> None:
-        """Say once that it brakes before an end."""
+        """Report once that it brakes before an end."""
         if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'
             self._say(f'brakes: {what} when the leader has gone {limit.gone_m:.6f} m')
@@ -143,7 +143,7 @@ class LedFrames:
         self.k, self._law, self._stopped, self._brakes = 0, None, '', False
 
     def seek(self, t_ns: int | None) -> None:
-        """Raise FieldError: what will be commanded is not known, and what was is gone."""
+        """Raise FieldError: future commands are unknown, and past ones are not kept."""
         raise FieldError('seek_s', -1 if t_ns is None else t_ns / NS, 'a led dragon has no other ticks to go to',
                          'reset it')
 
@@ -157,5 +157,5 @@ class LedFrames:
         return f'at {self._scene.run.time_ns(k) / NS:.3f} s, tick {k}, {gone_m:.3f} m walked'
 
     def ending(self) -> str:
-        """Return why there is no next frame, as text."""
+        """Return the reason why there is no next frame, as text."""
         return self._stopped or f'the run ends after {self.count} ticks'

@@ -1,4 +1,4 @@
-"""The log of the nodes: as ROS writes it, or for machines, one JSON object per line on standard error."""
+"""The log of the nodes: in ROS's format, or for machines as one JSON object per line on standard error."""
 import json
 import sys
 import time
@@ -12,7 +12,7 @@ _mode = {'json': False}
 
 
 class Logger(rcutils_logger.RcutilsLogger):
-    """ROS's logger; in JSON mode, what passes its filters is also written as JSON, with ``data`` as further keys."""
+    """ROS's logger; in JSON mode, what passes its filters is also written as JSON, plus the keys of ``data``."""
 
     def log(self, message: str, severity: int, data: dict[str, Any] | None = None, **filters: Any) -> bool:
         """Log a message unless its severity or a filter suppresses it; return whether it was logged."""
@@ -22,8 +22,8 @@ class Logger(rcutils_logger.RcutilsLogger):
         return passed
 
 
-# The log names the first line outside of these files, and keeps filters such as throttle_duration_sec for it. rclpy
-# keeps files that others add, but has no public name for the list: it is used here alone.
+# The log names the first line outside these files, and applies filters such as throttle_duration_sec to it. rclpy
+# keeps files that others add, but has no public name for the list, which is used only here.
 rcutils_logger._internal_callers.append(__file__)
 
 
@@ -40,7 +40,7 @@ def speak_json() -> list[str]:
 
 
 def progress_wanted() -> bool:
-    """Return whether somebody follows the log: a person at a terminal, or a machine that reads JSON."""
+    """Return whether somebody reads the log: a person at a terminal, or a program that reads JSON."""
     return _mode['json'] or sys.stderr.isatty()
 
 

@@ -1,6 +1,6 @@
 """``monitor``: observes the handles and benches of any publisher and reports contacts, clearance and health.
 
-It observes one dragon: where several publish on its topics, it stays with the one that it knows and warns.
+It observes one dragon: if several publish on its topics, it stays with the known one and warns.
 """
 import threading
 import time
@@ -26,10 +26,10 @@ from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.inbox import Inbox
 from dragon_ros.nodes.params import MONITOR
 
-_PARTNER_S = 10.0       # longest wait for the other message of a tick: lost ones are resent within 3 s (Fast DDS)
+_PARTNER_S = 10.0       # longest wait for a tick's other message: lost ones are resent within 3 s (Fast DDS)
 _MARKER_S = 0.1           # shortest interval of clearance/marker
 _HEALTH_S = 1.0           # interval of /diagnostics in wall time
-_REST_S = 5.0             # longest time for what had arrived before a signal: a launched run ends with its source
+_REST_S = 5.0             # longest time to read what arrived before a signal: a launched run ends with its source
 _STAMPED = 'clearance/stamped'
 _TOPICS = ('collision', 'collision/active', 'collision/point', 'collision/markers', 'clearance', _STAMPED,
            'clearance/marker', '/diagnostics')
@@ -70,7 +70,7 @@ class Monitor(DragonNode):
         self._warn_below_m = float(self.setting['warn_below_m'])
 
     def _take(self, topic: str, data: bytes, info: Any) -> None:
-        """Read a message, and examine the pair that it completes if it is of the dragon that this node stays with."""
+        """Read a message, and examine the pair that it completes if it belongs to the observed dragon."""
         def take() -> None:
             half, number = self._read[topic](data), raw_subscription.number(info)
             if self._sources[topic].keeps(number, half.t_ns):
@@ -80,13 +80,13 @@ class Monitor(DragonNode):
         self._guarded(take)
 
     def _number(self, t_ns: int, number: int) -> None:
-        """Keep the number of handles until their tick is seen."""
+        """Keep the sequence number of handles until their tick is seen."""
         self._numbers[t_ns] = number
         if len(self._numbers) > INBOX_MESSAGES:
             del self._numbers[next(iter(self._numbers))]
 
     def _skip(self) -> None:
-        """Say at once that ticks are skipped."""
+        """Report at once that ticks are skipped."""
         if self.pace.skip(self._inbox.skipped, time.monotonic()):
             self._publish_health(always=True)
 
@@ -98,7 +98,7 @@ class Monitor(DragonNode):
         self._publish_health(always=True)
 
     def _guarded(self, work: Callable[[], None]) -> None:
-        """Do the work; an unusable message is counted and logged, and the node continues."""
+        """Do the work; if a message is unusable, count and log it, and continue."""
         try:
             work()
         except InputError as error:
@@ -117,7 +117,7 @@ class Monitor(DragonNode):
         if self.pace.see(t_ns, self._numbers.pop(t_ns, 0), time.monotonic()):
             self._publish_health(always=True)
         observation = observation_of(*pair)
-        for source in self._sources.values():       # these two publish a dragon: from now on it is this one
+        for source in self._sources.values():       # these two publish a dragon: observe this one from now on
             source.streams.adopt(observation.t_ns)
         for report in self._tracker.add(observation):
             self._report(report)
@@ -127,11 +127,11 @@ class Monitor(DragonNode):
         self.get_logger().warning(f'message dropped ({self.dropped} so far): {why}', throttle_duration_sec=1.0)
 
     def _report(self, report: Report) -> None:
-        """Publish the result of one tick, each topic only where it changes or has subscribers."""
+        """Publish the result of one tick, each topic only if it changes or has subscribers."""
         active = self._last is not None and self._last.count > 0
         self._last = report
         self.seen += 1
-        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: a recorder takes the tick from it
+        if self.topic_publishers[_STAMPED].get_subscription_count():    # first: a recorder gets the tick from it
             self.topic_publishers[_STAMPED].publish(stamped_clearance(report))
         if self.topic_publishers['clearance'].get_subscription_count():
             self.topic_publishers['clearance'].publish(float64_of(report.clearance_m))
@@ -150,13 +150,13 @@ class Monitor(DragonNode):
         self._publish_health()
 
     def _publish_vector(self, report: Report) -> None:
-        """Publish the shortest vector where it is switched on, and some benches are near each other."""
+        """Publish the shortest vector if it is enabled and some benches are near each other."""
         vector = self.topic_publishers.get(_VECTOR)
         if vector and report.closest and vector.get_subscription_count():
             vector.publish(vector_of(report))
 
     def _show_clearance(self, report: Report) -> None:
-        """Publish the clearance as a marker, no more often than one can read."""
+        """Publish the clearance as a marker, no more often than a person can read."""
         marker, now = self.topic_publishers['clearance/marker'], time.monotonic()
         if marker.get_subscription_count() and now - self._shown >= _MARKER_S:
             self._shown = now

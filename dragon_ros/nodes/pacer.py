@@ -3,16 +3,16 @@ import time
 
 from dragon_ros.core.errors import FieldError
 
-_AT_ONCE_NS = 50_000_000            # of a delay: ticks follow immediately until it is made up for
+_AT_ONCE_NS = 50_000_000            # delay up to which ticks follow immediately until it is recovered
 _ON_TIME_NS = 5_000_000             # of a delay: a run that is no later can go faster
 _FASTER = 0.1                       # than the pace, while a longer one is made up for
 _LONGEST_NS = 3_600_000_000_000     # of a wait: what is due later is asked for again (a timer takes 2^63 ns at most)
-_FOREVER_NS = 1e18                  # 30 years: a smaller scale is as slow
+_FOREVER_NS = 1e18                  # 30 years; a smaller scale is no slower
 _MOST_BEHIND_NS = 1_000_000_000     # that is made up for: a machine that is too slow does not end in a long race
 
 
 class Pacer:
-    """Gives the time when each simulation time is due; ``scale`` 0 means immediately.
+    """Gives the due time of each simulation time; ``scale`` 0 means immediately.
 
     After a late tick the next ones follow immediately until they are on time again, so that a short stall does not
     lower the rate. A tick that starts after its successor was due, and more than 50 ms late, is an overrun. It is
@@ -21,18 +21,18 @@ class Pacer:
     """
 
     def __init__(self, scale: float) -> None:
-        """Pace at ``scale`` seconds of simulation for each second."""
+        """Pace at ``scale`` seconds of simulation per second."""
         self._scale = _checked(scale)
         self._origin: tuple[int, int] | None = None
         self.last_ns: int | None = None
         self.late_ns = 0            # delay of the start of the last tick
         self.overruns = 0
         self.worst_late_s = 0.0
-        self._behind_ns = 0         # what is left to be made up for
+        self._behind_ns = 0         # remaining delay to recover
 
     @property
     def scale(self) -> float:
-        """Seconds of simulation for each second; a change takes effect at once, without a jump."""
+        """Seconds of simulation per second; a change takes effect at once, without a jump."""
         return self._scale
 
     @scale.setter

@@ -1,17 +1,17 @@
-"""Parameters of the nodes, each declared once: name, default, limits and text. Imports little to keep --help quick."""
+"""Parameters of the nodes, each declared once: name, default, limits and text. Few imports, to keep --help quick."""
 from typing import Any, NamedTuple
 
-# A test keeps these equal to those of core.scene and core.geometry.tracker, which are slow to import.
+# A test checks that these equal those of core.scene and core.geometry.tracker, which are slow to import.
 LATEST_S = 2**31 - 1
 NEAR_M = 0.02
-DISCOVERY_S = 4.0       # nodes/publisher_queue.py says why
+DISCOVERY_S = 4.0       # nodes/publisher_queue.py explains why
 _AS_SCENE = -1.0
 
 
 class Parameter(NamedTuple):
-    """One parameter; its type is that of the default, numbers have limits, texts may have choices.
+    """One parameter; its type is the default's type, numbers have limits, texts may have choices.
 
-    A ``live`` one can be set while the node runs; the others are read at the start and read-only afterwards.
+    A ``live`` parameter can be set while the node runs; others are read at the start and read-only afterwards.
     """
 
     name: str
@@ -23,7 +23,7 @@ class Parameter(NamedTuple):
     live: bool = False
 
 
-# For every node that plays frames: nodes/controls.py reads them.
+# For every node that plays frames; nodes/controls.py reads them.
 CONTROLS = (
     Parameter('step_ticks', 1, 'How many ticks the service step plays', 1, 1000, live=True),
     Parameter('seek_s', -1.0, 'Time in seconds to which the service seek moves: to the last tick at or before it; '

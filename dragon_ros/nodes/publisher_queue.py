@@ -1,4 +1,4 @@
-"""Publishing bytes: counting subscribers, and queueing where readers are slower than the publisher."""
+"""Publishing bytes: counts subscribers, and queues messages if readers are slower than the publisher."""
 import re
 import threading
 import time
@@ -21,10 +21,10 @@ from dragon_ros.nodes import shell
 from dragon_ros.nodes.params import DISCOVERY_S
 
 _COUNT = re.compile('[0-9]{1,9}')
-_GIVE_UP = 20       # consecutive failures of 0.1 s each without any subscriber
-_SETTLED_S = 0.5     # a reader's topics are found one after the other
+_GIVE_UP = 20       # consecutive failures, 0.1 s each, without any subscriber
+_SETTLED_S = 0.5     # a reader's topics are discovered one after the other
 _ACKED_S = 4.0      # acknowledgements follow the heartbeat of the middleware, every 3 s with Fast DDS;
-_ALL_ACKED_S = 20.0     # at the end of a run a reader may have to catch up with all that a lossless publisher keeps
+_ALL_ACKED_S = 20.0     # at the end of a run a reader may have to read everything that a lossless publisher keeps
 _LOOK_S = 0.2
 
 
@@ -41,11 +41,11 @@ def wanted_readers(texts: Iterable[str], publishers: Mapping[str, Publisher]) ->
 
 
 class StartGate:
-    """Whether the first message may go out: to the readers that are waited for, and to those that discovery finds.
+    """Decides when the first message may be sent to the awaited readers and to those that discovery finds.
 
-    A reader that is there already is not known at once. With Fast DDS a participant announces itself every 3 s, and
-    repeats what it subscribes to every second; a new participant that misses both at first (the older one answers
-    before the new one can tell from whom) finds the reader 1 s to 4 s later.
+    An existing reader is not known at once. With Fast DDS a participant announces itself every 3 s, and repeats its
+    subscriptions every second. A new participant that misses both at first (the older one answers before the new one
+    can identify it) finds the reader 1 s to 4 s later.
     """
 
     def __init__(self, publishers: Mapping[str, Publisher], texts: Iterable[str], discovery_s: float) -> None:
@@ -58,7 +58,7 @@ class StartGate:
         self._settled_s = min(_SETTLED_S, discovery_s)
 
     def is_open(self) -> bool:
-        """Return whether all wanted readers are there, and discovery had its time and is at rest."""
+        """Return whether all wanted readers are present, and discovery had its time and has settled."""
         now, found = time.monotonic(), sum(publisher.get_subscription_count() for publisher in self._publishers)
         if found != self._found:
             self._found, self._changed_s = found, now
@@ -67,10 +67,10 @@ class StartGate:
 
 
 class PublisherQueue:
-    """Outgoing messages in order; readers that are slower than a lossless publisher hold them back."""
+    """Outgoing messages in order; readers slower than a lossless publisher hold them back."""
 
     def __init__(self, warn: Callable[[str], object] = lambda line: None) -> None:
-        """Start empty; ``warn`` is told once of each topic with a message that cannot be published."""
+        """Start empty; ``warn`` is called once per topic with a message that cannot be published."""
         self._waiting: deque[tuple[Publisher, bytes]] = deque()
         self._alone, self._warn = 0, warn
         self.left_out: Counter[str] = Counter()
@@ -80,7 +80,7 @@ class PublisherQueue:
         self._waiting.append((publisher, data))
 
     def flush(self) -> bool:
-        """Publish what is queued; return False if a full reader still holds some back after a tenth of a second."""
+        """Publish queued messages; return False if a full reader still holds some back after a tenth of a second."""
         while self._waiting:
             publisher, data = self._waiting[0]
             try:
@@ -98,7 +98,7 @@ class PublisherQueue:
         return True
 
     def _leave_out(self, publisher: Publisher, size: int) -> None:
-        """Count the first message, which its type cannot hold, and name its topic once."""
+        """Count the first message, which its type cannot hold, and report its topic once."""
         topic = publisher.topic_name
         if not self.left_out[topic]:
             self._warn(f'{topic}: messages that their type cannot hold are left out; the first has {size} bytes')
@@ -107,9 +107,9 @@ class PublisherQueue:
 
 
 def can_hold(kind: Any, size: int) -> bool:
-    """Return whether a message type can have serialised messages of ``size`` bytes.
+    """Return whether messages of a type can have ``size`` serialised bytes.
 
-    An error of the middleware does not tell a full reader from a message that is longer than its type allows.
+    An error of the middleware does not distinguish a full reader from a message that is too long for its type.
     """
     most = _largest(kind)
     return most is None or size <= most
@@ -117,7 +117,7 @@ def can_hold(kind: Any, size: int) -> bool:
 
 @cache
 def _largest(kind: Any) -> int | None:
-    """Return the bytes of a message whose type has a fixed size, padded as on the wire; None for any other type."""
+    """Return the size in bytes of a type with a fixed size, padded as on the wire; None for any other type."""
     if not all(map(_is_fixed, kind.get_fields_and_field_types().values())):
         return None
     size = len(serialize_message(kind()))
@@ -153,7 +153,7 @@ class EncodedTopic:
 
 
 def drain(publishers: Iterable[Publisher], stop: threading.Event) -> None:
-    """Wait until readers have everything: unsent messages are lost with their publisher. A signal makes it short."""
+    """Wait until readers have everything, or unsent messages are lost with their publisher. A signal shortens it."""
     begin = time.monotonic()
     for publisher in publishers:
         while publisher.get_subscription_count() and not publisher.wait_for_all_acked(Duration(seconds=_LOOK_S)):

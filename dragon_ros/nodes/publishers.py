@@ -1,4 +1,4 @@
-"""Who publishes a topic: one dragon a topic, so where there are several one is kept and all are named."""
+"""The publishers of a topic. A topic has one dragon: if there are several publishers, one is kept and all are named."""
 import time
 from collections import Counter
 from collections.abc import Iterable
@@ -10,14 +10,14 @@ from dragon_ros.nodes import qos
 from dragon_ros.nodes.base import DragonNode
 
 _UNNAMED = '_NODE_NAME_UNKNOWN_'     # of a publisher that discovery found just before its node, or that has none
-_NAMED_S = 3.0      # so long its name is waited for
-_ASKED_S = 1.0      # for so long the answer is taken to hold
+_NAMED_S = 3.0      # longest wait for its name
+_ASKED_S = 1.0      # time for which the answer is assumed valid
 
 
 class Publishers:
     """The publishers of one topic. A node that stays with one of them asks ``keeps`` for every message.
 
-    It has to ``look`` now and then to notice who has left, and tell of each message that has ``arrived``.
+    The node must call ``look`` now and then to notice publishers that left, and ``arrived`` for each message.
     """
 
     def __init__(self, node: DragonNode, topic: str) -> None:
@@ -26,11 +26,11 @@ class Publishers:
         self._node = node
         self._there: dict[bytes, str] = {}
         self._since_s: dict[bytes, float] = {}
-        self._known: bytes | None = None        # None while nobody can tell which of several it is
+        self._known: bytes | None = None        # None while it is unknown which of several it is
         self._last, self._waits, self._asked_s = 0, False, 0.0
 
     def look(self) -> list[str]:
-        """Look who is there; return the names where there are several, once all have one, else nothing."""
+        """Update the publishers; return their names if there are several and all have one, otherwise nothing."""
         before, self._asked_s = self._there, 0.0
         self._there = {bytes(one.endpoint_gid): f'{one.node_namespace.rstrip("/")}/{one.node_name}'
                        for one in self._node.get_publishers_info_by_topic(self.topic)}
@@ -46,13 +46,13 @@ class Publishers:
         return _distinct(self._there) if len(self._there) > 1 and named else []
 
     def arrived(self, sequence: int) -> None:
-        """Note the number of a message, and look who is there if it is not the next one."""
+        """Record the number of a message, and update the publishers if it is not the next number."""
         if sequence != self._last + 1 and len(self._there) < 2:
             self.look()
         self._last = sequence
 
     def waits(self) -> bool:
-        """Return whether any of them waits for its readers, as of the last second."""
+        """Return whether any publisher waits for its readers, as of the last second."""
         if time.monotonic() - self._asked_s > _ASKED_S:
             self._asked_s = time.monotonic()
             self._waits = any(qos.waits(one.qos_profile)
@@ -60,7 +60,7 @@ class Publishers:
         return self._waits
 
     def keeps(self, sequence: int, t_ns: int) -> bool:
-        """Return whether a message with this number and stamp is of the publisher that the node stays with, if any."""
+        """Return whether a message with this number and stamp is from the publisher that the node keeps, if any."""
         return self.streams.take(sequence, t_ns, len(self._there) < 2)
 
 
@@ -71,7 +71,7 @@ def _distinct(there: dict[bytes, str]) -> list[str]:
 
 
 def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStatus]:
-    """Return a WARN that names the topics with several publishers, and all of these; nothing where there are none."""
+    """Return a WARN that names the topics with several publishers, and these publishers; nothing if there are none."""
     if not several:
         return []
     return [DiagnosticStatus(
@@ -81,7 +81,7 @@ def warnings_of(name: str, several: dict[str, list[str]]) -> list[DiagnosticStat
 
 
 def several_of(node: DragonNode, each: Iterable[Publishers], before: dict[str, list[str]]) -> dict[str, list[str]]:
-    """Return the names of the publishers of topics that have several; log them unless they are those ``before``."""
+    """Return the publishers' names of topics with several publishers; log them unless they equal ``before``."""
     found = {one.topic: names for one in each if (names := one.look())}
     if found and found != before:
         node.get_logger().warning('several publish on one topic: ' + '; '.join(

@@ -22,7 +22,7 @@ def of_channel(channel: Channel) -> QoSProfile:
 
 
 def lossless(qos: QoSProfile) -> QoSProfile:
-    """Return the profile with unbounded history: a full queue blocks a lossless publisher, and nothing is dropped.
+    """Return the profile with unbounded history: a full queue blocks a lossless publisher, so that nothing is dropped.
 
     Then the limit of the middleware applies instead of the depth (5,000 messages with Fast DDS).
     """
@@ -33,15 +33,15 @@ def lossless(qos: QoSProfile) -> QoSProfile:
 def waiting(qos: QoSProfile) -> QoSProfile:
     """Return the lossless profile of a publisher that waits for its readers.
 
-    Discovery tells nobody how much history a publisher keeps. So it announces how long its messages are valid, 31
-    years, by which readers know that nothing is lost while they make it wait.
+    Discovery does not tell how much history a publisher keeps. So the publisher announces a lifespan of its messages of
+    31 years, from which readers know that nothing is lost while they make it wait.
     """
     qos.lifespan = Duration(nanoseconds=_WAITS_NS)
     return lossless(qos)
 
 
 def waits(announced: QoSProfile) -> bool:
-    """Return whether a publisher waits for its readers, by the profile that discovery tells."""
+    """Return whether a publisher waits for its readers, according to its profile from discovery."""
     return bool(announced.lifespan.nanoseconds == _WAITS_NS)
 
 

@@ -1,4 +1,4 @@
-"""Raw subscriptions in batches: when one message wakes a node, all that have arrived on its topic are taken."""
+"""Raw subscriptions in batches: when a message wakes a node, all messages that have arrived on its topic are taken."""
 from collections.abc import Callable, Iterator
 from typing import Any
 
@@ -11,7 +11,7 @@ _AT_ONCE = 64       # most messages before timers and other topics are served
 
 
 class _Callback:
-    """What an executor calls with one message; a Spinner takes all by itself."""
+    """The callback that an executor calls with one message; a Spinner takes all messages itself."""
 
     subscription: Subscription
 
@@ -44,19 +44,19 @@ def subscribe_raw(node: Node, kind: Any, name: str, take: Callable[[bytes, Any],
                   then: Callable[[], None] = lambda: None) -> None:
     """Call ``take(data, info)`` for every message, in order, in any executor or in a Spinner, ``then()`` after some.
 
-    A node that falls behind catches up, since waking it costs as much as taking several messages.
+    A node that falls behind can catch up, since waking it costs as much as taking several messages.
     """
     callback = _Callback(take, then)
     callback.subscription = node.create_subscription(kind, name, callback, profile, raw=True)
 
 
 def takers(node: Node) -> Iterator[tuple[int, Callable[[], None]]]:
-    """Yield the pointer of each raw subscription of a node, and what takes the messages that have arrived for it."""
+    """Yield the pointer of each raw subscription of a node, and the function that takes its arrived messages."""
     for subscription in node.subscriptions:
         if isinstance(subscription.callback, _Callback):
             yield subscription.handle.pointer, subscription.callback.take_all
 
 
 def number(info: Any) -> int:
-    """Return the number that the publisher gave a message; 0 where the middleware gives none."""
+    """Return the number that the publisher gave a message; 0 if the middleware gives none."""
     return info['publication_sequence_number'] or 0

@@ -1,4 +1,4 @@
-"""``record``: records the topics of a dragon as raw bytes in an MCAP bag, with an account of what is missing."""
+"""``record``: records the topics of a dragon as raw bytes in an MCAP bag, with an account of missing messages."""
 import os
 import resource
 import threading
@@ -27,11 +27,11 @@ from dragon_ros.nodes import publishers, qos, raw_subscription, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.scenes import provenance
 
-_REST_S = 5.0       # longest time to write what had arrived before a signal
+_REST_S = 5.0       # longest time to write the messages that arrived before a signal
 _QUIET_S = 0.5      # the run has ended when its publisher has left and nothing arrived for this long
 _IDLE_S = 0.25      # longest wait of messages without a stamp for the next handles
 _COUNT_S = 1.0       # interval between counts of publishers
-_MOST_UNACCOUNTED = 100_000     # messages that wait for a scene to be read; then the recorder waits for it
+_MOST_UNACCOUNTED = 100_000     # messages that may wait until a scene is read; beyond that the recorder waits
 _HEALTH = '/diagnostics'
 _MARKS = ('handles', 'clearance/stamped')       # whose stamps are those of what their publisher sends after them
 
@@ -56,7 +56,7 @@ class Recorder(DragonNode):
         self._latched = {self._names[name] for name, channel in channels().items() if channel.latched}
         self._skips, self._skipped_before = EvenSkips(), 0
         self._several: dict[str, list[str]] = {}
-        self._named = set[str]()        # topics with messages that are left out
+        self._named = set[str]()        # topics of which messages are left out
         self._health: Publisher | None = None
         for name, channel in channels().items():
             bag.add_channel(self._names[name], channel)
@@ -101,16 +101,16 @@ class Recorder(DragonNode):
         return self._is_complete(gone)
 
     def _is_complete(self, gone: bool) -> bool:
-        """Return whether the closed bag has all that was published, as far as anybody can say."""
+        """Return whether the closed bag has all published messages, as far as is known."""
         return self.losses.complete(gone) and not self._unpaired and self.bag.kept >= self.losses.received
 
     @property
     def _unpaired(self) -> Counter[str]:
-        """How many messages without a stamp were left out, by topic, since nobody can tell their tick."""
+        """How many messages without a stamp were left out because their tick is unknown, by topic."""
         return self._simulation.unpaired + self._monitored.unpaired
 
     def _look_around(self) -> None:
-        """Look for topics that several publish, of which nobody can say what is missing, and warn of them."""
+        """Warn about topics with several publishers, whose missing messages cannot be counted."""
         self._several = publishers.several_of(self, self._sources, self._several)
         self.losses.share(self._several)
         self._name_left_out()
@@ -123,7 +123,7 @@ class Recorder(DragonNode):
             self._health.publish(message)
 
     def _skips_now(self, name: str) -> list[DiagnosticStatus]:
-        """Return a WARN if ticks were left out since the last one; log it, too."""
+        """If ticks were left out since the last WARN, log and return a new one."""
         before, self._skipped_before = self._skipped_before, self._skips.skipped
         if self._skips.skipped == before:
             return []
@@ -134,14 +134,14 @@ class Recorder(DragonNode):
                                  values=[KeyValue(key='left out', value=str(self._skips.skipped))])]
 
     def _name_left_out(self) -> None:
-        """Warn once of each topic with messages that are too large for any reader."""
+        """Warn once about each topic with messages that are too large for any reader."""
         for topic in set(self.bag.left_out) - self._named:
             self._named.add(topic)
             self.get_logger().warning(f'{topic}: messages of more than {MESSAGE_BYTES} bytes are left out, since no '
                                       'reader takes them')
 
     def _left_out(self) -> dict[str, str]:
-        """Return how many messages were too large, or of an unknown tick; the account is not complete then."""
+        """Return how many messages were too large or had an unknown tick, which makes the account incomplete."""
         found = {f'{topic} too large': str(count) for topic, count in self.bag.left_out.items()}
         found |= {f'{topic} of an unknown tick': str(count) for topic, count in self._unpaired.items()}
         return found | ({'complete': 'false'} if found else {})
@@ -185,7 +185,7 @@ class Recorder(DragonNode):
             self._take_scene(wait=True)
 
     def _keeps(self, topic: str, t_ns: int) -> bool:
-        """Return whether a message is written: of what the disk does not take in time, whole ticks are left out.
+        """Return whether to write a message: if the disk is too slow, whole ticks are left out.
 
         A publisher that waits for its readers waits for the disk instead.
         """
@@ -193,8 +193,8 @@ class Recorder(DragonNode):
 
     def _take(self, topic: str, channel: Channel) -> Callable[[bytes, Any], None]:
         """Return the callback that writes one topic."""
-        shared = channel.name.startswith('/')      # published by all nodes of the graph, and stamped with wall time
-        once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, whatever its stamp
+        shared = channel.name.startswith('/')      # published by all nodes of the graph, stamped with wall time
+        once = channel.latched and channel.publisher == 'sim'      # valid for all ticks, regardless of its stamp
         stamp_at = None if shared or once else stamp_at_of(channel.type)
         handles, scene, health = (channel.name == name for name in ('handles', 'scene', _HEALTH))
         watched = self._monitored if channel.publisher == 'monitor' and not shared else self._simulation
@@ -214,7 +214,7 @@ class Recorder(DragonNode):
                     return
                 if handles:
                     self.losses.stamp(t_ns)
-                if marks:       # first the messages of the tick before, to keep the bag in order
+                if marks:       # write the previous tick's messages first, to keep the bag in order
                     watched.mark(source_ns, t_ns, sequence)
                 self._log(topic, data, t_ns, sequence, source_ns)
             except MessageError as error:
@@ -222,7 +222,7 @@ class Recorder(DragonNode):
         return callback
 
     def _learn(self, text: str) -> None:
-        """Have the scene of the run read, unless it is the one that was read last."""
+        """Start reading the scene of the run, unless it was the last one read."""
         if text != self._scene:
             self._scene = text
             self._scenes.read(text)
@@ -252,7 +252,7 @@ class Recorder(DragonNode):
         self.writer.attach(provenance.ATTACHMENT, 'application/yaml', text.encode(errors='replace'))
 
     def _settings(self) -> dict[str, str]:
-        """Return how this recorder records, for the metadata of the run."""
+        """Return the settings of this recorder, for the metadata of the run."""
         settings = {key: str(value) for key, value in vars(self.bag.options).items()}
         return settings | provenance.versions() | {'ros_distro': os.environ.get('ROS_DISTRO', 'unknown'),
                                                    'rmw': os.environ.get('RMW_IMPLEMENTATION', 'default')}

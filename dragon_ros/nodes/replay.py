@@ -23,7 +23,7 @@ _CLOCK = '/clock'
 
 
 class Choice(NamedTuple):
-    """The part of a bag to play, and where: seconds from its start, topics (None: all), subscribers to wait for.
+    """The part of a bag to play: seconds from its start, topics (None: all), and subscribers to wait for.
 
     ``into`` is the namespace in which its only dragon is published; None is the recorded one.
     """
@@ -64,7 +64,7 @@ class Replay(DragonNode):
                 keys.RIGHT: lambda: self._jump(_JUMP_S), keys.LEFT: lambda: self._jump(-_JUMP_S)}
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError where a live parameter may not take a value."""
+        """Raise DragonError if a live parameter must not take a value."""
         if name == 'seek_s' and value >= 0:
             self.source.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
@@ -109,18 +109,18 @@ class Replay(DragonNode):
 
 
 def moved(topic: str, root: str | None, into: str) -> str:
-    """Return a topic's name, that of a topic below ``root`` in another namespace."""
+    """Return a topic's name; a topic below ``root`` is moved to another namespace."""
     inside = root is not None and topic.startswith(f'{root}/')
     return f'/{into.strip("/")}/{topic.removeprefix(f"{root}/")}'.replace('//', '/') if inside else topic
 
 
 def full_name(name: str, bag: BagReader) -> str:
-    """Return the recorded name of a topic: a relative one is of the only dragon of the bag. Raises InputError."""
+    """Return the recorded name of a topic; a relative name belongs to the bag's only dragon. Raises InputError."""
     return name if not name or name.startswith('/') else f'{namespace_of(bag)}/{name}'
 
 
 def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
-    """Return the first and the last log time to play. Raises InputError where the bag does not have it."""
+    """Return the first and the last log time to play. Raises InputError if they are outside the bag."""
     length_s = (bag.end_ns - bag.start_ns) / NS
     if not 0 <= choice.start_s <= length_s:
         raise InputError(f'--start {choice.start_s:g}: the bag is {length_s:g} s long; give 0 to {length_s:g}')
@@ -135,7 +135,7 @@ def span_of(bag: BagReader, choice: Choice) -> tuple[int, int]:
 
 
 def quantile(counts: Counter[int], part: float) -> int:
-    """Return the value that a ``part`` of the counted ones does not exceed."""
+    """Return the value that a fraction ``part`` of the counted values does not exceed."""
     left = part * counts.total()
     for value in sorted(counts):
         left -= counts[value]

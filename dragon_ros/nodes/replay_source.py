@@ -1,4 +1,4 @@
-"""A replay source: the messages of a bag as frames, one for each log time, with a current position."""
+"""A replay source: the messages of a bag as frames, one per log time, with a current position."""
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
 
@@ -11,20 +11,20 @@ from dragon_ros.core.limits import REPLAYED_BYTES
 from dragon_ros.core.scene import NS
 from dragon_ros.nodes import publisher_queue
 
-_EACH_BYTES = 256       # of a message beside its data
+_EACH_BYTES = 256       # bytes of a message in addition to its data
 
 
 class ReplaySource:
     """Publishes the messages from ``start_ns`` to ``end_ns`` (both included) on the publishers of their topics.
 
-    At the start, and after a seek, each latched topic first publishes the message that it had at that time.
+    At the start and after a seek, each latched topic first publishes its message of that time.
     """
 
     def __init__(self, bag: BagReader, publishers: Mapping[str, Publisher], start_ns: int, end_ns: int,
                  warn: Callable[[str], object]) -> None:
         """Start before the first message; each function in ``also`` is called with every time first.
 
-        ``warn`` is told once of each topic with a message that cannot be published.
+        ``warn`` is called once per topic with a message that cannot be published.
         """
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
@@ -62,11 +62,11 @@ class ReplaySource:
 
     @property
     def left_out(self) -> int:
-        """How many messages could not be published, since their type cannot hold them."""
+        """How many messages could not be published because their type cannot hold them."""
         return self._queue.left_out.total()
 
     def flush(self) -> bool:
-        """Publish what slow readers held back; return whether nothing is held back now."""
+        """Publish the messages that slow readers held back; return whether none are held back now."""
         return self._queue.flush()
 
     def rewind(self) -> None:
@@ -87,7 +87,7 @@ class ReplaySource:
         self._go_to(last if last > self._start_ns else self._last_before(t_ns))
 
     def check_time(self, t_ns: int) -> None:
-        """Raise FieldError where ``t_ns`` is outside the played part."""
+        """Raise FieldError if ``t_ns`` is outside the played part."""
         if not self._start_ns <= t_ns <= self._end_ns:
             raise FieldError('seek_s', t_ns / NS, f'the played part goes from {self._start_ns / NS:.9g} s to '
                              f'{self._end_ns / NS:.9g} s', 'seek within it')
@@ -97,7 +97,7 @@ class ReplaySource:
         return f'at {self._last_ns / NS:.3f} s of {self._end_ns / NS:.3f} s'
 
     def ending(self) -> str:
-        """Return why there is no next message, as text."""
+        """Return the reason why there is no next message, as text."""
         return f'the bag ends at {self._end_ns / NS:.6f} s'
 
     def _go_to(self, t_ns: int) -> None:
@@ -106,7 +106,7 @@ class ReplaySource:
         self._next = next(self._messages, None)
 
     def _take(self) -> list[Message]:
-        """Return the messages of the next log time, or as many as may be held at a time."""
+        """Return the messages of the next log time, or as many as may be held at once."""
         assert self._next is not None
         frame, t_ns, size = [], self._next.t_ns, 0
         while self._next is not None and self._next.t_ns == t_ns and size <= REPLAYED_BYTES:

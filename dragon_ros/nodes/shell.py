@@ -23,13 +23,13 @@ from dragon_ros.core.errors import DiskError, DragonError, InputError, MissingEr
 from dragon_ros.nodes import logs
 from dragon_ros.nodes.spinner import Spinner
 
-_WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # of the name of a package or of a message type
+_WORD = re.compile('[A-Za-z][A-Za-z0-9_]*')      # pattern of the name of a package or of a message type
 
 
 def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_json: bool = False) -> int:
-    """Initialise ROS, run ``body(stop)`` and shut down; signals that end it set ``stop``. Logs as JSON if asked.
+    """Initialise ROS, run ``body(stop)`` and shut down; ending signals set ``stop``. Logs as JSON if requested.
 
-    rclpy's own signal handlers would shut down the context in the middle of a tick; here a node ends between two.
+    rclpy's own signal handlers would shut down the context during a tick; here a node ends between two ticks.
     """
     stop = threading.Event()
     for number in ending():
@@ -55,7 +55,7 @@ def run(name: str, argv: list[str], body: Callable[[threading.Event], int], as_j
 
 
 def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: False, rest_s: float = 0.0) -> int:
-    """Serve a node's callbacks until a signal or ``until()``; then those already due, for ``rest_s`` at most."""
+    """Serve a node's callbacks until a signal or ``until()``; then those already due, for at most ``rest_s``."""
     with closing(Spinner(node)) as spinner:
         while not stop.is_set() and not until():
             spinner.once()
@@ -67,8 +67,8 @@ def spin(node: Node, stop: threading.Event, until: Callable[[], bool] = lambda: 
 def message_type(name: str) -> Any:
     """Return the class of a message type such as geometry_msgs/msg/PoseArray. Raises MissingError.
 
-    The name may come from a bag: only a type that the ament index lists is imported, and only from the prefix that
-    lists it, whatever else is on the path.
+    The name may come from a bag: a type is imported only if the ament index lists it, and only from the prefix that
+    lists it, regardless of the path.
     """
     package, _, kind = name.partition('/msg/')
     if not (_WORD.fullmatch(package) and _WORD.fullmatch(kind)):
@@ -80,7 +80,7 @@ def message_type(name: str) -> Any:
 
 
 def _prefixes() -> list[Path]:
-    """Return where ROS packages are installed: beside the ROS wheels nothing sets AMENT_PREFIX_PATH."""
+    """Return where ROS packages are installed, since the ROS wheels do not set AMENT_PREFIX_PATH."""
     named = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)
     return [Path(prefix) for prefix in (*named, sys.prefix) if prefix]
 
@@ -94,7 +94,7 @@ def _listed(prefix: Path, package: str) -> list[str]:
 
 
 def _stands_below(package: str, prefix: Path) -> bool:
-    """Return whether a package would be imported from below a prefix; nothing is imported to find out."""
+    """Return whether a package would be imported from below a prefix, without importing it."""
     spec = importlib.util.find_spec(package)
     if spec is None or spec.origin is None:
         return False

@@ -33,7 +33,7 @@ from dragon_ros.scenes.provenance import CLAIM, scene_file
 
 
 class Broadcast:
-    """The frames of a run, each published as it is shown."""
+    """The frames of a run, each published when it is shown."""
 
     def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
@@ -53,7 +53,7 @@ class Broadcast:
         self.flush()
 
     def flush(self) -> bool:
-        """Publish what slow readers held back; return whether nothing is held back now."""
+        """Publish the messages that slow readers held back; return whether none are held back now."""
         return self._queue.flush()
 
 
@@ -63,8 +63,8 @@ class Sim(DragonNode):
     def __init__(self, interrupted: Callable[[], bool] = lambda: False, **overrides: Any) -> None:
         """Declare parameters, load the scene, advertise the topics of its effects.
 
-        Where ``on_contact`` asks for it, the first contact is found here. Raises InterruptedError where
-        ``interrupted()`` becomes true meanwhile, DragonError where the parameters describe no valid scene.
+        If ``on_contact`` requires it, the first contact is found here. Raises InterruptedError if ``interrupted()``
+        becomes true meanwhile, DragonError if the parameters describe no valid scene.
         """
         super().__init__('sim', SIM, overrides)
         self.scene, value = _scene_of(self.setting), self.setting
@@ -88,7 +88,7 @@ class Sim(DragonNode):
         self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
 
     def refuse(self, name: str, value: Any) -> None:
-        """Raise DragonError where a live parameter may not take a value."""
+        """Raise DragonError if a live parameter must not take a value."""
         if name == 'seek_s' and value >= 0:
             self._frames.frames.check_time(round(value * NS))
         if name == 'time_scale' and value == 0 and not self._lossless:
@@ -101,7 +101,7 @@ class Sim(DragonNode):
             self.player.set_speed(self.setting['time_scale'])
 
     def _led(self) -> LedFrames:
-        """Return the frames of a led scene, and listen to commands. Raises FieldError where there is no pace."""
+        """Return the frames of a led scene, and subscribe to commands. Raises FieldError without a pace."""
         head = self.scene.head
         assert isinstance(head, Commanded)
         if self._lossless:
@@ -111,7 +111,7 @@ class Sim(DragonNode):
                          keep_s(self.scene))
 
     def _latched(self, about: dict[str, Any]) -> Iterator[tuple[str, bytes]]:
-        """Yield topic and message of what is published once; ``about`` goes with the scene."""
+        """Yield topic and message of everything published once; the scene includes ``about``."""
         value = self.setting
         yield from once(self.scene, value['frame_id']).items()
         if value['robot_description']:
@@ -126,7 +126,7 @@ class Sim(DragonNode):
         return self.create_publisher(shell.message_type(row.type), name, profile)
 
     def _also(self) -> Iterator[Callable[[Frame], None]]:
-        """Yield what else is called with each frame."""
+        """Yield the other functions to call with each frame."""
         if self.setting['publish_clock'] or Effect.CLOCK in self.scene.effects:
             clock = ClockPublisher(self, self.scene.run.start_ns)
             yield lambda frame: clock.publish(frame.t_ns)
@@ -135,7 +135,7 @@ class Sim(DragonNode):
             yield TfPublisher(self, self.setting['frame_id'], self.setting['publish_tf'], root).publish
 
     def _has_tf(self) -> bool:
-        """Return whether tf2_msgs is there; the ROS wheels lack it, and angles are of use without it."""
+        """Return whether tf2_msgs is installed; the ROS wheels lack it, and angles are useful without it."""
         try:
             shell.message_type(TF)
         except MissingError as error:
@@ -145,7 +145,7 @@ class Sim(DragonNode):
 
 
 def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contact | NoContact | None:
-    """Return the first contact, if it is acted on. Raises InterruptedError where ``interrupted()`` becomes true."""
+    """Return the first contact if the run acts on it. Raises InterruptedError if ``interrupted()`` becomes true."""
     def go_on(_: int) -> None:
         if interrupted():
             raise InterruptedError
@@ -153,7 +153,7 @@ def _searched(scene: Scene, act: str, interrupted: Callable[[], bool]) -> Contac
 
 
 def _about(value: dict[str, Any], found: Contact | NoContact | None) -> dict[str, Any]:
-    """Return what the published scene says about the run: also its first contact, if it is to end there."""
+    """Return the ``about`` section of the published scene, with the first contact if the run should end there."""
     about = {name: value[name] for name in ('frame_id', 'on_contact')}
     claim = None if found is None else claim_of(found)
     return about if claim is None else {**about, CLAIM: claim}
@@ -167,7 +167,7 @@ def _scene_of(value: dict[str, Any]) -> Scene:
 
 
 def run(given: dict[str, Any], stop: threading.Event) -> int:
-    """Simulate a run with given parameters in an executor of its own; return the exit code."""
+    """Simulate a run with the given parameters in an executor of its own; return the exit code."""
     try:
         node = Sim(stop.is_set, **given)
     except InterruptedError:

@@ -1,7 +1,7 @@
-"""Serves one node: its raw messages and timers from a wait set that is kept, all else by an executor of rclpy.
+"""Serves one node: its raw messages and timers from a persistent wait set, all else by an executor of rclpy.
 
-An executor of rclpy collects all that a node has for each wait, in Python: its topics, two events of QoS for each of
-them, and the services of its parameters. That costs more than what a message of a dragon takes.
+For each wait, an executor of rclpy collects all entities of a node in Python: its topics, two QoS events per topic, and
+the services of its parameters. That costs more than handling a message of a dragon.
 """
 import time
 from contextlib import ExitStack
@@ -15,28 +15,28 @@ from rclpy.timer import Timer
 from dragon_ros.nodes import raw_subscription
 
 _WAIT_NS = 100_000_000      # longest time until a signal is noticed
-_LOOK_S = 0.25              # longest time until events of QoS and new topics are noticed
+_LOOK_S = 0.25              # longest time until QoS events and new topics are noticed
 _AT_ONCE = 8                # most callbacks of rclpy's executor before messages and timers are served again
-_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up call, so wait again
+_EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up, so wait again
 
 
 class Spinner:
     """Serves a node in the thread that calls it."""
 
     def __init__(self, node: Node) -> None:
-        """Add the node to an executor of rclpy, which serves what is rare."""
+        """Add the node to an executor of rclpy, which serves rare events."""
         self._node, self._executor = node, SingleThreadedExecutor()
         self._executor.add_node(node)
         self._look_at_s, self._held = 0.0, ExitStack()
 
     def once(self) -> None:
-        """Serve what is ready, or becomes ready within a tenth of a second."""
+        """Serve everything that is ready or becomes ready within a tenth of a second."""
         if time.monotonic() >= self._look_at_s or self._wait():
             self._serve(_AT_ONCE)
             self._look()
 
     def rest(self, longest_s: float) -> None:
-        """Serve what is ready until nothing is."""
+        """Serve until nothing is ready."""
         end_s, empty = time.monotonic() + longest_s, 0
         while time.monotonic() < end_s and empty < _EMPTY_WAITS:
             empty = 0 if self._serve(1) else empty + 1
@@ -47,7 +47,7 @@ class Spinner:
         self._executor.shutdown()
 
     def _serve(self, most: int) -> int:
-        """Serve what rclpy finds ready, ``most`` callbacks at most; return their number."""
+        """Serve at most ``most`` callbacks that rclpy finds ready; return their number."""
         for served in range(most):
             try:
                 handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
@@ -58,7 +58,7 @@ class Spinner:
         return most
 
     def _look(self) -> None:
-        """Collect what to wait for until the next look; what is destroyed meanwhile is kept until then."""
+        """Collect the entities to wait for until the next look; destroyed ones are kept until then."""
         node = self._node
         self._takers = dict(raw_subscription.takers(node))
         self._timers = tuple(node.timers)
@@ -74,7 +74,7 @@ class Spinner:
         self._look_at_s = time.monotonic() + _LOOK_S
 
     def _wait(self) -> bool:
-        """Wait; serve the timers and raw messages that are ready. Return whether rclpy has to serve something."""
+        """Wait, and serve the timers and raw messages that are ready. Return whether rclpy must serve something."""
         wait_set = self._wait_set
         wait_set.clear_entities()
         for subscription in self._subscriptions:
@@ -101,7 +101,7 @@ class Spinner:
 
 
 def _call(timer: Timer) -> None:
-    """Call a timer that is ready; one that was cancelled or destroyed meanwhile is not."""
+    """Call a timer that is ready, unless it was cancelled or destroyed meanwhile."""
     try:
         if not timer.is_ready():
             return

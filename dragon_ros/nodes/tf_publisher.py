@@ -17,7 +17,7 @@ class TfPublisher:
     def __init__(self, node: Node, frame_id: str, ends: bool = True, root: bool = False) -> None:
         """Advertise /tf, for both ``ends``, and the head bench as the ``root`` of a robot.
 
-        Raises MissingError where tf2_msgs is not installed.
+        Raises MissingError if tf2_msgs is not installed.
         """
         self._message, self._frame_id, self._ends, self._root = shell.message_type(TF), frame_id, ends, root
         self._publisher = node.create_publisher(self._message, '/tf', QoSProfile(depth=100))
@@ -30,14 +30,14 @@ class TfPublisher:
 
 
 def transforms_of(frame: Frame, frame_id: str) -> list[TransformStamped]:
-    """Return where the first and the last handle are; x points towards the head, as the yaw of the handles."""
+    """Return the transforms of the first and last handle; x points towards the head, like the yaw of the handles."""
     turns = half_turns(frame.axis[[0, -1]])
     return [_transform(frame, frame_id, name, handle, turn.tolist())
             for name, handle, turn in zip(('head', 'tail'), (0, -1), turns, strict=True)]
 
 
 def root_of(frame: Frame, frame_id: str) -> TransformStamped:
-    """Return where the head bench is, the root of the robot: at the first handle, x along the bench."""
+    """Return the transform of the head bench, the root of the robot: at the first handle, with x along the bench."""
     return _transform(frame, frame_id, ROOT, 0, half_turns(frame.axis[:1])[0].tolist())
 
 
