@@ -1,4 +1,4 @@
-"""Many ticks and many instants at once, where numpy's calls would take longer than its numbers."""
+"""Many ticks or instants in one call, for which numpy's overhead per call would exceed the arithmetic."""
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import NamedTuple
@@ -15,14 +15,14 @@ from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import frame_of
 from dragon_ros.core.tiers import PAPER
 
-_BATCH_HANDLES = 2**18      # of a batch: with velocities 8 MB; where there are fewer, calls take longer than numbers
-_TICK_HANDLES = 2**12       # of ticks in a row, whose frames stay in the cache until they are taken
+_BATCH_HANDLES = 2**18      # handles per batch: 8 MB with velocities; below, calls cost more than arithmetic
+_TICK_HANDLES = 2**12       # handles per group of consecutive ticks, whose frames stay in the cache
 
 
 def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
-    """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each as ``tick`` returns it, to the last bit.
+    """Yield the frames of ticks ``first`` to ``stop`` - 1 in order, each bit-identical to that of ``tick``.
 
-    Axes and rectangles are computed for some ticks at once.
+    Axes and rectangles are computed for several ticks at once.
     """
     simulation = compile_scene(scene)
     if not 0 <= first <= stop <= simulation.last_tick + 1:
@@ -32,7 +32,7 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
     for begin in range(first, stop, size):
         times_ns = [scene.run.time_ns(k) for k in range(begin, min(begin + size, stop))]
         chains = [simulation.chain(t_ns / NS) for t_ns in times_ns]
-        if size == 1:       # links of no length lie along the track, which each chain knows for itself
+        if size == 1:       # links of no length lie along the track; only the chain itself knows that
             yield frame_of(simulation, begin, times_ns[0], chains[0])
             continue
         together = replace(chains[0], p=np.stack([chain.p for chain in chains]))
@@ -44,9 +44,9 @@ def ticks(scene: Scene, first: int, stop: int) -> Iterator[Frame]:
 
 
 def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) -> Chain:
-    """Return the chains at many instants (S,) at once: the same model to the tier's metres, arrays with a leading axis.
+    """Return the chains at many instants (S,) as one, with a leading axis: equal to single ones within the tier.
 
-    ``out`` (S, N+1, 2) takes the handles, if it is given. Raises FieldError where it cannot.
+    ``out`` (S, N+1, 2), if given, receives the handles. Raises FieldError if it does not fit.
     """
     simulation = compile_scene(scene)
     if out is not None:
@@ -63,9 +63,9 @@ def states(scene: Scene, times_s: Sequence[float], out: Floats | None = None) ->
 
 
 def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: Floats | None = None) -> Floats:
-    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at ``t_s`` or of many at many.
+    """Return the velocities of all handles in m/s, shape (..., N+1, 2), of a chain at one time or of many at many.
 
-    ``out``, of the same shape, takes them, if it is given. Raises FieldError where it cannot.
+    ``out``, of the same shape, receives them if it is given. Raises FieldError if it does not fit.
     """
     if out is not None:
         _check_room(out, chain.p.shape)
@@ -75,7 +75,7 @@ def velocity_of(scene: Scene, chain: Chain, t_s: float | Sequence[float], out: F
 
 
 class Batch(NamedTuple):
-    """Some of many instants: when (S,), all handles (S, N+1, 2) in m and velocities (S, N+1, 2) in m/s, read-only."""
+    """Several instants: times (S,), all handles (S, N+1, 2) in m and velocities (S, N+1, 2) in m/s, read-only."""
 
     t_s: Floats
     handles_m: Floats
@@ -85,7 +85,7 @@ class Batch(NamedTuple):
 def batches(scene: Scene, times_s: Sequence[float], size: int | None = None) -> Iterator[Batch]:
     """Yield many instants, ``size`` at a time, in memory that the next batch reuses: copy what you want to keep.
 
-    Fresh memory costs as much as what is computed into it; by itself a batch is about as large as a cache.
+    Allocating new memory costs as much as the computation; by default a batch is about as large as a cache.
     """
     size = size or max(1, _BATCH_HANDLES // (scene.dragon.benches + 1))
     room: Floats = np.empty((2, min(size, len(times_s)), scene.dragon.benches + 1, 2))

@@ -1,6 +1,6 @@
-"""Checks of single values, shared by the dataclasses of the core; each names the field, the value and the limit.
+"""Checks of single values, shared by the dataclasses of the core; each error names the field, the value and the limit.
 
-Numbers are Python's and numpy's alike.
+Python's and numpy's numbers are treated alike.
 """
 from math import isfinite
 from numbers import Integral, Real
@@ -46,20 +46,20 @@ def choice(field: str, value: Any, choices: tuple[str, ...]) -> str:
 
 
 def settle(settings: object, **values: Any) -> None:
-    """Give a frozen dataclass its checked and normalised values, from its ``__post_init__`` only.
+    """Assign checked and normalised values to a frozen dataclass; call it only from ``__post_init__``.
 
-    Settings that mean the same are then equal, hash alike and are written alike: 1 is 1.0, and -0.0 is 0.0.
+    Equivalent settings then compare equal, hash alike and are written alike: 1 becomes 1.0, and -0.0 becomes 0.0.
     """
     for name, value in values.items():
         object.__setattr__(settings, name, value)
 
 
 class Settings:
-    """A frozen dataclass that is pickled as its fields alone, without what properties have cached."""
+    """A frozen dataclass that pickles its fields only, without cached properties."""
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
         """Return the class and its fields in order."""
-        from dataclasses import fields  # its modules take a sixth of the time of --help
+        from dataclasses import fields  # importing it takes a sixth of the time of --help
         return type(self), tuple(getattr(self, one.name) for one in fields(self))      # type: ignore[arg-type]
 
 
@@ -71,12 +71,12 @@ def _is_finite(value: float) -> bool:
 
 
 def _kind(value: Any) -> str:
-    """Return the type of a value in the words of a scene file."""
+    """Return the type of a value in the terms of a scene file."""
     return _KINDS.get(type(value), f'a {type(value).__name__}')
 
 
 def _unquoted(value: Any) -> str | None:
-    """Return the cure for a number in quotes."""
+    """Return the cure for a quoted number."""
     if not isinstance(value, str):
         return None
     try:

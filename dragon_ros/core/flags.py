@@ -1,4 +1,4 @@
-"""Effects as flags, and their settings. What a scene does not ask for is not computed, published or recorded."""
+"""Effects as flags, and their settings. An effect that is off is not computed, published or recorded."""
 from collections.abc import Iterable
 from dataclasses import dataclass
 from enum import Flag, auto
@@ -10,7 +10,7 @@ from dragon_ros.core.errors import FieldError, did_you_mean
 
 
 class Effect(Flag):
-    """Switches; handles are always there."""
+    """Switches of the effects; the handles are always computed."""
 
     NONE = 0
     VELOCITY = auto()
@@ -69,9 +69,9 @@ def effects_of(names: Iterable[object]) -> Effect:
 
 
 def check_needs(effects: Effect) -> None:
-    """Raise FieldError where an effect is on and another that it needs is off."""
+    """Raise FieldError if an effect is on but another effect that it needs is off."""
     complete = effects
-    for effect, need in reversed(NEEDS.items()):        # those that need come after those that are needed
+    for effect, need in reversed(NEEDS.items()):        # dependent effects come after those they need
         complete |= need if effect in complete else Effect.NONE
     if complete != effects:
         effect, need = next((e, n) for e, n in NEEDS.items() if e in effects and n not in effects)
@@ -80,26 +80,26 @@ def check_needs(effects: Effect) -> None:
 
 
 def known() -> dict[str, Effect]:
-    """Return every effect by name (Python 3.10 iterates over the zero as well)."""
+    """Return every effect by name (Python 3.10 also iterates over zero)."""
     return {str(effect.name).lower(): effect for effect in Effect if effect.value}
 
 
 @lru_cache(maxsize=256)
 def switches(effects: Effect) -> SimpleNamespace:
-    """Return whether each effect is on, by its name: a tick asks for them one by one, and a Flag takes its time."""
+    """Return whether each effect is on, by its name: a tick queries them one by one, and a Flag is slow."""
     return SimpleNamespace(**{name: effect in effects for name, effect in known().items()})
 
 
 @dataclass(frozen=True)
 class Noise:
-    """Standard deviations of a sensor that sees the handles, and the seed that repeats it."""
+    """Standard deviations of a sensor that observes the handles, and the seed that makes the noise repeatable."""
 
     position_m: float = 0.005
     yaw_rad: float = 0.002
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Refuse a sensor that is not one."""
+        """Reject invalid settings of a sensor."""
         settle(self, position_m=number('noise.position_m', self.position_m, low=0.0, high=1e6),
                yaw_rad=number('noise.yaw_rad', self.yaw_rad, low=0.0, high=1e3),
                seed=whole('noise.seed', self.seed, low=0, high=2**63))
@@ -107,12 +107,12 @@ class Noise:
 
 @dataclass(frozen=True)
 class Trails:
-    """How many seconds a trail goes back, and by how many points it is drawn."""
+    """How many seconds a trail goes back, and the number of points that draw it."""
 
     seconds: float = 10.0
     points: int = 32
 
     def __post_init__(self) -> None:
-        """Refuse a trail that is not one."""
+        """Reject invalid settings of a trail."""
         settle(self, seconds=number('trails.seconds', self.seconds, above=0.0, high=1e9),
                points=whole('trails.points', self.points, low=2, high=10_000))

@@ -1,4 +1,4 @@
-"""What one tick computes: the frame, and the results of its effects."""
+"""The results of one tick: the frame, and the results of its effects."""
 from dataclasses import dataclass, fields
 
 from dragon_ros.core.chain.chain import Chain
@@ -27,15 +27,15 @@ class Health:
 
     @property
     def good(self) -> bool:
-        """Whether the worst link is right to within what both its handles may be off."""
+        """Whether the error of the worst link is within the allowed errors of both its handles."""
         return self.off_m <= self.allowed_m
 
 
 @dataclass(frozen=True)
 class LeaderMotion:
-    """The leading handle: its place (2,) in metres, the unit direction (2,) of its way, and its speed along it.
+    """The leading handle: its place (2,) in metres, the unit direction (2,) of its motion, and its speed along it.
 
-    ``turn_rad_s`` is the rate at which its way turns, positive to the left.
+    ``turn_rad_s`` is the rate at which this direction turns, positive to the left.
     """
 
     p: Floats
@@ -46,7 +46,7 @@ class LeaderMotion:
 
 @dataclass(frozen=True)
 class Frame:
-    """All that leaves the core at one instant; arrays are read-only, what the scene does not call for is None."""
+    """All results of the core at one instant; arrays are read-only, fields of effects that are off are None."""
 
     k: int | None
     t_ns: int
@@ -65,6 +65,6 @@ class Frame:
     joint_rad: Floats | None = None
 
     def __repr__(self) -> str:
-        """Name the tick and the fields that are there; their arrays would fill screens."""
+        """Name the tick and the fields that are set; their arrays would fill screens."""
         there = [one.name for one in fields(self)[2:] if getattr(self, one.name) is not None]
         return f'Frame(k={self.k}, t_ns={self.t_ns}, with {", ".join(there)})'

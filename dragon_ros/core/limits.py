@@ -1,8 +1,8 @@
-"""Budgets: the most that is taken of anything that comes from outside. ``docs/limits.md`` is made from this table.
+"""Budgets: upper limits for all external input. ``docs/limits.md`` is generated from this table.
 
-A scene *from a stranger* is one that stands in a bag or arrives on a topic. What exceeds a budget is refused in one
-line that names it. The checker of certificates shares nothing with the rest, so its budgets are its own
-(``verify/reading.py``).
+A scene *from a stranger* is one that is stored in a bag or arrives on a topic. Input that exceeds a budget is rejected
+with a one-line error that names the budget. The checker of certificates shares nothing with the other rooms, so it has
+budgets of its own (``verify/reading.py``).
 """
 from typing import NamedTuple
 
@@ -66,7 +66,7 @@ GRADED_BOOKS = 10_000
 
 
 class Limit(NamedTuple):
-    """One budget: the name of its constant, what it bounds, its unit, and what happens beyond it."""
+    """One budget: the name of its constant, the quantity it bounds, its unit, and what happens beyond it."""
 
     name: str
     bounds: str

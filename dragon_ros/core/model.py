@@ -1,8 +1,9 @@
-"""What is compiled from a scene: its model in metres, and the simulation that maps times to metres.
+"""The model that is compiled from a scene, in metres, and the simulation that maps times to metres.
 
-A ``Model`` comes from dragon, track, leader, solver and accuracy alone: where all handles are when the leader has gone
-so far, and how far it can go. Law and run only map a tick to metres gone, which is what a ``Simulation`` adds. So a
-place has the same bits in any run and any process, and scenes that differ in law, run or effects share one model.
+A ``Model`` depends only on dragon, track, leader, solver and accuracy. It gives the positions of all handles at each
+distance travelled by the leader, and the range of travel. Law and run only map a tick to a distance, which is what a
+``Simulation`` adds. Positions are therefore bit-identical across runs and processes, and scenes that differ in law, run
+or effects share one model.
 """
 from collections import OrderedDict
 from collections.abc import Callable
@@ -34,15 +35,15 @@ from dragon_ros.core.tracks.polyline import SAG_M, polyline
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import STurn, TrackSpec
 
-_LAST_FLOAT = 1.7976931348623157e308    # a time that is no end
-_MOST_SIMULATIONS = 64              # kept compiled
-_MOST_BYTES_AHEAD = 128_000_000     # of the shift maps of a model, when they are built before they are asked for
-_MOST_BYTES = 1_000_000_000         # of the shift maps of all models that are kept; the least recently used go first
+_LAST_FLOAT = 1.7976931348623157e308    # stands for no end
+_MOST_SIMULATIONS = 64              # compiled simulations kept
+_MOST_BYTES_AHEAD = 128_000_000     # for the shift maps of a model that are built in advance
+_MOST_BYTES = 1_000_000_000         # for the shift maps of all kept models; the least recently used are dropped first
 
 
 @dataclass(frozen=True)
 class Limit:
-    """How far the leader can go: metres, why it ends there ('lock' or 'track'), and the link that locks."""
+    """How far the leader can travel: metres, the reason of the end ('lock' or 'track'), and the link that locks."""
 
     gone_m: float
     reason: str
@@ -51,7 +52,7 @@ class Limit:
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """Where all handles of a dragon are when its leader has gone so far along a track, at one tier of accuracy."""
+    """The positions of all handles by the distance that the leader has travelled along a track, at one tier."""
 
     dragon: AnyDragon
     spec: TrackSpec
@@ -61,12 +62,12 @@ class Model:
 
     @cached_property
     def direction(self) -> int:
-        """Where followers lie: BEHIND the head, or AHEAD of the tail."""
+        """Direction of the followers: BEHIND the head, or AHEAD of the tail."""
         return AHEAD if self.lead == 'tail' else BEHIND
 
     @cached_property
     def track(self) -> Track:
-        """The track in the plane; behind a tail, a spiral ends where the head starts. Raises FieldError."""
+        """The track in the plane; if the tail leads, a spiral ends where the head starts. Raises FieldError."""
         return track_of(self.spec, self.direction)
 
     @cached_property
@@ -81,18 +82,18 @@ class Model:
 
     @cached_property
     def leader(self) -> Leader:
-        """The leader on the track. Raises FieldError for bends that are too tight and a start without track."""
+        """The leader on the track. Raises FieldError if a bend is too tight or the start is off the track."""
         if isinstance(self.spec, STurn):
             self.spec.check_arcs(least_radius_m(self.links_m))
         return Leader(self.track, self.links_m, self.spec.start_m, self.direction)
 
     @cached_property
     def placement(self) -> Placement:
-        """What places the handles: shift maps for blocks of equal links, unless the scene asks for the march.
+        """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
-        Links are solved to the last digit for all tiers, which takes one Newton step more at most; tiers differ in the
-        series of the maps alone. On a spiral they do not differ there either: its series are short, and close to a lock
-        what is off before it is the more so behind it.
+        Links are solved to the last digit for all tiers, which takes at most one more Newton step; tiers differ only in
+        the series of the maps. On a spiral they do not differ there either: its series are short, and close to a lock
+        any error grows along the chain.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
         series_m = (EXACT if self.track.may_lock else self.tier).series_m
@@ -102,17 +103,17 @@ class Model:
 
     @property
     def memory_bytes(self) -> int:
-        """What the shift maps that are built take."""
+        """The memory of the shift maps built so far."""
         return sum(shift.memory_bytes for shift in self.placement.maps.values())
 
     def place(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain when the leader has gone (hi, lo) metres. Raises ModelEnd where there is none."""
+        """Return the chain when the leader has travelled (hi, lo) metres. Raises ModelEnd if there is none."""
         return self.placement.place(self.leader.place(gone_m))
 
     def place_many(self, gone_m: tuple[Floats, Floats], out: Floats | None = None) -> Chain:
-        """Return the chains of many distances (S,) in one: the same to the tier's metres, not bit for bit.
+        """Return the chains at many distances (S,) in one: the same within the tier's metres, but not bit for bit.
 
-        ``out`` (S, N+1, 2) takes the handles, if it is given.
+        ``out`` (S, N+1, 2), if given, receives the handles.
         """
         return self.placement.place_many(self.leader.places(gone_m), out)
 
@@ -121,21 +122,21 @@ class Model:
         return marched(self.track, self.links_m, self.leader.place(gone_m), self.direction)
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
+        """Return a bound on how far handles are from the origin while the leader moves between two distances."""
         return self.leader.size_m(extent_m)
 
     @cached_property
     def sure_m(self) -> float:
-        """How far the leader can go for certain, without the search for where the chain locks; negative if unknown.
+        """How far the leader can surely travel, without the search for the lock of the chain; negative if unknown.
 
-        Handles lie further and further out, and no link locks further out than half its chord (``lock.lock_angle``).
+        Handles lie at increasing radii, and no link locks at a radius above half its chord (``lock.lock_angle``).
         """
         spiral = self.track.from_afar if self.track.may_lock else None
         return spiral.curve.distance_to(0.5 * float(np.max(self.links_m)) / spiral.curve.b_m) if spiral else -1.0
 
     @cached_property
     def limits(self) -> tuple[Limit | None, Limit | None]:
-        """How far the leader can go back, and on; None where nothing ends it. Raises ChainLockError."""
+        """How far the leader can travel back, and on; None if there is no end. Raises ChainLockError."""
         back_m, onwards_m = self.leader.range_m
         if not self.track.may_lock:
             back, onwards = (Limit(gone_m, 'track') if abs(gone_m) < inf else None for gone_m in (back_m, onwards_m))
@@ -154,9 +155,9 @@ class Model:
         return None, Limit(self._last_stand_m(curve.distance_to(angle), link), 'lock', link)
 
     def _last_stand_m(self, gone_m: float, link: int) -> float:
-        """Return the distance of a lock, or the last one just before it at which links find their places.
+        """Return the distance of a lock, or the last distance just before it at which all links can be placed.
 
-        The lock's place is known to a float, and its distance is another float: the chain may be beyond it already.
+        The place of the lock is rounded to a float, and so is its distance: the chain may already be beyond it.
         """
         blocks, back = blocks_of(self.links_m[:link + 2], BEHIND), ulp(gone_m)
         while 0 < gone_m < inf and not self._stands(gone_m, blocks):
@@ -164,7 +165,7 @@ class Model:
         return gone_m
 
     def _stands(self, gone_m: float, blocks: tuple[Block, ...]) -> bool:
-        """Return whether links find their places, alone and among many."""
+        """Return whether all links can be placed, one by one and in a batch."""
         try:
             forward(self.track, blocks, self.leader.place((gone_m, 0.0)), BEHIND)
             forward_many(self.track, blocks, self.leader.places((np.array([gone_m]), np.zeros(1))), BEHIND)
@@ -175,7 +176,7 @@ class Model:
 
 @dataclass(frozen=True)
 class End:
-    """Where a run ends: time, why ('stop', 'lock' or 'track') and the link that locks."""
+    """The end of a run: its time, its reason ('stop', 'lock' or 'track') and the link that locks."""
 
     t_s: float
     reason: str
@@ -184,7 +185,7 @@ class End:
 
 @dataclass(frozen=True, eq=False)
 class Simulation:
-    """A scene with its model: when its run ends, and how far the leader has gone at a time."""
+    """A scene with its model: the end of its run, and the distance travelled by the leader at a time."""
 
     scene: Scene
     model: Model
@@ -196,22 +197,22 @@ class Simulation:
 
     @cached_property
     def size_m(self) -> float:
-        """How far from the origin a handle can be in this run, in metres (a bound)."""
+        """A bound in metres on the distance of any handle from the origin in this run."""
         return self.model.size_m(self.scene.head.extent_m(self.scene.run.stop_s or 0.0))
 
     @cached_property
     def tier(self) -> Tier:
-        """The accuracy as a promise."""
+        """The tier of the scene's accuracy."""
         return self.model.tier
 
     @cached_property
     def promise_m(self) -> float:
-        """The largest position error that this scene may have."""
+        """The largest position error that is allowed in this scene."""
         return self.tier.promise_for_m(self.size_m)
 
     @cached_property
     def limit(self) -> End | None:
-        """Where the model itself ends: the chain locks or a handle reaches the track's end; None if never."""
+        """The end of the model itself: the chain locks or a handle reaches the end of the track; None if never."""
         law = self.scene.head
         ends = [(t_s, limit) for limit, sense in zip(self.model.limits, (-1, 1), strict=True)
                 if limit and (t_s := law.passage_s(limit.gone_m, sense)) is not None]
@@ -221,7 +222,7 @@ class Simulation:
         return End(self._before_s(t_s, limit.gone_m) if limit.reason == 'lock' else t_s, limit.reason, limit.link)
 
     def _before_s(self, t_s: float, gone_m: float) -> float:
-        """Return a time, or the last one before it at which the leader has gone no further than a distance."""
+        """Return a time, or the last time before it at which the leader has not passed a distance."""
         back = ulp(t_s)
         while 0 < t_s < inf:
             high, low = self.scene.head.travelled_m(t_s)
@@ -232,7 +233,7 @@ class Simulation:
 
     @cached_property
     def end(self) -> End:
-        """Where the run ends. Raises FieldError where nothing ends it."""
+        """The end of the run. Raises FieldError if nothing ends it."""
         run, limit = self.scene.run, self.limit
         if run.stop_s is not None and (limit is None or run.stop_s <= limit.t_s):
             return End(run.stop_s, 'stop')
@@ -252,13 +253,13 @@ class Simulation:
         return run.tick_at(max(run.start_ns, floor(self.end.t_s * NS)))
 
     def time_ns(self, k: int) -> int:
-        """Return the time of tick k. Raises FieldError where the run has none of that number."""
+        """Return the time of tick k. Raises FieldError if the run has no such tick."""
         if not 0 <= k <= self.last_tick:
             raise FieldError('k', k, f'the run has the ticks 0 to {self.last_tick}', 'ask for one of these')
         return self.scene.run.time_ns(k)
 
     def check_time(self, t_s: float) -> None:
-        """Raise FieldError or ModelEnd where the model has no state at ``t_s``."""
+        """Raise FieldError or ModelEnd if the model has no state at ``t_s``."""
         if not 0.0 <= t_s <= self._sure_s and not 0.0 <= t_s <= self._last_s:
             number('t_s', t_s, low=0.0)
             assert self.limit
@@ -266,7 +267,7 @@ class Simulation:
 
     @cached_property
     def _sure_s(self) -> float:
-        """A time up to which there is a state for certain: to search for the end takes as long as many states."""
+        """A time up to which a state surely exists; the search for the exact end takes as long as many states."""
         if self.model.sure_m < 0:
             return -1.0
         passed_s = self.scene.head.passage_s(self.model.sure_m)
@@ -277,7 +278,7 @@ class Simulation:
         return _LAST_FLOAT if self.limit is None else self.limit.t_s
 
     def check_times(self, times_s: Floats) -> None:
-        """Raise as ``check_time`` does for the first of many times without a state."""
+        """Raise as ``check_time`` does for the first time without a state."""
         if not np.all((times_s >= 0) & (times_s <= self._sure_s)):
             for t_s in times_s[~((times_s >= 0) & (times_s <= self._last_s))][:1].tolist():
                 self.check_time(t_s)
@@ -298,7 +299,7 @@ class Simulation:
 
     @cached_property
     def extent_m(self) -> tuple[float, float]:
-        """The least and the greatest distance that the leader has gone during the run, or can go where it is led."""
+        """The least and greatest distance travelled by the leader in the run; if it is led, its possible range."""
         if self.scene.is_led:
             return self._reach_m
         run, law, end_s = self.scene.run, self.scene.head, self.end.t_s
@@ -314,7 +315,7 @@ class Simulation:
 
     @cached_property
     def span_m(self) -> tuple[float, float]:
-        """The stretch of the track on which handles are during the run."""
+        """The interval of the track on which the handles are during the run."""
         if self.tier is not PAPER:
             return self.model.leader.span_m(self.extent_m)
         chains = map(self.chain, (self.scene.run.start_s, self.end.t_s))
@@ -322,9 +323,9 @@ class Simulation:
         return float(np.min(ends)), float(np.max(ends))
 
     def build_tables(self, enough: Callable[[], bool]) -> None:
-        """Build the tables of the run from its start on, until ``enough()`` or they take too much memory.
+        """Build the tables of the run from its start, until ``enough()`` is true or the memory limit is reached.
 
-        What is left is built when the leader gets there: a place has the same bits either way.
+        The rest is built when the leader gets there; positions are bit-identical either way.
         """
         maps = self.model.placement.maps.values()
         if not maps or self.tier is PAPER:
@@ -345,9 +346,9 @@ class Simulation:
                     break
 
     def track_line(self, sag_m: float = SAG_M) -> Floats:
-        """Return points (n, 2) in metres along the track, from the front to the rear of where any handle is in the run.
+        """Return points (n, 2) in metres along the track where handles are in the run, from the front to the rear.
 
-        The line between them strays ``sag_m`` from the track at most.
+        The polyline deviates from the track by at most ``sag_m``.
         """
         return read_only(polyline(self.model.track, *self.span_m, sag_m)[::-1].copy())
 
@@ -369,16 +370,16 @@ class Simulation:
 
 
 class _Compiled:
-    """Simulations and models that are kept, the most recently used last; bounded in number and in bytes."""
+    """A cache of simulations and models, the most recently used last; bounded in number and bytes."""
 
     def __init__(self) -> None:
-        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each holds its scene: no other has its id
+        self._simulations: OrderedDict[int, Simulation] = OrderedDict()     # each holds its scene, whose id is its own
         self._models: OrderedDict[tuple[AnyDragon, TrackSpec, str, str, Tier], Model] = OrderedDict()
         self._latest: Simulation | None = None
         self._lock = Lock()
 
     def get(self, scene: Scene) -> Simulation:
-        """Return the simulation of a scene, compiled when it is first asked for."""
+        """Return the simulation of a scene, compiled on the first request."""
         latest = self._latest
         if latest is not None and latest.scene is scene:
             return latest
@@ -391,9 +392,9 @@ class _Compiled:
         return simulation
 
     def _compiled(self, scene: Scene) -> Simulation:
-        """Return a new simulation, with the model that is kept if there is one."""
+        """Return a new simulation, with the cached model if there is one."""
         simulation = self._at(scene, tier_for(scene.accuracy))
-        tier = tier_for(scene.accuracy, simulation.size_m)      # metres may ask for more where coordinates are large
+        tier = tier_for(scene.accuracy, simulation.size_m)      # metres may require more for large coordinates
         return simulation if tier is simulation.tier else self._at(scene, tier)
 
     def _at(self, scene: Scene, tier: Tier) -> Simulation:
@@ -401,7 +402,7 @@ class _Compiled:
         return Simulation(scene, self._models.get(key) or Model(*key))
 
     def _use(self, simulation: Simulation) -> None:
-        """Keep a simulation and its model, as the most recently used."""
+        """Store a simulation and its model as the most recently used."""
         scene, key = simulation.scene, _key_of(simulation.scene, simulation.tier)
         self._simulations[id(scene)] = self._latest = simulation
         self._simulations.move_to_end(id(scene))
@@ -409,7 +410,7 @@ class _Compiled:
         self._models.move_to_end(key)
 
     def _bound(self) -> None:
-        """Drop what was used least recently."""
+        """Drop the least recently used entries."""
         while len(self._models) > 1 and (len(self._models) > _MOST_SIMULATIONS or sum(
                 model.memory_bytes for model in self._models.values()) > _MOST_BYTES):
             _, model = self._models.popitem(last=False)
@@ -423,14 +424,14 @@ _COMPILED = _Compiled()
 
 
 def _key_of(scene: Scene, tier: Tier) -> tuple[AnyDragon, TrackSpec, str, str, Tier]:
-    """Return what a model is compiled from."""
+    """Return the inputs from which a model is compiled."""
     return scene.dragon, scene.track, scene.head.lead, scene.solver, tier
 
 
 def compile_scene(scene: Scene) -> Simulation:
-    """Return the simulation of a scene; it is kept, and scenes that share their geometry share one model.
+    """Return the simulation of a scene from a cache; scenes that share their geometry share one model.
 
-    Raises FieldError for what the scene's settings alone cannot tell: pieces that do not join, bends that are too tight
-    for the benches, a start without track, an accuracy that floats cannot keep so far out.
+    Raises FieldError for faults that the settings alone do not show: pieces that do not join, bends that are too tight
+    for the benches, a start off the track, an accuracy that floats cannot keep at such coordinates.
     """
     return _COMPILED.get(scene)

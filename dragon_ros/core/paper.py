@@ -1,9 +1,9 @@
-"""The paper's own recipe, as it must have been computed: every printed digit, and every error, is reproduced.
+"""The paper's recipe, reconstructed: it reproduces every printed digit and every error.
 
-Head: explicit Euler with 0.01 s, without the radial term; the printed point has the radius from before the last step
-and the angle from after it. Links: the angle is stepped by 0.01 rad until the chord is within 0.1 m of the link; the
-last link has the head's length. Speeds: v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is right: positions are up
-to 14 m off.
+Head: explicit Euler steps of 0.01 s, without the radial term; the printed point has the radius before the last step and
+the angle after it. Links: the angle grows in steps of 0.01 rad until the chord is within 0.1 m of the link; the last
+link has the length of the head. Speeds: v[i+1] = v[i] (rho[i] / rho[i+1])^0.02. None of this is correct: positions are
+up to 14 m off.
 """
 from math import cos, pi, sqrt
 
@@ -20,7 +20,7 @@ STEP_S, STEP_RAD, WITHIN_M, EXPONENT = 0.01, 0.01, 0.1, 0.02
 
 
 class PaperChain(Chain):
-    """A chain as the paper has it, in places and in speeds."""
+    """A chain with the paper's positions and speeds."""
 
     @property
     def solver(self) -> str:
@@ -28,14 +28,14 @@ class PaperChain(Chain):
         return 'paper'
 
     def velocities(self, leader_speed_m_s: float | Floats, out: Floats | None = None) -> Floats:
-        """Return the paper's speeds along the track's tangents, shape (..., N+1, 2); the power law telescopes."""
+        """Return the paper's speeds along the tangents of the track, shape (..., N+1, 2); the power law telescopes."""
         rho = np.hypot(self.p[..., 0], self.p[..., 1])
         speed = np.asarray(leader_speed_m_s)[..., None] * (rho[..., :1] / rho) ** EXPONENT
         return read_only(np.multiply(-speed[..., None], tangents(self.u), out=out).view())
 
 
 def steps_of(t_s: float) -> int:
-    """Return the number of Euler steps up to ``t_s``. Raises FieldError between two steps."""
+    """Return the number of Euler steps up to ``t_s``. Raises FieldError for a time between two steps."""
     steps = round(t_s / STEP_S)
     if abs(steps * STEP_S - t_s) > 1e-9 * max(1.0, abs(t_s)):
         raise FieldError('t_s', t_s, f'the paper computes whole steps of {STEP_S:g} s only',
@@ -44,7 +44,7 @@ def steps_of(t_s: float) -> int:
 
 
 def place(track: Track, links_m: Floats, speed_m_s: float, t_s: float) -> PaperChain:
-    """Return the chain as the paper has it. Raises ChainLockError or TrackEndError where its recipe finds no place."""
+    """Return the paper's chain. Raises ChainLockError or TrackEndError if its recipe finds no place."""
     segment = track.segments[0]
     assert isinstance(segment, SpiralSegment)
     spiral = segment.curve
@@ -77,13 +77,13 @@ def _head(spiral: SpiralCurve, speed_m_s: float, steps: int) -> tuple[float, flo
 
 
 def _links(links_m: Floats) -> list[float]:
-    """Return the link lengths with the paper's slip: the last one is the head's."""
+    """Return the link lengths with the paper's mistake: the last one is the head's."""
     links: list[float] = links_m.tolist()
     return [*links[:-1], links[0]]
 
 
 def _turn(b_m: float, theta: float, rho: float, length_m: float) -> int | None:
-    """Return the smallest number of steps after which the chord (paper, equation 15) is close to the link."""
+    """Return the least number of steps after which the chord (paper, equation 15) is close to the link."""
     for k in range(1, int(2 * pi / STEP_RAD)):
         delta = k * STEP_RAD
         outer = b_m * (theta + delta)

@@ -1,4 +1,4 @@
-"""A scene: everything that is simulated, as settings. ``model`` compiles it."""
+"""A scene: the settings of everything that is simulated. ``model`` compiles it."""
 from dataclasses import dataclass, field
 from fractions import Fraction
 from functools import lru_cache
@@ -13,7 +13,7 @@ from dragon_ros.core.tracks.spec import Spiral, TrackSpec
 from dragon_ros.core.venue import Venue
 
 NS = 10**9
-LATEST_S = 2**31 - 1       # the seconds of a ROS stamp are an int32
+LATEST_S = 2**31 - 1       # a ROS stamp stores seconds as int32
 SOLVERS = ('table', 'march')
 MARKERS = ('cubes', 'triangles')
 ACCURACIES = ('paper', 'preview', 'standard', 'fine', 'exact')
@@ -21,14 +21,14 @@ ACCURACIES = ('paper', 'preview', 'standard', 'fine', 'exact')
 
 @dataclass(frozen=True)
 class Run:
-    """When a run starts and stops, and its ticks a second; ``stop_s`` None means as far as the model goes."""
+    """Start and stop of a run, and its tick rate; if ``stop_s`` is None, the run lasts until the model ends."""
 
     start_s: float = 0.0
     stop_s: float | None = None
     rate_hz: float = 50.0
 
     def __post_init__(self) -> None:
-        """Refuse a run that ends before it starts."""
+        """Reject a run that ends before it starts."""
         settle(self, start_s=number('run.start_s', self.start_s, low=0.0, high=LATEST_S),
                rate_hz=number('run.rate_hz', self.rate_hz, low=1e-6, high=1e6))
         if self.stop_s is not None:
@@ -47,7 +47,7 @@ class Run:
         return self.start_ns + k * period // ticks
 
     def tick_at(self, t_ns: int) -> int:
-        """Return the number of the tick at ``t_ns``, or of the last one before it."""
+        """Return the number of the tick at ``t_ns``, or of the last tick before it."""
         period, ticks = _period(self.rate_hz)
         return ((t_ns - self.start_ns + 1) * ticks - 1) // period
 
@@ -61,11 +61,11 @@ def _period(rate_hz: float) -> tuple[int, int]:
 
 @dataclass(frozen=True)
 class Scene:
-    """A dragon on a track, led by its head or its tail, at an accuracy, with effects, for a run, perhaps in a venue.
+    """A dragon on a track, led by its head or its tail, with an accuracy, effects, a run and optionally a venue.
 
-    All is settings: two scenes that mean the same are equal. ``markers`` is how benches are shown: 'cubes', one each,
-    or 'triangles', all in one list. What only a track laid out in the plane can tell (joints, bends, where the chain
-    locks) is checked when the scene is compiled.
+    All fields are settings: equivalent scenes are equal. ``markers`` selects how benches are shown: 'cubes', one each,
+    or 'triangles', all in one list. Faults that only the track in the plane shows (at joints, in bends, where the chain
+    locks) are reported when the scene is compiled.
     """
 
     dragon: AnyDragon = field(default_factory=Dragon)
@@ -81,9 +81,9 @@ class Scene:
     venue: Venue | None = None
 
     def __post_init__(self) -> None:
-        """Refuse an accuracy that is none, unknown choices, effects without what they need, what the paper lacks.
+        """Reject an invalid accuracy, unknown choices, effects without those they need, and what the paper lacks.
 
-        What a led dragon has walked is part of every run.
+        The speeds that a led dragon has walked are part of every run.
         """
         if self.is_led:
             settle(self, effects=self.effects | Effect.LEADER)
@@ -99,7 +99,7 @@ class Scene:
             self._check_paper()
 
     def _check_paper(self) -> None:
-        """Refuse what the paper's recipe is not for."""
+        """Reject scenes that the paper's recipe does not support."""
         if not isinstance(self.track, Spiral) or not isinstance(self.head, Head) or self.head.lead != 'head':
             raise FieldError('accuracy', self.accuracy, "the paper's recipe is for one spiral, led by the head at a "
                              'constant speed', 'ask for another tier')
@@ -109,12 +109,12 @@ class Scene:
 
     @property
     def is_led(self) -> bool:
-        """Whether the leader is led from outside."""
+        """Whether the leader is led externally."""
         return isinstance(self.head, (Commanded, Walked))
 
     @property
     def spiral(self) -> Spiral:
-        """The track, where it is one spiral. Raises FieldError where it is not."""
+        """The track if it is a single spiral. Raises FieldError otherwise."""
         if isinstance(self.track, Spiral):
             return self.track
         raise FieldError('track.kind', type(self.track).__name__.lower(), 'this needs a single spiral',
@@ -122,7 +122,7 @@ class Scene:
 
     @property
     def steady_m_s(self) -> float:
-        """The leader's speed, where it is constant. Raises FieldError where it is not."""
+        """The leader's speed if it is constant. Raises FieldError otherwise."""
         if isinstance(self.head, Head):
             return self.head.speed_m_s
         raise FieldError('head.kind', type(self.head).__name__.lower(), 'this needs a constant speed',

@@ -1,9 +1,9 @@
 """One tick, from the scene to the frame: start reading here.
 
-A scene is settings; ``compile_scene`` makes the simulation of it. The simulation maps a time to how far the leader has
-gone, its model maps that to the chain of all handles, and each effect that the scene calls for adds its field to the
-frame. A frame is a function of (scene, k) alone. Any tick can be computed first, twice or in parallel, with the same
-bits. ``batches`` computes many instants at once.
+A scene is settings; ``compile_scene`` makes a simulation from it. The simulation maps a time to the distance that the
+leader has travelled, its model maps that distance to the chain of all handles, and each effect that the scene requests
+adds its field to the frame. A frame is a function of (scene, k) alone: ticks can be computed in any order, repeatedly
+or in parallel, with bit-identical results. ``batches`` computes many instants at once.
 """
 from dataclasses import replace
 
@@ -18,7 +18,7 @@ from dragon_ros.core.scene import NS, Scene
 
 
 def tick(scene: Scene, k: int) -> Frame:
-    """Return the frame of tick k, at the integer nanosecond ``scene.run.time_ns(k)``. Raises FieldError off the run."""
+    """Return the frame of tick k, at the nanosecond ``scene.run.time_ns(k)``. Raises FieldError outside the run."""
     simulation = compile_scene(scene)
     t_ns = simulation.time_ns(k)
     return frame_of(simulation, k, t_ns, simulation.chain(t_ns / NS))
@@ -26,10 +26,10 @@ def tick(scene: Scene, k: int) -> Frame:
 
 def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axis: Floats | None = None,
              benches: Benches | None = None) -> Frame:
-    """Return the frame of a chain, tick k or at a time off the ticks: an effect is computed only if it is on.
+    """Return the frame of a chain at tick k or at a time between ticks; an effect is computed only if it is on.
 
-    Each effect gets what it needs by name, and the field of one that is off is None. The directions ``axis`` of the
-    links and the ``benches`` are taken if they are known.
+    Each effect receives its inputs by name; the field of an effect that is off is None. The directions ``axis`` of the
+    links and the ``benches`` are reused if they are known.
     """
     axis = axes_of(chain) if axis is None else axis
     on, t_s, scene = simulation.on, t_ns / NS, simulation.scene
@@ -54,19 +54,19 @@ def state(scene: Scene, t_s: float) -> Chain:
 
 
 def led_tick(simulation: Simulation, law: Walked, k: int) -> Frame:
-    """Return the frame of tick k of a led dragon, whose leader has walked by this law up to there."""
+    """Return the frame of tick k of a led dragon, whose leader has moved by this law so far."""
     led = Simulation(replace(simulation.scene, head=law), simulation.model)
     t_ns = led.scene.run.time_ns(k)
     return frame_of(led, k, t_ns, led.chain(t_ns / NS))
 
 
 def contact_frame(scene: Scene, t_s: float) -> Frame:
-    """Return the frame at exactly the time of a contact, at the exact tier; its stamp is rounded to a nanosecond."""
+    """Return the frame at the exact time of a contact, at the exact tier; its stamp is rounded to a nanosecond."""
     simulation = compile_scene(replace(scene, accuracy='exact'))
     return frame_of(simulation, None, round(t_s * NS), simulation.chain(t_s))
 
 
 def ticks_before(scene: Scene, t_s: float) -> int:
-    """Return the number of ticks before the stamp of a contact: a run that ends there goes on to its frame."""
+    """Return the number of ticks before the stamp of a contact; a run that ends there adds its frame."""
     t_ns = round(t_s * NS)
     return scene.run.tick_at(t_ns - 1) + 1 if t_ns > scene.run.start_ns else 0

@@ -1,9 +1,9 @@
-"""Accuracy as a promise in metres, and what is worked for it.
+"""Accuracy as a promise in metres, and the effort to keep it.
 
-A tier promises the largest position error over all handles and times of a scene. Close to a lock, where the last bit of
-the head's place moves the handles C times as much (C is ``chain.conditioning``), (C - 1) times what floats can keep is
-added. A speed is promised to the same figure for each link length of error, relative to the speed and times C^2. All
-are measured against a 50-digit reference on every case of ``hard_cases``.
+A tier promises the largest position error over all handles and times of a scene. Close to a lock, the last bit of the
+head's place moves the handles C times as much (C is ``chain.conditioning``); there the promise grows by (C - 1) times
+the resolution of floats. The promise for a speed is the same figure per link length of error, relative to the speed and
+times C^2. All promises are measured against a 50-digit reference on every case of ``hard_cases``.
 """
 from dataclasses import dataclass
 from math import inf
@@ -15,7 +15,7 @@ from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError, did_you_mean
 from dragon_ros.core.numerics.types import Floats
 
-_FLOAT_SIZE_M = 20.0        # beyond it a float cannot keep 2e-12 m, and the exact tier grows with the coordinates
+_FLOAT_SIZE_M = 20.0        # beyond it floats cannot keep 2e-12 m: the exact tier grows with coordinates
 
 
 @dataclass(frozen=True)
@@ -26,13 +26,13 @@ class Tier:
     promise_m: float
 
     def promise_for_m(self, size_m: float) -> float:
-        """Return what is promised where coordinates reach ``size_m``."""
+        """Return the promise for coordinates up to ``size_m``."""
         return max(self.promise_m, best_m(size_m)) if self is EXACT else self.promise_m
 
     def series_m(self, size_m: Floats) -> Floats:
-        """Return where series of a shift map may end, for places so far out: at a tenth of the promise, or of floats.
+        """Return the truncation error allowed in a shift map at such coordinates: a tenth of the promise, or of floats.
 
-        The exact tier is as exact in the small: in proportion to the coordinates.
+        For small coordinates the exact tier is as exact relative to them.
         """
         if self is EXACT:
             return 0.01 * EXACT.promise_m / _FLOAT_SIZE_M * size_m
@@ -40,7 +40,7 @@ class Tier:
 
 
 def position_promise_m(tier: Tier, size_m: float, condition: float) -> float:
-    """Return the largest position error where coordinates reach ``size_m`` and the chain has a conditioning."""
+    """Return the largest position error for coordinates up to ``size_m`` and a conditioning of the chain."""
     return tier.promise_for_m(size_m) + (condition - 1) * best_m(size_m)
 
 
@@ -50,20 +50,20 @@ def speed_promise_m_s(tier: Tier, size_m: float, mean_link_m: float, condition: 
     return relative * condition**3 * abs(head_speed_m_s)
 
 
-PAPER = Tier('paper', inf)        # promises nothing: up to 14 m off
+PAPER = Tier('paper', inf)        # no promise: errors reach 14 m
 EXACT = Tier('exact', 2e-12)
 TIERS = {tier.name: tier for tier in (PAPER, Tier('preview', 1e-3), Tier('standard', 1e-6), Tier('fine', 1e-9), EXACT)}
 
 
 def best_m(size_m: float) -> float:
-    """Return the smallest promise that floats keep where coordinates reach ``size_m``."""
+    """Return the smallest promise that floats can keep for coordinates up to ``size_m``."""
     return EXACT.promise_m * max(1.0, size_m / _FLOAT_SIZE_M)
 
 
 def tier_for(accuracy: Any, size_m: float = 0.0) -> Tier:
-    """Return the tier of a name, or the cheapest one that keeps a number of metres where coordinates reach ``size_m``.
+    """Return the tier of a name, or the cheapest one that keeps a number of metres for coordinates up to ``size_m``.
 
-    Raises FieldError, with what can be had, where floats cannot keep it. The paper's recipe must be asked for by name.
+    Raises FieldError, with the possible values, if floats cannot keep it. The paper's recipe must be requested by name.
     """
     if isinstance(accuracy, str):
         if accuracy not in TIERS:

@@ -1,6 +1,6 @@
-"""Where a dragon goes: named obstacles, a polygon that benches must not leave, and the gap that is wanted. As settings.
+"""Settings of the venue: named obstacles, a polygon that benches must not leave, and the required gap.
 
-``geometry.venue`` has what is computed from them. Polygons are checked by shapely, which is imported if there are any.
+``geometry.venue`` computes with them. Polygons are checked by shapely, which is imported only if there are any.
 """
 from collections.abc import Iterable
 from dataclasses import dataclass
@@ -23,14 +23,14 @@ Points = tuple[Point, ...]
 
 @dataclass(frozen=True)
 class PolygonObstacle:
-    """A polygon that no bench may touch; its corners in order, and those of its holes (courtyards, say)."""
+    """A polygon that no bench may touch; its corners in order, and those of its holes (such as courtyards)."""
 
     name: str
     points_m: Points
     holes_m: tuple[Points, ...] = ()
 
     def checked(self, field: str) -> 'PolygonObstacle':
-        """Return the polygon with its values normalised. Raises FieldError for one that is none."""
+        """Return the polygon with its values normalised. Raises FieldError for an invalid polygon."""
         name = _name(field, self.name)
         holes = tuple(_ring(f'{field}.holes_m.{n}', name, hole) for n, hole in enumerate(self.holes_m, 1))
         ring = _ring(f'{field}.points_m', name, self.points_m)
@@ -51,7 +51,7 @@ class LineObstacle:
     points_m: Points
 
     def checked(self, field: str) -> 'LineObstacle':
-        """Return the line with its values normalised. Raises FieldError for one that is none."""
+        """Return the line with its values normalised. Raises FieldError for an invalid line."""
         name = _name(field, self.name)
         points = _points(f'{field}.points_m', name, self.points_m)
         if len(points) < 2:
@@ -66,7 +66,7 @@ OBSTACLES: dict[str, type[Obstacle]] = {'polygon': PolygonObstacle, 'line': Line
 
 @dataclass(frozen=True)
 class Venue:
-    """Obstacles, a polygon (its corners) that benches must not leave, and the gap in metres that is wanted to all.
+    """Obstacles, a polygon (its corners) that benches must not leave, and the required gap in metres to all of them.
 
     ``origin_deg`` is the longitude and latitude of the plane's origin, if that lies on the earth.
     """
@@ -77,7 +77,7 @@ class Venue:
     origin_deg: Point | None = None
 
     def __post_init__(self) -> None:
-        """Refuse a venue that is empty or too large, and what is no polygon or line."""
+        """Reject a venue that is empty or too large, and invalid polygons and lines."""
         if not self.obstacles and self.inside is None:
             raise FieldError('venue.obstacles', 0, 'a venue has obstacles or an inside', 'give one, or leave out venue')
         count = corners(self)
@@ -103,16 +103,16 @@ class Venue:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The names of the obstacles, then that of the inside if there is one."""
+        """The names of the obstacles, followed by that of the inside if there is one."""
         return (*(one.name for one in self.obstacles), *([INSIDE] if self.inside is not None else []))
 
     def __repr__(self) -> str:
-        """Say how large it is; corners would fill screens."""
+        """Summarise the size; corners would fill screens."""
         return f'Venue({len(self.obstacles)} obstacles, {corners(self)} corners, margin_m={self.margin_m:g})'
 
 
 def corners(venue: Venue) -> int:
-    """Return how many corners a venue has."""
+    """Return the number of corners of a venue."""
     rings = chain.from_iterable(_rings(one) for one in venue.obstacles)
     return sum(map(len, rings)) + len(venue.inside or ())
 
@@ -140,7 +140,7 @@ def _name(field: str, value: Any) -> str:
 
 
 def _ring(field: str, name: str, values: Any) -> Points:
-    """Return a ring's corners, the first not repeated as the last. Raises FieldError."""
+    """Return the corners of a ring without repeating the first one at the end. Raises FieldError."""
     points = _points(field, name, values)
     points = points[:-1] if len(points) > 1 and points[0] == points[-1] else points
     if len(points) < 3:
@@ -149,7 +149,7 @@ def _ring(field: str, name: str, values: Any) -> Points:
 
 
 def _points(field: str, name: str, values: Any) -> Points:
-    """Return points, each once where one is repeated in a row. Raises FieldError for a value that is no coordinate."""
+    """Return points without consecutive repetitions. Raises FieldError for an invalid coordinate."""
     if not isinstance(values, tuple) or not all(isinstance(one, tuple) and len(one) == 2 for one in values):
         raise FieldError(field, values, f'those of {name!r} are no points', 'write for example [[0, 0], [4, 0]]')
     flat = [*chain.from_iterable(values)]
@@ -162,7 +162,7 @@ def _points(field: str, name: str, values: Any) -> Points:
 
 
 def _check_simple(field: str, name: str, ring: Points, holes: tuple[Points, ...]) -> None:
-    """Refuse a polygon that crosses or touches itself, and holes that do not lie inside of it or overlap."""
+    """Reject a polygon that crosses or touches itself, and holes that overlap or do not lie inside it."""
     from shapely import Polygon, is_valid, is_valid_reason
     polygon = Polygon(ring, holes)
     if not is_valid(polygon):

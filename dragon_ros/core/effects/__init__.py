@@ -1,4 +1,4 @@
-"""The functions of the effects, each of what it needs by name; the modules of effects that are off stay unloaded."""
+"""The functions of the effects, which take their inputs by name; modules of effects that are off are not imported."""
 from collections.abc import Callable
 from importlib import import_module
 from typing import Any
@@ -9,7 +9,7 @@ _MODULES = {'closeness': 'proximity', 'contacts': 'proximity', 'accelerations': 
 
 
 def __getattr__(name: str) -> Callable[..., Any]:
-    """Import a function when it is first called for (PEP 562), and keep it."""
+    """Import a function on first access (PEP 562), and keep it."""
     if name not in _MODULES:
         raise AttributeError(f'module {__name__!r} has no attribute {name!r}')
     found: Callable[..., Any] = getattr(import_module(f'dragon_ros.core.effects.{_MODULES[name]}'), name)

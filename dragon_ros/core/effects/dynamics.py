@@ -1,4 +1,4 @@
-"""Accelerations of the handles, and the tensions in the links that they say."""
+"""Accelerations of the handles, and the tensions in the links that follow from them."""
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain
@@ -11,7 +11,7 @@ from dragon_ros.core.numerics.vectors import dot
 def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
     """Return the accelerations (N+1, 2) of all handles in m/s^2, from the rigid links and the leader's law.
 
-    Where they jump, at a knot of the law and where a handle passes a joint of the track, they are those just after.
+    At a jump (a knot of the law, or a handle that passes a joint of the track) they are the values just after it.
     """
     law, links = simulation.scene.head, _links(chain)
     speeds = links.speeds(law.speed_at_m_s(t_s))
@@ -21,23 +21,23 @@ def accelerations(simulation: Simulation, t_s: float, chain: Chain) -> Floats:
 
 
 def tensions(chain: Chain, a: Floats) -> Floats:
-    """Return the tensions (N,) of all links in newtons for each kilogram at a handle, positive where a link pulls.
+    """Return the tensions (N,) of all links in newtons per kilogram at each handle, positive if a link pulls.
 
     ``a`` (N+1, 2) are the accelerations of the handles in m/s^2.
 
-    The model: equal masses at the handles, massless links, a track without friction that pushes only across itself;
-    the leader is moved from outside. Along the track a handle feels its own two links alone,
+    The model: equal masses at the handles, massless links, and a track without friction, whose force is normal to
+    itself; the leader is driven externally. Along the track only the two links of a handle act on it,
 
         a[i] . t[i] = T[i-1] e[i-1] . t[i] - T[i] e[i] . t[i],
 
-    which gives all tensions from the free end on, where there is no further link: from the tail on behind a head, from
-    the head on behind a tail.
+    which gives all tensions from the free end, beyond which there is no link: from the tail if the head leads, from the
+    head if the tail leads.
     """
     links = _links(chain)
     front, rear = links.cosines
     along = dot(a, links.forward)
     none = np.zeros(())
-    if links.leader == 0:    # link i - 1 from link i, divided by its own part along the track at handle i
+    if links.leader == 0:    # link i - 1 from link i, divided by its component along the track at handle i
         ratio = np.append(front[1:], 0.0) / rear
         return read_only(carried(none, ratio[::-1], (along[1:] / rear)[::-1])[:0:-1].copy())
     ratio = np.append(0.0, rear[:-1]) / front

@@ -1,9 +1,9 @@
-"""How well a tick was solved."""
+"""The accuracy with which a tick was solved."""
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.frame import Health
 
 
 def chain_health(chain: Chain, promise_m: float) -> Health:
-    """Return how well a chain keeps its links, whose handles may be off by ``promise_m`` each."""
+    """Return how accurately a chain keeps its link lengths, if each handle may be off by ``promise_m``."""
     off_m, link = chain.worst
     return Health(chain.solver, chain.evaluations, link, off_m, 2 * promise_m)

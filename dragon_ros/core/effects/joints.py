@@ -5,7 +5,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 
 
 def joint_angles(axis: Floats) -> Floats:
-    """Return by how much each bench is turned against the one before it, (N - 1,) in rad in (-pi, pi], left positive.
+    """Return the angle of each bench relative to the one before it, (N - 1,) in rad in (-pi, pi], positive to the left.
 
     ``axis`` (N, 2) are the unit directions of the benches, from the rear to the front.
     """

@@ -1,4 +1,4 @@
-"""The leading handle: where it is, which way it goes, and how fast."""
+"""The leading handle: its place, direction and speed."""
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.frame import LeaderMotion
 from dragon_ros.core.model import Simulation
@@ -6,9 +6,9 @@ from dragon_ros.core.numerics.types import read_only
 
 
 def leader_motion(simulation: Simulation, t_s: float, chain: Chain) -> LeaderMotion:
-    """Return the place of the leading handle, the direction of its way, and its speed and turn on it.
+    """Return the place of the leading handle, the direction of its motion, and its speed and turning rate.
 
-    The way of a tail that leads is outwards, against that of a head.
+    A leading tail moves outwards, in the opposite direction to a leading head.
     """
     model, at, speed = simulation.model, chain.leader, simulation.scene.head.speed_at_m_s(t_s)
     segment, u, _ = chain.places

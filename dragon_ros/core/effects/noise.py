@@ -1,4 +1,4 @@
-"""Handles as a noisy sensor would see them: a function of (seed, tick), computed in any order."""
+"""Handles as a noisy sensor would observe them: a function of (seed, tick), computed in any order."""
 import numpy as np
 
 from dragon_ros.core.flags import Noise
@@ -7,7 +7,7 @@ from dragon_ros.core.numerics.types import Floats, read_only
 
 
 def noisy_handles(noise: Noise, k: int | None, t_ns: int, p: Floats, axis: Floats) -> NoisyHandles:
-    """Return handles (N+1, 2) and directions (N, 2) of tick k, or of a time off the ticks, with independent errors."""
+    """Return handles (N+1, 2) and directions (N, 2) of tick k, or of a time between ticks, with independent errors."""
     handles = p.shape[0]
     draw = normal(noise.seed, t_ns if k is None else k, k is None, 3 * handles - 1)
     seen = p + noise.position_m * draw[:2 * handles].reshape(handles, 2)
@@ -17,9 +17,9 @@ def noisy_handles(noise: Noise, k: int | None, t_ns: int, p: Floats, axis: Float
 
 
 def normal(seed: int, number: int, off_tick: bool, count: int) -> Floats:
-    """Return ``count`` standard normal numbers for a seed and a tick (or, off the ticks, a time in ns).
+    """Return ``count`` standard normal numbers for a seed and a tick (or, between ticks, a time in ns).
 
-    The bits are Philox's (Salmon et al. 2011), which numpy keeps for good; Box and Muller's formula makes them normal.
+    The bits are Philox's (Salmon et al. 2011), which numpy keeps stable; the Box-Muller formula makes them normal.
     """
     half = (count + 1) // 2
     bits = np.random.Philox(key=seed, counter=[0, number, int(off_tick), 0]).random_raw(2 * half)

@@ -1,4 +1,4 @@
-"""Which benches are near each other at one instant, which of them touch, and where."""
+"""Near pairs of benches at one instant, the pairs that touch, and where they touch."""
 from weakref import WeakKeyDictionary
 
 import numpy as np
@@ -12,12 +12,12 @@ from dragon_ros.core.geometry.signed_distance import witnesses
 from dragon_ros.core.model import Model, Simulation
 from dragon_ros.core.numerics.types import Floats
 
-# What the last look at a model's dragon left: the next one is faster, and has the bits that it has without.
+# The near pairs of a model's previous instant speed up the next one, and do not change a bit of its result.
 _NEAR: WeakKeyDictionary[Model, NearPairs] = WeakKeyDictionary()
 
 
 def closeness(model: Model, chain: Chain, benches: Benches) -> Closeness:
-    """Return the closest two benches and all that touch, as the monitor sees them."""
+    """Return the closest two benches and all that touch, as the monitor reports them."""
     near = _NEAR.get(model)
     if near is None:
         near = _NEAR[model] = NearPairs()
@@ -25,7 +25,7 @@ def closeness(model: Model, chain: Chain, benches: Benches) -> Closeness:
 
 
 def touching(simulation: Simulation, frame: Frame) -> list[tuple[int, int]]:
-    """Return the pairs that touch, the deepest first, whatever effects are on."""
+    """Return the pairs that touch, the deepest first, whichever effects are on."""
     benches = frame.benches or benches_of(frame.chain, simulation.scene.dragon, frame.axis)
     found = frame.closeness or closeness(simulation.model, frame.chain, benches)
     return list(zip(found.i.tolist(), found.j.tolist(), strict=True))

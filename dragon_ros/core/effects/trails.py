@@ -1,4 +1,4 @@
-"""Where the head has been in the last seconds."""
+"""The positions of the head in the last seconds."""
 import numpy as np
 
 from dragon_ros.core.model import Simulation
@@ -7,14 +7,14 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 
 def trail(simulation: Simulation, t_s: float) -> Floats:
-    """Return where the head was in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in metres."""
+    """Return the head's places in the last ``trails.seconds`` at equal times, oldest first, (points, 2) in m."""
     trails = simulation.scene.trails
     times = np.linspace(max(0.0, t_s - trails.seconds), t_s, trails.points)
     return read_only(np.ascontiguousarray(_head_at(simulation, times)))
 
 
 def _head_at(simulation: Simulation, times_s: Floats) -> Floats:
-    """Return where the head is at many times, (S, 2): the leader itself, or the far end of the chain behind a tail."""
+    """Return the head's positions at many times, (S, 2): those of the leader, or of the far end if the tail leads."""
     model, gone_m = simulation.model, simulation.scene.head.travelled_m(times_s)
     if model.direction == BEHIND:
         return model.track.points(*model.leader.places(gone_m))

@@ -6,17 +6,17 @@ from numpy.polynomial import chebyshev
 
 from dragon_ros.core.numerics.types import Floats
 
-_ENOUGH = 1e-12        # a Newton step, of the interval: the next error is smaller by four digits at least
-_NOTHING = 5e-16       # of the interval: values of series at nodes are rounded by about as much
-_NEWTON_STEPS = 6       # from within a tenth of the interval: three reach the last digit
-_WORK = 200_000         # multiplications of one product: BLAS shares larger ones among threads, and on a busy machine
-                        # these wait for each other for longer than one alone takes
+_ENOUGH = 1e-12        # a Newton step, relative to the interval: the next error is smaller by at least four digits
+_NOTHING = 5e-16       # relative to the interval: about the rounding error of series values at the nodes
+_NEWTON_STEPS = 6       # from within a tenth of the interval: three steps reach the last digit
+_WORK = 200_000         # multiplications per product: BLAS splits larger ones among threads, and on a busy machine
+                        # waiting for each other takes longer than one thread alone
 
 
 @lru_cache(maxsize=64)
 def transform(nodes: int) -> tuple[Floats, Floats]:
     """Return the Chebyshev nodes in [-1, 1] and the matrix from values there to the coefficients."""
-    quarter = np.cos(np.arange(4 * nodes) * (np.pi / (2 * nodes)))     # whole turns are taken off in integers
+    quarter = np.cos(np.arange(4 * nodes) * (np.pi / (2 * nodes)))     # whole turns are removed in integers
     odd = 2 * np.arange(nodes) + 1
     matrix = 2 / nodes * quarter[np.outer(np.arange(nodes), odd) % (4 * nodes)]
     matrix[0] *= 0.5
@@ -24,7 +24,7 @@ def transform(nodes: int) -> tuple[Floats, Floats]:
 
 
 def in_parts(matrix: Floats, values: Floats) -> Floats:
-    """Return the product (..., L, M) of a matrix (L, K) and values (..., K, M), some columns at a time."""
+    """Return the product (..., L, M) of a matrix (L, K) and values (..., K, M), several columns at a time."""
     columns = columns_of(matrix.size)
     out: Floats = np.empty((*values.shape[:-2], len(matrix), values.shape[-1]))
     for first in range(0, values.shape[-1], columns):
@@ -34,7 +34,7 @@ def in_parts(matrix: Floats, values: Floats) -> Floats:
 
 
 def columns_of(size: int) -> int:
-    """Return how many columns a product with a matrix of so many numbers has at most, for one thread."""
+    """Return the largest number of columns of a product with a matrix of this size that stays on one thread."""
     return max(1, _WORK // max(1, size))
 
 
@@ -54,17 +54,17 @@ def inverse_series(series: Floats) -> Floats:
 
 @lru_cache(maxsize=256)
 def _derivatives(nodes: int, terms: int) -> tuple[Floats, ...]:
-    """Return the matrices (N, K) from the first terms of series to their values and four derivatives at the nodes."""
+    """Return the matrices (N, K) from the leading coefficients to the values and four derivatives at the nodes."""
     at, unit = chebyshev.chebvander(transform(nodes)[0], terms - 1), np.eye(terms)
     each = [np.asarray(chebyshev.chebder(unit, order), dtype=np.float64) for order in range(5)]
     return tuple(at[:, :len(one)] @ one for one in each)
 
 
 def _inverse(series: Floats) -> Floats:
-    """Return ``inverse_series`` of some.
+    """Return ``inverse_series`` of a group of columns.
 
     Products give values and four derivatives at the nodes, so Newton's method starts from a polynomial's root near each
-    of them. From there slopes are those of that polynomial: only values are summed again.
+    node. The slopes stay those of that polynomial; only the values are summed again.
     """
     x, matrix = transform(series.shape[0])
     wanted = x[:, None]

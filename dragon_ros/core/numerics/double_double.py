@@ -1,7 +1,7 @@
-"""Double-double numbers: an unevaluated sum of two floats (hi, lo), so that many turns and long ways cost no digits.
+"""Double-double numbers: unevaluated sums of two floats (hi, lo), which lose no digits after many turns or long travel.
 
-``hi`` is the float nearest to the number and ``lo`` the remainder. One float near 1e9 rad is 1e-7 rad coarse, the pair
-1e-23 rad. The trigonometry stays ordinary: cos(hi + lo) = cos(hi) - lo sin(hi) to the last digit.
+``hi`` is the float nearest to the number and ``lo`` is the remainder. Near 1e9 rad the resolution of one float is 1e-7
+rad, that of the pair 1e-23 rad. Trigonometry uses plain floats: cos(hi + lo) = cos(hi) - lo sin(hi) to the last digit.
 """
 from fractions import Fraction
 from functools import lru_cache
@@ -44,7 +44,7 @@ def plus(hi: Any, lo: Any, delta: Any) -> tuple[Any, Any]:
 
 
 def product(a: Any, b: Any) -> tuple[Any, Any]:
-    """Return a * b exactly, as (hi, lo), floats or arrays (Dekker; no operand beyond 1e290)."""
+    """Return a * b exactly, as (hi, lo), floats or arrays (Dekker; operands up to 1e290)."""
     hi = a * b
     big_a, big_b = 134217729.0 * a, 134217729.0 * b     # 2^27 + 1 splits a float in two halves
     a1, b1 = big_a - (big_a - a), big_b - (big_b - b)

@@ -1,7 +1,7 @@
-"""Polynomials with rational coefficients at floats, and at what lies half way between two: exact, and rounded once.
+"""Polynomials with rational coefficients, evaluated exactly at floats and midpoints of two floats, and rounded once.
 
-All is done in integers over one denominator: rational numbers would look for common factors after each operation, which
-takes ten times as long as the rest.
+All arithmetic is in integers over one denominator: rational numbers would cancel common factors after each operation,
+which takes ten times as long as the rest.
 """
 from collections.abc import Sequence
 from fractions import Fraction
@@ -9,7 +9,7 @@ from math import lcm
 
 
 class ExactPolynomial:
-    """A polynomial in t - origin, from its coefficients, the lowest power first."""
+    """A polynomial in t - origin, given by its coefficients, the lowest power first."""
 
     def __init__(self, origin: float, coefficients: Sequence[Fraction]) -> None:
         """Bring the coefficients to one denominator."""
@@ -19,19 +19,19 @@ class ExactPolynomial:
         self._highest, self._others = highest, others
 
     def at(self, t: float | Fraction) -> float:
-        """Return the value at t, rounded. Raises OverflowError where no float is so large."""
+        """Return the value at t, rounded. Raises OverflowError if it exceeds the largest float."""
         value, under = self._exactly(t)
-        return value / under        # of integers: rounded correctly
+        return value / under        # a quotient of integers is rounded correctly
 
     def halves_at(self, t: float) -> tuple[float, float]:
-        """Return the value at t as (hi, lo): rounded, and what that leaves out, rounded."""
+        """Return the value at t as (hi, lo): the rounded value, and the rounded remainder."""
         value, under = self._exactly(t)
         high = value / under
         number, below = high.as_integer_ratio()
         return high, (value * below - number * under) / (under * below)
 
     def _exactly(self, t: float | Fraction) -> tuple[int, int]:
-        """Return numerator and denominator of the value, by Horner's rule on numerators alone."""
+        """Return numerator and denominator of the value, by Horner's rule on numerators only."""
         (number, below), (start, under) = t.as_integer_ratio(), self._origin
         unit = max(below, under)        # both are powers of two
         since = number * (unit // below) - start * (unit // under)

@@ -12,13 +12,13 @@ Index = Array | tuple[Array, ...]
 
 
 def read_only(array: Floats) -> Floats:
-    """Return the array, closed for writing: what leaves the core does not change under its reader."""
+    """Return the array as read-only, so that results of the core cannot change under their reader."""
     array.flags.writeable = False
     return array
 
 
 def distinct(values: Array) -> Array:
-    """Return the distinct values of an array (n,), growing, as ``np.unique``, which imports masked arrays for it."""
+    """Return the sorted distinct values of an array (n,), as ``np.unique``, which would import masked arrays."""
     grown = np.sort(values)
     out: Array = grown[np.append(True, grown[1:] != grown[:-1])[:grown.size]]
     return out

@@ -5,7 +5,7 @@ from dragon_ros.core.numerics.types import Array, Floats
 
 
 def left(vectors: Floats) -> Floats:
-    """Return vectors turned left by a quarter."""
+    """Return vectors rotated by a quarter turn to the left."""
     return np.stack((-vectors[..., 1], vectors[..., 0]), axis=-1)
 
 
@@ -16,5 +16,5 @@ def dot(a: Floats, b: Floats) -> Floats:
 
 
 def complex_of(vectors: Floats) -> Array:
-    """Return vectors that lie in a row in memory as complex numbers (...), without a copy: these are copied faster."""
+    """Return vectors, contiguous in memory, as complex numbers (...) without a copy; complex numbers copy faster."""
     return vectors.view(np.complex128)[..., 0]
