@@ -1,6 +1,6 @@
-"""Biarcs: two arcs that turn into each other and join two points with given headings; and curves made of them.
+"""Biarcs: two tangent arcs that join two points with given headings; and curves made of them.
 
-From p with heading t to q with heading s, both tangent legs d long, the arcs meet half way between their corners
+From p with heading t to q with heading s, with both tangent legs d long, the arcs meet halfway between their corners
 p + d t and q - d s, which are 2 d apart (K. M. Bolton, Biarc curves, Computer-Aided Design 7, 1975):
 
     d = v.v / (v.(t + s) + sqrt((v.(t + s))^2 + |t - s|^2 v.v)),     v = q - p.
@@ -14,13 +14,13 @@ import numpy as np
 
 from dragon_ros.core.numerics.types import Complexes, Floats
 
-_STRAIGHT_RAD = 1e-9    # an arc that turns by less is a line
-_FLAT_M = 1e7           # a radius above which floats see a line
-_LONGEST_RAD = 2.5      # by which an arc of a fitted curve turns at most
+_STRAIGHT_RAD = 1e-9    # an arc that turns by less is treated as a line
+_FLAT_M = 1e7           # a larger radius looks like a line to floats
+_LONGEST_RAD = 2.5      # largest turn of an arc in a fitted curve
 
 
 class Bow(NamedTuple):
-    """An arc from ``start`` with a unit heading, turning by ``angle_rad``, left is positive; a line where that is 0."""
+    """An arc from ``start`` with a unit heading and a turn by ``angle_rad``, positive to the left; a line if 0."""
 
     start: complex
     heading: complex
@@ -51,7 +51,7 @@ class Bow(NamedTuple):
 
     @property
     def _spoke(self) -> complex:
-        """The way from the centre to the start."""
+        """The vector from the centre to the start."""
         return -1j * copysign(self.radius_m, self.angle_rad) * self.heading
 
     def distances_m(self, points: Complexes) -> Floats:
@@ -66,7 +66,7 @@ class Bow(NamedTuple):
         return np.where(on, np.abs(np.abs(seen) - self.radius_m), ends)
 
     def points(self, sag_m: float) -> Complexes:
-        """Return points along it, both ends included, whose chords stray ``sag_m`` from it at most."""
+        """Return points along it, both ends included, whose chords deviate from it by at most ``sag_m``."""
         if self.radius_m > _FLAT_M:
             return np.array((self.start, self.end))
         count = 2 + int(abs(self.angle_rad) * sqrt(self.radius_m / (8 * sag_m)))
@@ -75,12 +75,12 @@ class Bow(NamedTuple):
 
 
 def _bow(start: complex, heading: complex, end: complex, half_rad: float) -> Bow:
-    """Return the arc over a chord, which lies half of its angle off the heading."""
+    """Return the arc over a chord; the chord is half the arc's angle off the heading."""
     return Bow(start, heading, abs(end - start) * (half_rad / sin(half_rad) if half_rad else 1.0), 2 * half_rad)
 
 
 def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> tuple[Bow, Bow] | None:
-    """Return two arcs from a point and heading to another; None if they would start backwards."""
+    """Return two arcs from one point and heading to another; None if they would start backwards."""
     way, both, apart = end - start, heading + leaving, abs(heading - leaving)
     square, along = abs(way) ** 2, (way.conjugate() * both).real
     root = along + sqrt(along * along + apart * apart * square)
@@ -96,16 +96,16 @@ def biarc(start: complex, heading: complex, end: complex, leaving: complex) -> t
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """Biarcs along a curve, each between two of its points (first, last); None where arcs would bend too tightly."""
+    """Biarcs along a curve, each between two of its points (first, last); None if an arc would bend too tightly."""
 
     spans: tuple[tuple[int, int], ...]
     biarcs: tuple[tuple[Bow, Bow] | None, ...]
 
 
 def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: float) -> Fitted:
-    """Return arcs from point to point of a curve (n,), as few as go, within a tolerance of all of its points.
+    """Return arcs from point to point of a curve (n,), as few as possible, within a tolerance of all its points.
 
-    From each node the longest biarc is taken that stays within ``tolerance_m`` and bends at least at ``least_m``.
+    From each node it takes the longest biarc that stays within ``tolerance_m`` and has radii of at least ``least_m``.
     """
     spans, biarcs, first = list[tuple[int, int]](), list[tuple[Bow, Bow] | None](), 0
     while first < len(points) - 1:
@@ -118,7 +118,7 @@ def fitted(points: Complexes, headings: Complexes, tolerance_m: float, least_m: 
 
 def _longest(points: Complexes, headings: Complexes, first: int,
              limits_m: tuple[float, float]) -> tuple[int, tuple[Bow, Bow] | None]:
-    """Return the farthest point that one biarc reaches within limits, and the biarc; None if not the next one."""
+    """Return the farthest point that one biarc reaches within limits, and the biarc; None if there is none."""
     good, best, beyond, ahead = first + 1, None, len(points), 1
     while first + ahead < beyond:
         tried = first + ahead
@@ -140,7 +140,7 @@ def _longest(points: Complexes, headings: Complexes, first: int,
 
 def _within(points: Complexes, heading: complex, leaving: complex,
             limits_m: tuple[float, float]) -> tuple[Bow, Bow] | None:
-    """Return the biarc from the first point to the last if it keeps to tolerance and radius."""
+    """Return the biarc from the first point to the last if it respects tolerance and radius."""
     tolerance_m, least_m = limits_m
     found = biarc(complex(points[0]), complex(heading), complex(points[-1]), complex(leaving))
     if found is None or any(abs(bow.angle_rad) > _LONGEST_RAD or bow.radius_m < least_m for bow in found):

@@ -1,11 +1,11 @@
 """Tracks: segments joined end to end, and the places on them.
 
-A track is a sequence of segments in the order of the head's way; a single spiral is a track of one. A place is a
+A track is a sequence of segments in the head's direction; a single spiral is a track of one segment. A place is a
 segment's number and a coordinate on it, held as a double-double. The next handle is the first place behind, or ahead,
-at the chord's length. On a composite track the largest curvature times the longest link is below 2 (else the track is
-refused): then the chord grows along the track until it is reached, there is one such place within ``reach_m``, it
-moves on as the handle before it moves on, and no link ever locks. A single spiral goes to its centre, where links may
-lock and followers may turn back: ``may_lock`` says so.
+at the distance of the chord. On a composite track the largest curvature times the longest link is below 2; otherwise
+the track is rejected. Then the chord grows along the track until it reaches the link's length, there is exactly one
+such place within ``reach_m``, it moves on as the handle before it moves on, and no link ever locks. A single spiral
+leads to its centre, where links may lock and followers may turn back: ``may_lock`` is then true.
 """
 import cmath
 from bisect import bisect_right
@@ -27,13 +27,13 @@ from dragon_ros.core.tracks.segments import BEHIND, LARGEST_BEND, ArcSegment, Li
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Piece, Spiral, SpiralArc, STurn, TrackSpec
 from dragon_ros.core.tracks.spiral import TIGHT, TINY, SpiralCurve, SpiralSegment, first_peak
 
-_FURTHEST = 1e9     # metres before a track, and radians on a circle: the low part of an angle is a small one there
-_ULPS = 2.0**-49     # of a coordinate and of the way there: what floats leave out, and sums of some
-_HAIR = 1e-9        # of a distance: the leader may be so far beyond the track's end by rounding
-_SLACK = 0.02       # of a link: a follower may be so far beyond it by what the coarsest tier errs
-WIDEST_RAD = 1.3    # about what a link may span on a spiral from afar: further in it may come near its lock
-_ROUNDING = 1e-14   # of a coordinate: a link of no length at the end stays where rounding put the handle before it
-_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
+_FURTHEST = 1e9     # metres before a track, and radians on a circle, up to which the low part of an angle stays small
+_ULPS = 2.0**-49     # relative to a coordinate and the distance there: rounding errors, and sums of some
+_HAIR = 1e-9        # relative to a distance: how far rounding may put the leader beyond the track's end
+_SLACK = 0.02       # relative to a link: how far an error of the coarsest tier may put a follower beyond the end
+WIDEST_RAD = 1.3    # about the largest span of a link on a spiral from afar: further in it may come near its lock
+_ROUNDING = 1e-14   # relative to a coordinate: a link of no length at the end stays where rounding put its front
+_NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from the place that the next piece states
 
 Places = tuple[Ints, Floats, Floats]        # numbers of the segments, and the coordinates on them as (hi, lo)
 
@@ -46,7 +46,7 @@ class Place(NamedTuple):
 
     @classmethod
     def of(cls, segment: Any, u: Any, lo: Any) -> 'Place':
-        """Return the place of numbers from arrays."""
+        """Return the place at an index of the arrays."""
         return cls(int(segment), DoubleDouble(float(u), float(lo)))
 
 
@@ -57,10 +57,10 @@ def least_radius_m(links_m: Floats) -> float:
 
 @dataclass(frozen=True, eq=False)
 class Track:
-    """Segments in the order of the head's way; ``origins_m`` are the distances along the track at their anchors.
+    """Segments in the head's direction; ``origins_m`` are the distances along the track at their anchors.
 
-    After a long way a float is coarser than the promise: ``origins_lo_m`` is what they leave out, where segments are
-    laid piece by piece.
+    After long travel a float is coarser than the promise: ``origins_lo_m`` are the low parts, if the segments are laid
+    piece by piece.
     """
 
     segments: tuple[Segment, ...]
@@ -89,12 +89,12 @@ class Track:
 
     @cached_property
     def from_afar(self) -> SpiralSegment | None:
-        """The first segment, where it is a spiral that winds in from afar: all that reaches it stays on it."""
+        """The first segment if it is a spiral that winds in from afar: handles that reach it stay on it."""
         first = self.segments[0]
         return first if isinstance(first, SpiralSegment) and first.way == BEHIND and first.first == inf else None
 
     def without_locks(self, link_m: float) -> 'Track | None':
-        """Return the part of the track on which links of a length do not lock; None where that is not a stretch."""
+        """Return the part of the track on which links of a length do not lock; None if that is not an interval."""
         first = self.segments[0]
         if self.bend * link_m <= LARGEST_BEND:
             return self
@@ -104,7 +104,7 @@ class Track:
 
     @property
     def lap_m(self) -> float:
-        """Length of the circle that the track begins with, round which it goes for ever; infinite if it has none."""
+        """Length of the circle from which the track comes, without end; infinite if there is none."""
         first = self.segments[0]
         return 2 * pi * first.radius_m if isinstance(first, ArcSegment) and first.first == -inf else inf
 
@@ -125,11 +125,11 @@ class Track:
         return plus(segment.metres(u), segment.metres_lo(u, lo) + self._origins_lo_m[k], self.origins_m[k])
 
     def about_m(self, place: Place) -> float:
-        """Return about the distance of a place along the track."""
+        """Return the approximate distance of a place along the track."""
         return self._distance(place.segment, place.u.hi)
 
     def check_links(self, links_m: Floats) -> None:
-        """Refuse links that are too long for the tightest bend of a composite track, which the error names."""
+        """Reject links that are too long for the tightest bend of a composite track; the error names the bend."""
         least = least_radius_m(links_m)
         if not self.may_lock and self.bend * least > 1:
             tight = max(range(len(self.segments)), key=lambda k: self.segments[k].bend)
@@ -138,9 +138,9 @@ class Track:
                              'use a larger radius or shorter benches')
 
     def place_at(self, metres: float, lo: float = 0.0, from_m: float = 0.0) -> Place:
-        """Return the place so far along the track. Raises TrackEndError where there is no track.
+        """Return the place at a distance along the track. Raises TrackEndError off the track.
 
-        What rounding adds beyond an end is in proportion to distances on the way: to the end's, and to ``from_m``.
+        The allowance for rounding beyond an end is proportional to the distances involved: the end's, and ``from_m``.
         """
         if not self.begin_m <= metres <= self.end_m:
             limit_m = self.begin_m if metres < self.begin_m else self.end_m
@@ -153,7 +153,7 @@ class Track:
         return Place(k, self.segments[k].after(here, here_lo))
 
     def places_at(self, metres: Floats, lo: Floats) -> Places:
-        """Return ``place_at`` of many; all must be on the track."""
+        """Return ``place_at`` for many distances; all must be on the track."""
         number = np.searchsorted(np.array(self.joints_m), metres, side='right')
         u, u_lo = np.empty_like(metres), np.empty_like(metres)
         here, here_lo = plus(metres, lo - np.array(self._origins_lo_m)[number], -np.array(self.origins_m)[number])
@@ -163,7 +163,7 @@ class Track:
         return number, u, u_lo
 
     def present(self, number: Ints) -> list[int]:
-        """Return which segments occur among the numbers of many places."""
+        """Return the segments that occur among many places."""
         if len(self.segments) == 1:
             return [0]
         occurring: list[int] = np.flatnonzero(np.bincount(number.reshape(-1))).tolist()
@@ -175,7 +175,7 @@ class Track:
         return [self._distance(k, self.segments[k].first) for k in range(1, len(self.segments))]
 
     def between(self, low_m: float, high_m: float) -> list[tuple[Segment, float, float]]:
-        """Return the segments between two distances, with u where each begins and ends there."""
+        """Return the segments between two distances, with u at both ends of each."""
         first, last = self.place_at(low_m), self.place_at(high_m)
         return [(segment, first.u.hi if k == first.segment else segment.first,
                  last.u.hi if k == last.segment else segment.last)
@@ -186,9 +186,9 @@ class Track:
         return max(segment.far_m(a, b) for segment, a, b in self.between(low_m, high_m))
 
     def laid_from_m(self, metres: float) -> float:
-        """Return a bound on how far out the pieces go on which the one at a distance along the track is laid.
+        """Return a bound on the distance from the origin of the pieces up to a distance along the track.
 
-        What rounding moves their ends by, it moves all that follows by.
+        A rounding error of one piece's end moves all pieces after it.
         """
         before = self.segments[:self.place_at(metres).segment] if self.origins_lo_m else ()
         return max((segment.far_m(segment.after(0.0).hi, segment.last) for segment in before), default=0.0)
@@ -196,7 +196,7 @@ class Track:
     def next(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
         """Return the place of the next handle, behind (``direction`` BEHIND) or ahead, and evaluations.
 
-        At a lock itself, where rounding may leave no root, it is where the chord is longest.
+        At a lock itself, where rounding may leave no root, it is the place of the longest chord.
         """
         segment, u = self.segments[place.segment], place.u
         edge = self.edge(place.segment, chord_m, direction)
@@ -210,7 +210,7 @@ class Track:
         return found, spent + more
 
     def edge(self, k: int, chord_m: float, direction: int) -> float:
-        """Return where segment k ends behind or ahead; a little further at the track's own ends."""
+        """Return where segment k ends behind or ahead; a little further at the ends of the track."""
         segment = self.segments[k]
         edge = segment.first if direction == BEHIND else segment.last
         if 0 <= k + direction < len(self.segments) or abs(edge) == inf:
@@ -219,7 +219,7 @@ class Track:
         return float(edge + direction * (_SLACK * chord_m + _ROUNDING * (1 + abs(rate * edge))) / rate)
 
     def across(self, place: Place, chord_m: float, direction: int) -> tuple[Place, int]:
-        """Return the next place beyond one joint or more, and evaluations. Raises TrackEndError where there is none."""
+        """Return the next place beyond one or more joints, and evaluations. Raises TrackEndError if there is none."""
         k, segment = place.segment, self.segments[place.segment]
         here = complex(segment.at(*place.u))
         gone = float(segment.metres_between(place.u.hi, segment.first if direction == BEHIND else segment.last)
@@ -237,9 +237,9 @@ class Track:
 
     def _cut(self, k: int, here: complex, chord_m: float, direction: int,
              arcs_m: tuple[float, float]) -> tuple[Place, int]:
-        """Return where segment k is at a chord's length from a point; arcs from there to it: to its near end, at most.
+        """Return where segment k is at a chord's length from a point; arcs from there to it, to its near end at most.
 
-        Solved for ``most`` more than the way from the near end, so that a step next to the joint is not relative to 0.
+        Solved for the distance ``most`` beyond the near end, so that a step next to the joint is not relative to 0.
         """
         gone, reach = arcs_m
         segment = self.segments[k]
@@ -261,7 +261,7 @@ class Track:
 
     @cached_property
     def _joint_hair_m(self) -> float:
-        """How far from a joint rounding may put a place that is to be on it."""
+        """How far from a joint rounding may put a place that should be on it."""
         ends = [(segment, u) for segment in self.segments for u in (segment.first, segment.last) if abs(u) < inf]
         return _ULPS * max((abs(float(m)) for segment, u in ends for m in (u * segment.rate(u), segment.metres(u))),
                            default=0.0)
@@ -288,7 +288,7 @@ class Track:
                                                               (gone[on], reach, self._joint_hair_m))
                 spent += evaluations
             gone, left = gone + longest, left[~hit]
-        for n in left[:1]:      # it says what is wrong
+        for n in left[:1]:      # raises the error
             self.across(Place.of(start, u[0][n], u[1][n]), chord_m, direction)
         return out, spent
 
@@ -323,13 +323,13 @@ class Track:
         return self._vectors(segment, u, lambda k, here: self.segments[k].at(u[here], lo[here]))
 
     def headings(self, segment: Ints, u: Floats, lo: Floats) -> Floats:
-        """Return unit tangents in the head's way, shape (..., 2)."""
+        """Return unit tangents in the head's direction, shape (..., 2)."""
         return self._vectors(segment, u, lambda k, here: self.segments[k].heading(u[here], lo[here]))
 
     def poses(self, segment: Ints, u: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``points`` and ``headings``, for little more than the price of one.
+        """Return ``points`` and ``headings`` for little more than the cost of one.
 
-        ``segment`` may lack the last axes of ``u`` (..., K): those of all K places then.
+        ``segment`` may lack the last axes of ``u`` (..., K): it then applies to all K places.
         """
         points, headings = (np.empty(u.shape, dtype=np.complex128) for _ in range(2))
         for k, here in self._parts(segment):
@@ -343,7 +343,7 @@ class Track:
         return _vectors_of(out)
 
     def _parts(self, segment: Ints) -> Iterator[tuple[int, Any]]:
-        """Yield the segments on which some of many places are, and which these are."""
+        """Yield the segments that hold some of many places, and the indices of these."""
         for k in self.present(segment):
             yield k, ... if len(self.segments) == 1 else segment == k
 
@@ -356,7 +356,7 @@ def _vectors_of(points: Array) -> Floats:
 def _guessed(segment: Segment, near: float, here: Array, chord_m: float, direction: int) -> Floats:
     """Return how far from its near end, in metres, a segment is at a chord's length from many points.
 
-    So far is its osculating circle there, which is the segment itself if it is a line or an arc, or else its tangent.
+    Exact for the osculating circle there, which is the segment itself if it is a line or an arc, or else its tangent.
     """
     link = (complex(segment.at(near)) - here) / (direction * complex(segment.heading(near)))
     aside = np.abs(link.imag)
@@ -374,7 +374,7 @@ def _guessed(segment: Segment, near: float, here: Array, chord_m: float, directi
 
 def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: float, direction: int,
           arcs_m: tuple[Floats, float, float]) -> tuple[tuple[Floats, Floats], int]:
-    """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton kept in brackets."""
+    """Return where a segment is at a chord's length from many points, as ``Track._cut``: Newton within brackets."""
     (near, far), (gone, reach, hair_m) = ends, arcs_m
     rate, sense = abs(float(segment.rate(near))), 1.0 if far > near else -1.0
     left, hair = np.maximum(reach - gone, 0.0), hair_m / rate
@@ -404,10 +404,10 @@ def _cuts(segment: Segment, ends: tuple[float, float], here: Array, chord_m: flo
 
 
 def track_of(spec: TrackSpec, direction: int = BEHIND) -> Track:
-    """Return the track of a spec in the plane. Raises FieldError for pieces that do not join, naming the joint.
+    """Return the track of a spec in the plane. Raises FieldError if pieces do not join, naming the joint.
 
-    A single spiral goes to its centre, and behind a tail (``direction`` AHEAD) ends where the head starts. Distances
-    count from there, of an S-turn from its entry, of a composite track from the first piece's beginning.
+    A single spiral leads to its centre; if the tail leads (``direction`` AHEAD), it ends where the head starts.
+    Distances count from there, from the entry of an S-turn, and from the beginning of a composite track's first piece.
     """
     if isinstance(spec, Spiral):
         if direction == BEHIND:
@@ -448,8 +448,8 @@ def _composite(spec: Composite) -> Track:
 def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -> Segment:
     """Return the segment of a piece from a point.
 
-    Open-ended, it goes back without end: a line, a circle round and round, a spiral that winds in (one that winds out
-    cannot).
+    An open-ended piece extends backwards without end: a line, a circle round and round, or a spiral that winds in (one
+    that winds out cannot).
     """
     if isinstance(piece, Line):
         return LineSegment(start, heading, -inf if open_ended else 0.0, piece.length_m)
@@ -469,7 +469,7 @@ def _segment(piece: Piece, start: complex, heading: complex, open_ended: bool) -
 
 
 def _check_joint(k: int, piece: Piece, point: complex, heading: complex) -> None:
-    """Refuse a piece that says that it begins elsewhere than the one before ends, or heads elsewhere."""
+    """Reject a piece whose stated start or heading differs from the end of the piece before."""
     if piece.at_m is not None:
         x, y = piece.at_m
         gap = hypot(x - point.real, y - point.imag)

@@ -1,9 +1,9 @@
-"""A drawn line made into a track: its corners rounded, its curves fitted with arcs, nothing that cannot be walked.
+"""Converts a drawn line into a track: corners are rounded, curves are fitted with arcs, and every bend can be walked.
 
-A drawn line is a sequence of stretches, straight or smooth, that meet in points; where they meet at an angle is a
-corner. Corners, and bends tighter than the links can follow, give way to the shortest biarc from before to behind them
-that bends at the radius asked for. What is left is straight, or a curve to which biarcs are fitted. All pieces turn
-into each other, since each begins where, and as, the one before ends.
+A drawn line is a sequence of stretches, straight or smooth, that meet in points; if they meet at an angle, the point is
+a corner. Corners, and bends too tight for the links, are replaced by the shortest biarc from before to behind them that
+has the requested radius. The rest is straight, or a curve to which biarcs are fitted. All pieces are tangent to each
+other, since each begins at the end point and heading of the one before.
 """
 import cmath
 from collections.abc import Sequence
@@ -21,26 +21,26 @@ from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.tracks.biarcs import Bow, biarc, fitted
 from dragon_ros.core.tracks.spec import MOST_PIECES, Arc, Line, Piece
 
-LEAD_IN_M = 1.0         # the line before a track that would begin with a bend
-_MOST_SAMPLES = 20_000  # of one curve
-_FINE = 0.002           # of the tolerance: how far samples of a piece stray from it where its distance is measured
-_THINNED = 0.05         # of the tolerance, by which points are thinned out
-_EASED = (0.0, 0.25, 0.5, 0.75)     # of the tolerance, by which points are moved to smooth them, if necessary
+LEAD_IN_M = 1.0         # the line before a track that would otherwise begin with a bend
+_MOST_SAMPLES = 20_000  # per curve
+_FINE = 0.002           # relative to the tolerance: deviation of samples of a piece when its distance is measured
+_THINNED = 0.05         # relative to the tolerance: limit when points are thinned out
+_EASED = (0.0, 0.25, 0.5, 0.75)     # relative to the tolerance: limits of smoothing, tried in order
 _TAUBIN, _PASSES, _TINY_M = (0.5, -0.53), 300, 1e-300
-_KINK_RAD = 0.05        # up to this a curve is bent to meet what is beside it; above it is a corner
-_SAME = 1e-9            # of a length
-_ALIKE = 1e-7           # of a radius: such arcs are one
-_MEASURED = 1e-5        # of its radius: how far samples of a blend stray from it where its distance is measured
-_ROUNDS = 12             # of finding bends that are too tight
-_DECIMALS = 11          # of what a scene file says in m and degrees
-_GROWTH, _CLOSE = 1.2, 1e-6     # of a blend, until it bends little enough, and how closely it is found
+_KINK_RAD = 0.05        # up to this angle a curve is bent to meet its neighbour; above it is a corner
+_SAME = 1e-9            # relative to a length
+_ALIKE = 1e-7           # relative to a radius: arcs that agree are merged
+_MEASURED = 1e-5        # relative to its radius: deviation of samples of a blend when its distance is measured
+_ROUNDS = 12             # of the search for bends that are too tight
+_DECIMALS = 11          # of metres and degrees in a scene file
+_GROWTH, _CLOSE = 1.2, 1e-6     # of a blend, until its radius suffices, and the precision of its size
 
 
 @dataclass(frozen=True, eq=False)
 class Stretch:
     """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
 
-    ``drawn`` (m,) are the points that were drawn, of which these are some, and ``drawn_at_m`` (m,) how far along it.
+    ``drawn`` (m,) are the drawn points, from which these were taken, and ``drawn_at_m`` (m,) their distances along it.
     """
 
     points: Complexes
@@ -50,7 +50,7 @@ class Stretch:
 
     @property
     def is_straight(self) -> bool:
-        """Whether it is a line: a curve cut short may have two points, too, but not their heading."""
+        """Whether it is a line: a shortened curve may have two points as well, but with different headings."""
         way = self.points[-1] - self.points[0]
         return len(self.points) == 2 and bool(np.all(np.abs(self.headings - way / abs(way)) < _SAME))
 
@@ -66,13 +66,13 @@ def gone_m(points: Complexes) -> Floats:
 
 
 def _stretch(points: Complexes, headings: Complexes) -> Stretch:
-    """Return a stretch of which all that was drawn is kept."""
+    """Return a stretch that keeps all drawn points."""
     return Stretch(points, headings, points, gone_m(points))
 
 
 @dataclass(frozen=True)
 class Change:
-    """Where a track leaves the drawing on purpose: the place, the radius there, and by how much at most."""
+    """Where a track leaves the drawing on purpose: the place, the radius there, and the largest deviation."""
 
     place_m: tuple[float, float]
     radius_m: float
@@ -82,9 +82,9 @@ class Change:
 
 @dataclass(frozen=True)
 class Route:
-    """The pieces of a track, the first with its place; what was changed; how far curves stray from the drawing.
+    """The pieces of a track, the first with its place; the changes; the deviation of curves from the drawing.
 
-    The first ``lead_in_m`` are a line before the drawing begins.
+    The first ``lead_in_m`` metres are a line before the drawing begins.
     """
 
     pieces: tuple[Piece, ...]
@@ -94,7 +94,7 @@ class Route:
 
     @property
     def off_m(self) -> float:
-        """How far it is from the drawing, at most, where bends other than corners were too tight; 0 without such."""
+        """The largest deviation from the drawing at bends, other than corners, that were too tight; 0 without any."""
         return max((change.off_m for change in self.changes if not change.is_corner), default=0.0)
 
 
@@ -104,7 +104,7 @@ class Cubic(NamedTuple):
     controls: tuple[complex, complex, complex, complex]
 
     def stretch(self, sag_m: float) -> Stretch:
-        """Return samples whose chords stray ``sag_m`` from the curve at most: by 1 / 8 of the second derivative."""
+        """Return samples whose chords deviate from the curve by at most ``sag_m``: 1 / 8 of the second derivative."""
         a, b, c, d = self.controls
         bend = 6 * max(abs(a - 2 * b + c), abs(b - 2 * c + d))
         t = np.linspace(0.0, 1.0, _samples(sqrt(bend / (8 * sag_m))))
@@ -122,7 +122,7 @@ class EllipseArc(NamedTuple):
     sweep_rad: float
 
     def stretch(self, sag_m: float) -> Stretch:
-        """Return samples whose chords stray ``sag_m`` from the curve at most."""
+        """Return samples whose chords deviate from the curve by at most ``sag_m``."""
         a, b = self.axes
         count = _samples(abs(self.sweep_rad) * sqrt((abs(a) + abs(b)) / (8 * sag_m)))
         u = self.start_rad + self.sweep_rad * np.linspace(0.0, 1.0, count)
@@ -137,7 +137,7 @@ def _samples(count: float) -> int:
 
 
 def _sampled(points: Complexes, rates: Complexes) -> Stretch:
-    """Return a stretch of points and derivatives; where a derivative vanishes, the heading is that of the chords."""
+    """Return a stretch of points and derivatives; if a derivative vanishes, the heading is that of the chords."""
     chords = np.diff(points)
     small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
     if np.any(small):
@@ -148,11 +148,11 @@ def _sampled(points: Complexes, rates: Complexes) -> Stretch:
 
 
 def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
-    """Return a track of lines and arcs along parts of a drawn line, each of which begins where the one before ends.
+    """Return a track of lines and arcs along parts of a drawn line, each of which begins at the end of the one before.
 
-    Corners are rounded at ``radius_m``; where legs are too short for that, at what they leave room for, down to
+    Corners are rounded at ``radius_m``; if legs are too short for that, at the largest radius that fits, down to
     ``least_m``, the tightest that the links can follow. Curves are fitted within ``tolerance_m``. If points are noisy,
-    a part of it is used up to smooth them. Raises InputError with the place where neither goes.
+    a part of it is used up to smooth them. Raises InputError with the place if neither is possible.
     """
     best, refused = None, None
     for part in _EASED if any(isinstance(one, np.ndarray) and len(one) > 2 for one in parts) else _EASED[:1]:
@@ -178,10 +178,10 @@ def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Stre
 
 
 def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Stretch]:
-    """Return the stretches of a line through points (n,): legs, and curves where arcs through points keep to the legs.
+    """Return the stretches of a line through points (n,): legs, and curves if arcs through points stay near the legs.
 
-    A leg of length h between headings that differ by phi strays h phi / 8 from an arc. Points near the line through the
-    others are left out first; ``eased`` are the points as smoothed, ``drawn`` as they were.
+    A leg of length h between headings that differ by phi deviates by h phi / 8 from an arc. Points near the line
+    through the others are removed first; ``eased`` are the smoothed points, ``drawn`` the original ones.
     """
     numbers = _kept(eased, _THINNED * tolerance_m)
     if len(numbers) < 2:
@@ -194,7 +194,7 @@ def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Stre
 
 
 def _kept(points: Complexes, away_m: float) -> Ints:
-    """Return the numbers of the points (n,) that Douglas and Peucker keep: the others are near the line of these."""
+    """Return the indices of the points (n,) that Douglas and Peucker keep: the others are near the line of these."""
     if len(points) < 2:
         return np.arange(len(points))
     rows = np.stack((points.real, points.imag, np.arange(len(points))), axis=1)
@@ -205,9 +205,9 @@ def _kept(points: Complexes, away_m: float) -> Ints:
 
 
 def _eased(points: Complexes, within_m: float) -> Complexes:
-    """Return points (n,) without waves shorter than about 18 of them, none moved by more than a distance.
+    """Return points (n,) without waves shorter than about 18 points, none moved by more than a distance.
 
-    That is Taubin's filter, which smooths without shrinking (A signal processing approach to fair surface design,
+    This is Taubin's filter, which smooths without shrinking (A signal processing approach to fair surface design,
     1995).
     """
     out: Complexes = points.copy()
@@ -219,7 +219,7 @@ def _eased(points: Complexes, within_m: float) -> Complexes:
 
 
 def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> Stretch:
-    """Return a stretch through some points; each heading is that of the circle through it and its neighbours."""
+    """Return a stretch through some points; each heading is that of the circle through the point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
     long, ways = np.abs(legs), legs / np.abs(legs)
@@ -237,7 +237,7 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> Stretch:
 
 
 class _Drawn:
-    """Stretches end to end; distances in m are along them."""
+    """Stretches end to end; distances in m are measured along them."""
 
     def __init__(self, stretches: Sequence[Stretch]) -> None:
         self.stretches = [one for one in stretches if len(one.points) > 1]
@@ -250,7 +250,7 @@ class _Drawn:
         return float(self.begins_m[-1])
 
     def _absorb_kinks(self) -> None:
-        """Bend the ends of curves by a little, so that they turn into what is beside them."""
+        """Bend the ends of curves slightly so that they become tangent to their neighbours."""
         for k in range(len(self.stretches) - 1):
             before, after = self.stretches[k:k + 2]
             left, right = before.headings[-1], after.headings[0]
@@ -266,7 +266,7 @@ class _Drawn:
             self.begins_m[1:], pairwise(self.stretches), strict=False) if before.headings[-1] != after.headings[0]]
 
     def pose(self, at_m: float, after: bool) -> tuple[complex, complex]:
-        """Return the point and the heading at a distance; where two stretches meet, of the one after or before."""
+        """Return the point and heading at a distance; where two stretches meet, those of the one after or before."""
         k = int(np.searchsorted(self.begins_m, at_m, side='right' if after else 'left')) - 1
         k = min(max(k, 0), len(self.stretches) - 1)
         one, here = self.stretches[k], at_m - self.begins_m[k]
@@ -279,7 +279,7 @@ class _Drawn:
         return complex(one.points[n] + part * (one.points[n + 1] - one.points[n])), complex(heading / abs(heading))
 
     def between(self, low_m: float, high_m: float) -> list[tuple[float, Stretch]]:
-        """Return the stretches between two distances, cut where those are, and where each begins."""
+        """Return the stretches between two distances, cut there, and where each begins."""
         out, hair = [], _SAME * self.length_m
         for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
             first, last = max(low_m, begin), min(high_m, begin + float(one.gone_m[-1]))
@@ -295,7 +295,7 @@ class _Drawn:
         return _stretch(np.concatenate(([a], points, [b])), np.concatenate(([at], headings, [to])))
 
     def drawn_between(self, low_m: float, high_m: float) -> Complexes:
-        """Return the line from one distance to another as it was drawn."""
+        """Return the line between two distances as it was drawn."""
         inner = [one.drawn[slice(*np.searchsorted(one.drawn_at_m, (low_m - begin, high_m - begin), side='right'))]
                  for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False)
                  if begin <= high_m and begin + one.gone_m[-1] >= low_m]
@@ -304,7 +304,7 @@ class _Drawn:
 
 @dataclass(frozen=True)
 class _Blend:
-    """Two arcs in place of what is drawn between two distances."""
+    """Two arcs that replace the drawn line between two distances."""
 
     low_m: float
     high_m: float
@@ -335,7 +335,7 @@ def _routed(stretches: Sequence[Stretch], radius_m: float, least_m: float, toler
 
 
 def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
-    """Return intervals in order, those that touch made one."""
+    """Return intervals in order, with touching ones merged."""
     out = list[tuple[float, float]]()
     for low, high in sorted(places):
         if out and low <= out[-1][1]:
@@ -364,7 +364,7 @@ def _blends(drawn: _Drawn, corners: list[tuple[float, float]], radius_m: float, 
 
 
 def _shares(gaps: list[float], wide: list[float | None], slim: list[float | None]) -> list[float | None]:
-    """Return how much of the room between slim and wide blends there is in each gap, from 0 to 1; None below 0."""
+    """Return how much of the room between slim and wide blends each gap has, from 0 to 1; None if below 0."""
     out: list[float | None] = []
     for gap, big, small in zip(gaps, pairwise([0.0, *wide, 0.0]), pairwise([0.0, *slim, 0.0]), strict=True):
         least = sum(one or 0.0 for one in small)
@@ -381,7 +381,7 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
 
 
 def _reach_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float | None:
-    """Return how far to both sides of a place a biarc begins and ends that bends at a radius; None if it finds no room.
+    """Return how far before and behind a place the biarc of a radius begins and ends; None if it does not fit.
 
     Between two lines it is one arc, and reaches R tan(phi / 2).
     """
@@ -404,7 +404,7 @@ def _shortest_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> f
 
 
 def _tangent_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float:
-    """Return the reach that a corner between two lines would take, or a small one to begin with."""
+    """Return the reach of a corner between two lines, or a small one to begin with."""
     low, high = place
     turn = abs(cmath.phase(drawn.pose(high, True)[1] / drawn.pose(low, False)[1]))
     if low == high and turn < 0.99 * pi:
@@ -413,7 +413,7 @@ def _tangent_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> fl
 
 
 def _bent(drawn: _Drawn, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
-    """Return the biarc from before to behind a place, if it bends at a radius at least and nowhere by half a turn."""
+    """Return the biarc from before to behind a place if its radii suffice and no arc turns by half a turn."""
     low, high = _ends(drawn, place, reach_m)
     found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
     if found is None or any(bow.radius_m < radius_m * (1 - _SAME) or abs(bow.angle_rad) > pi for bow in found):
@@ -429,12 +429,12 @@ def _blend(drawn: _Drawn, place: tuple[float, float], reach_m: float) -> _Blend:
 
 
 def _ends(drawn: _Drawn, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
-    """Return the distances so far before and behind a place, those of the drawing's ends where it is shorter."""
+    """Return the distances so far before and behind a place, clipped to the ends of the drawing."""
     return max(0.0, place[0] - reach_m), min(drawn.length_m, place[1] + reach_m)
 
 
 def _unwalkable(drawn: _Drawn, low_m: float, high_m: float, least_m: float) -> InputError:
-    """Return the error of a place where no arc finds room."""
+    """Return the error for a place at which no arc fits."""
     at, _ = drawn.pose(0.5 * (low_m + high_m), True)
     return InputError(
         f'the drawing cannot be walked at ({at.real:.3f}, {at.imag:.3f}) m, {0.5 * (low_m + high_m):.2f} m along it: '
@@ -443,7 +443,7 @@ def _unwalkable(drawn: _Drawn, low_m: float, high_m: float, least_m: float) -> I
 
 
 class _Part(NamedTuple):
-    """Arcs along what is drawn between two distances."""
+    """Arcs along the drawn line between two distances."""
 
     low_m: float
     high_m: float
@@ -452,7 +452,7 @@ class _Part(NamedTuple):
 
 def _fit(drawn: _Drawn, blends: list[_Blend], tolerance_m: float,
          least_m: float) -> tuple[list[_Part], list[tuple[float, float]]]:
-    """Return the parts of the track between blends, and the intervals where it would bend too tightly."""
+    """Return the parts of the track between blends, and the intervals in which it would bend too tightly."""
     parts, tight = list[_Part](), list[tuple[float, float]]()
     ends = [0.0, *(end for blend in blends for end in (blend.low_m, blend.high_m)), drawn.length_m]
     for low, high in zip(ends[::2], ends[1::2], strict=True):
@@ -473,7 +473,7 @@ def _fit(drawn: _Drawn, blends: list[_Blend], tolerance_m: float,
 
 
 def _laid(drawn: _Drawn, blends: list[_Blend], parts: list[_Part], tolerance_m: float) -> Route:
-    """Return the route of blends and parts in order, each piece laid where the one before ends."""
+    """Return the route of blends and parts in order, each piece laid at the end of the one before."""
     order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
                    key=lambda some: some[0])
     bows = _merged([bow for _, some in order for bow in some])
@@ -490,13 +490,13 @@ def _laid(drawn: _Drawn, blends: list[_Blend], parts: list[_Part], tolerance_m: 
 
 
 def _apart_m(drawn: _Drawn, part: _Part, sag_m: float) -> float:
-    """Return the Hausdorff distance of arcs from what is drawn there."""
+    """Return the Hausdorff distance of arcs from the drawn line there."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     return float(hausdorff_distance(*(LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)))
 
 
 def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
-    """Return how far the ends of pieces are moved when each is laid where, and as, the one before ends."""
+    """Return how far the ends of pieces move when each piece is laid at the end point and heading of the one before."""
     gone = np.cumsum([bow.length_m for bow in bows])
     ends = np.array([bow.end for bow in bows])
     at, heading, along, worst = laid[0].start, laid[0].heading, 0.0, 0.0
@@ -516,7 +516,7 @@ def _change(drawn: _Drawn, blend: _Blend) -> Change:
 
 
 def _merged(bows: list[Bow]) -> list[Bow]:
-    """Return arcs with neighbours of one radius, and lines behind lines, made one; none has no length."""
+    """Return arcs with neighbours of one radius, and consecutive lines, merged; none has zero length."""
     out = list[Bow]()
     for bow in bows:
         if out and _are_one(out[-1], bow):
@@ -534,7 +534,7 @@ def _are_one(first: Bow, second: Bow) -> bool:
 
 
 def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
-    """Return arcs as the pieces of a spec; the first says where it lies."""
+    """Return arcs as the pieces of a spec; the first states its place."""
     x, y, heading = bows[0].start.real, bows[0].start.imag, degrees(cmath.phase(bows[0].heading))
     first, *others = (Line(_plain(bow.length_m)) if bow.is_straight else
                       Arc(_plain(bow.radius_m), _plain(degrees(bow.angle_rad))) for bow in bows)
@@ -542,5 +542,5 @@ def _pieces(bows: list[Bow]) -> tuple[Piece, ...]:
 
 
 def _plain(value: float) -> float:
-    """Return a number without what rounding left at its end: that moves a kilometre of track by a nanometre."""
+    """Return a number without the rounding noise at its end: that moves a kilometre of track by a nanometre."""
     return round(value, _DECIMALS)

@@ -1,4 +1,4 @@
-"""A track as a line to draw: points along its segments, as close together as their bends ask for."""
+"""A track as a polyline to draw: points along its segments, as dense as their bends require."""
 from math import sqrt
 
 import numpy as np
@@ -6,17 +6,17 @@ import numpy as np
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.composite import Track
 
-SAG_M = 0.002               # a screen shows no less of a dragon of tens of metres
-_MOST_POINTS = 100_000      # of a segment
+SAG_M = 0.002               # a screen shows no finer detail of a dragon of tens of metres
+_MOST_POINTS = 100_000      # per segment
 _MOST_IN_ALL = 1_000_000
 
 
 def polyline(track: Track, low_m: float, high_m: float, sag_m: float = SAG_M) -> Floats:
-    """Return points (n, 2) in metres along a track between two distances, in the order of the head's way.
+    """Return points (n, 2) in metres along a track between two distances, in the head's direction.
 
-    The line between them strays ``sag_m`` from the track at most (s = R phi^2 / 8), unless that takes over 100,000
-    points for a segment, or over its share of 1,000,000 for all. Each segment's points are
-    as close as its tightest bend there asks for.
+    The polyline deviates from the track by at most ``sag_m`` (s = R phi^2 / 8), unless that needs more than 100,000
+    points in a segment, or more than its share of 1,000,000 in total. The points of each segment are as dense as its
+    tightest bend there requires.
     """
     parts, segments = [], list(track.between(low_m, high_m))
     most = min(_MOST_POINTS, max(2, _MOST_IN_ALL // len(segments)))

@@ -1,4 +1,4 @@
-"""The S-turn (``spec.STurn``): from a spiral in to the same spiral out, half a turn round, along two tangent arcs."""
+"""The S-turn (``spec.STurn``): two tangent arcs from a spiral in to the same spiral, half a turn round, out."""
 from dataclasses import dataclass, replace
 from fractions import Fraction
 from math import asin, inf, pi, sin, sqrt
@@ -11,7 +11,7 @@ from dragon_ros.core.tracks.spiral import SpiralCurve, SpiralSegment
 
 def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]]:
     """Return the segments, open at both ends, and the distances of their anchors from the entry."""
-    # One float for the entry's angle would put both spirals half a unit in its last place off, times the radius.
+    # One float for the entry's angle would put both spirals off by half an ulp of the angle, times the radius.
     curve = SpiralCurve(turn.pitch_m, from_turns(Fraction(turn.diameter_m) / 2 / Fraction(turn.pitch_m)))
     theta = curve.start.hi
     way_in = SpiralSegment(curve, 0j, 1 + 0j, 1, BEHIND, inf, theta)
@@ -25,7 +25,7 @@ def s_turn_segments(turn: STurn) -> tuple[tuple[Segment, ...], tuple[float, ...]
 
 @dataclass(frozen=True)
 class Bent:
-    """A way from entry to exit of an S-turn: two arcs of one radius with a straight line between them."""
+    """A path from entry to exit of an S-turn: two arcs of one radius with a straight line between them."""
 
     radius_m: float
     angle_rad: float
@@ -33,17 +33,18 @@ class Bent:
 
     @property
     def length_m(self) -> float:
-        """Length of the whole way."""
+        """Length of the whole path."""
         return 2 * self.radius_m * self.angle_rad + self.line_m
 
 
 @dataclass(frozen=True)
 class TurnAnswer:
-    """How long an S-turn is and whether it can be shortened, for arcs no tighter than ``least_radius_m``.
+    """The length of an S-turn and whether it can be shortened, for arcs no tighter than ``least_radius_m``.
 
     No ratio of the radii shortens it, since the length does not depend on the ratio. ``smallest_diameter_m`` is the
-    smallest circle with two equal arcs of that radius, 0 if any will do, and ``length_there_m`` the turn's length in
-    it. ``with_line`` replaces the arcs in the same circle by tighter ones and a line, None where that is no shorter.
+    diameter of the smallest circle with two equal arcs of that radius, 0 if any circle will do, and ``length_there_m``
+    the turn's length in it. ``with_line`` replaces the arcs in the same circle by tighter ones and a line; it is None
+    if that is no shorter.
     """
 
     length_m: float
@@ -57,7 +58,7 @@ class TurnAnswer:
 
 
 def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
-    """Return the length of a turn, and what shortens it."""
+    """Return the length of a turn, and the ways to shorten it."""
     smallest = turn.smallest_diameter_m(least_radius_m)
     there_m = replace(turn, diameter_m=smallest, ratio=1.0).length_m if smallest else None
     return TurnAnswer(turn.length_m, turn.radii_m, turn.angle_rad, least_radius_m, turn.largest_ratio(least_radius_m),
@@ -65,11 +66,12 @@ def turn_answer(turn: STurn, least_radius_m: float) -> TurnAnswer:
 
 
 def shortest_bent(turn: STurn, least_radius_m: float) -> Bent | None:
-    """Return the shortest way between the turn's entry and exit that turns right, then left, no tighter than a radius.
+    """Return the shortest path between the turn's entry and exit that turns right, then left, no tighter than a radius.
 
-    Of all curves of bounded curvature the shortest is made of arcs of that radius and lines (Dubins 1957); this is the
-    one that turns once each way. None where the radius is larger than that of two equal arcs. The first arc's centre is
-    at distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line touches both arcs and goes through it.
+    The shortest of all curves of bounded curvature consists of arcs of that radius and lines (Dubins 1957); this is the
+    one that turns once each way. It is None if the radius exceeds that of two equal arcs. The first arc's centre is at
+    distance m from the circle's, m^2 = R^2 + r^2 - 2 R r sin gamma; the line is tangent to both arcs and passes through
+    it.
     """
     big, r, gamma = turn.radius_m, least_radius_m, turn.gamma_rad
     if 2 * r > sum(turn.radii_m):

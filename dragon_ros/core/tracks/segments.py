@@ -1,8 +1,8 @@
-"""Segments of a track where they lie in the plane, each with one coordinate u along it: what all are, lines and arcs.
+"""Segments of a track placed in the plane, each with one coordinate u along it: their interface, lines and arcs.
 
-Points and directions are complex numbers, floats or arrays of them; ``heading`` is the head's way along the segment. u
-is metres on a line, radians turned on an arc and the polar angle on a spiral (``spiral``), kept as a double-double
-(hi, lo).
+Points and directions are complex numbers, floats or arrays of them; ``heading`` is the head's direction along the
+segment. u is metres on a line, radians turned on an arc and the polar angle on a spiral (``spiral``), kept as a
+double-double (hi, lo).
 """
 import cmath
 from dataclasses import dataclass
@@ -14,12 +14,12 @@ import numpy as np
 from dragon_ros.core.numerics.double_double import DoubleDouble, plus, product
 from dragon_ros.core.numerics.types import Array, Floats
 
-BEHIND, AHEAD = -1, 1         # against the head's way, and along it
-LARGEST_BEND = 1.98     # of curvature times chord: at 2 a link may lock; 1 % short of it roots stay well conditioned
+BEHIND, AHEAD = -1, 1         # against the head's direction, and along it
+LARGEST_BEND = 1.98     # limit of curvature times chord: at 2 a link may lock; 1 % below, roots are well conditioned
 
 
 class Past(NamedTuple):
-    """What the predictor knows of many places: differences of squared angles (M,) of the last three equal links."""
+    """The predictor's state for many places: differences of squared angles (M,) of the last three equal links."""
 
     d1: Floats
     d2: Floats
@@ -27,7 +27,7 @@ class Past(NamedTuple):
 
 
 class Segment(Protocol):
-    """What a track asks of a segment. An open end has an infinite coordinate."""
+    """The interface of a segment. An open end has an infinite coordinate."""
 
     @property
     def first(self) -> float:
@@ -53,19 +53,19 @@ class Segment(Protocol):
         ...
 
     def heading(self, u: Any, lo: Any = 0.0) -> Any:
-        """Return the unit tangent in the head's way."""
+        """Return the unit tangent in the head's direction."""
         ...
 
     def rate(self, u: Any) -> Any:
-        """Return metres in the head's way for each unit of u (negative where u falls)."""
+        """Return metres in the head's direction per unit of u (negative where u falls)."""
         ...
 
     def metres(self, u: Any) -> Any:
-        """Return the distance from the anchor to u, positive in the head's way."""
+        """Return the distance from the anchor to u, positive in the head's direction."""
         ...
 
     def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return what the distance from the anchor to u + lo is more than ``metres(u)``, one float."""
+        """Return by how much the distance from the anchor to u + lo exceeds ``metres(u)``, as one float."""
         ...
 
     def metres_between(self, a: Any, b: float) -> Any:
@@ -73,15 +73,15 @@ class Segment(Protocol):
         ...
 
     def curvature(self, u: Any) -> Any:
-        """Return the curvature in 1/m, positive where the head's way turns left; monotone along the segment."""
+        """Return the curvature in 1/m, positive if the head turns left there; monotone along the segment."""
         ...
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u so many metres from the anchor in the head's way."""
+        """Return u at a distance in metres from the anchor in the head's direction."""
         ...
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` of many, as (hi, lo)."""
+        """Return ``after`` for many, as (hi, lo)."""
         ...
 
     def far_m(self, a: float, b: float) -> float:
@@ -89,7 +89,7 @@ class Segment(Protocol):
         ...
 
     def next(self, u: DoubleDouble, chord_m: float, direction: int) -> tuple[DoubleDouble, int]:
-        """Return the nearest place at a chord, on this curve however long, and evaluations; infinite if none."""
+        """Return the nearest place at a chord, beyond the segment's ends too, and evaluations; infinite if none."""
         ...
 
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
@@ -97,21 +97,21 @@ class Segment(Protocol):
         ...
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations.
+        """Return the changes of many coordinates to the next places, infinite if there is none, and evaluations.
 
-        ``past`` helps to predict them. Raises ChainLockError where a link locks.
+        ``past`` helps to predict them. Raises ChainLockError if a link locks.
         """
         ...
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return what the predictor keeps of changes of coordinates."""
+        """Return the predictor's state after changes of coordinates."""
         ...
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
         """Return the coordinates (hi, lo) of up to ``links`` = (count, chord_m) handles, and evaluations.
 
-        It stops before the first that is beyond ``edge`` or has no place.
+        It stops before the first handle that is beyond ``edge`` or cannot be placed.
         """
         ...
 
@@ -131,7 +131,7 @@ class LineSegment:
         return self.start + self.direction * u + self.direction * lo
 
     def heading(self, u: Any, lo: Any = 0.0) -> Any:
-        """Return the unit tangent in the head's way."""
+        """Return the unit tangent in the head's direction."""
         return self.direction + 0 * u
 
     def poses(self, u: Floats, lo: Floats) -> tuple[Array, Array]:
@@ -139,7 +139,7 @@ class LineSegment:
         return self.at(u, lo), self.heading(u)
 
     def rate(self, u: Any) -> Any:
-        """Return metres for each unit of u."""
+        """Return metres per unit of u."""
         return 1.0
 
     def metres(self, u: Any) -> Any:
@@ -147,7 +147,7 @@ class LineSegment:
         return u
 
     def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return what ``metres`` leaves out."""
+        """Return the low part of ``metres``."""
         return lo
 
     def metres_between(self, a: Any, b: float) -> Any:
@@ -159,11 +159,11 @@ class LineSegment:
         return np.zeros_like(u)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u so many metres from the start."""
+        """Return u at a distance in metres from the start."""
         return DoubleDouble(*plus(metres, lo, 0.0))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` of many."""
+        """Return ``after`` for many."""
         return plus(metres, lo, 0.0)
 
     def far_m(self, a: float, b: float) -> float:
@@ -183,7 +183,7 @@ class LineSegment:
         return np.full_like(u, direction * chord_m), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return nothing of use: all is in closed form."""
+        """Return an empty state: everything is in closed form."""
         return shift
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
@@ -225,7 +225,7 @@ class ArcSegment:
         return self.centre + self.spoke * turn, turned * self.spoke / self.radius_m * turn
 
     def rate(self, u: Any) -> Any:
-        """Return metres for each unit of u."""
+        """Return metres per unit of u."""
         return self.radius_m
 
     def metres(self, u: Any) -> Any:
@@ -233,7 +233,7 @@ class ArcSegment:
         return self.radius_m * u
 
     def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return what ``metres`` leaves out."""
+        """Return the low part of ``metres``."""
         return product(self.radius_m, u)[1] + self.radius_m * lo
 
     def metres_between(self, a: Any, b: float) -> Any:
@@ -245,11 +245,11 @@ class ArcSegment:
         return np.full_like(u, self.side / self.radius_m)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u so many metres from the start, with all digits however many rounds that is."""
+        """Return u at a distance in metres from the start, with all digits after any number of rounds."""
         return DoubleDouble(*self._after(metres, lo))
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` of many."""
+        """Return ``after`` for many."""
         return self._after(metres, lo)
 
     def _after(self, metres: Any, lo: Any) -> tuple[Any, Any]:
@@ -274,7 +274,7 @@ class ArcSegment:
         return np.full_like(u, direction * arc_span(self.radius_m, chord_m)), 0
 
     def squares(self, u: Floats, shift: Floats) -> Floats:
-        """Return nothing of use: all is in closed form."""
+        """Return an empty state: everything is in closed form."""
         return shift
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
@@ -286,10 +286,10 @@ class ArcSegment:
 def reach_m(bend: float, chord_m: float) -> float:
     """Return the longest arc that a chord can span on a track whose curvature in 1/m is at most ``bend``.
 
-    Where the curvature times the chord is below 2, the chord from a place grows along the track until the arc is
-    pi / bend: the tangent at arc s differs from those before it, at sigma, by an angle of bend (s - sigma) at most, so
-    the chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is no
-    shorter than 2 sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
+    If the curvature times the chord is below 2, the chord from a place grows along the track until the arc is pi /
+    bend: the tangent at arc s differs from those before it, at sigma, by an angle of at most bend (s - sigma), so the
+    chord grows at least as sin(bend s) / (bend chord) > 0. By Schur's comparison with a circle the chord is no shorter
+    than 2 sin(bend s / 2) / bend. So it reaches ``chord_m`` once, within 2 asin(bend chord_m / 2) / bend.
     """
     return 2 * asin(0.5 * bend * chord_m) / bend if bend else chord_m
 
@@ -319,5 +319,5 @@ def arc_from(start: complex, heading: complex, radius_m: float, side: int, angle
 
 
 def _turn(angle: Any) -> Any:
-    """Return exp(i angle) of one or many: for one, numpy takes several times as long."""
+    """Return exp(i angle) of one angle or many: for one, numpy takes several times as long."""
     return cmath.rect(1.0, angle) if type(angle) is float else np.exp(1j * angle)

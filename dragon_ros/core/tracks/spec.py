@@ -1,4 +1,4 @@
-"""Track specs: what a scene says about its track, as plain checked values. ``composite`` lays the segments out.
+"""Track specs: the description of a track in a scene, as plain checked values. ``composite`` lays the segments out.
 
 A spiral is a track of one segment. The S-turn and a composite track are sequences of lines, arcs and spirals.
 """
@@ -21,14 +21,14 @@ class Spiral:
     start_turns: float = 16.0
 
     def __post_init__(self) -> None:
-        """Refuse a spiral that is not one."""
+        """Reject an invalid spiral."""
         number('track.pitch_m', self.pitch_m, above=0.0, high=1e12)
         settle(self, pitch_m=number('track.pitch_m', self.pitch_m, low=1e-12),
                start_turns=number('track.start_turns', self.start_turns, low=0.0, high=1e9))
 
     @property
     def b_m(self) -> float:
-        """Radius gained for each radian."""
+        """Radius gained per radian."""
         return self.pitch_m / (2 * pi)
 
     @property
@@ -38,7 +38,7 @@ class Spiral:
 
     @property
     def start_m(self) -> float:
-        """Distance of the head along the track at t = 0, from where distances count."""
+        """Distance of the head along the track at t = 0, from the zero of distances."""
         return 0.0
 
 
@@ -47,13 +47,13 @@ class STurn:
     """Spiral in, arc of ``ratio`` times the second's radius, second arc, spiral out, within a circle of ``diameter_m``.
 
     The spirals are r = pitch_m / (2 pi) theta about the origin and its opposite. At t = 0 the head is ``before_m`` in
-    front of the turn's entry: with 100 and a head of 1 m/s the contest's -100 s is 0 s here, since stamps of ROS and
+    front of the turn's entry: with 100 m and a head at 1 m/s the contest's -100 s is 0 s here, since stamps of ROS and
     of bags cannot be negative.
 
-    The spiral enters the turning circle of radius R at polar angle theta = R / b, its tangent at the angle gamma from
-    the radius, tan gamma = theta. Entry and exit lie opposite, with one heading. Two arcs that touch and turn by the
-    same angle, one right and one left, join them; both chords lie on the line between, so each arc turns by 2 gamma,
-    and
+    The spiral enters the turning circle of radius R at polar angle theta = R / b, with its tangent at the angle gamma
+    from the radius, tan gamma = theta. Entry and exit are opposite each other and have the same heading. Two arcs that
+    touch and turn by the same angle, one right and one left, join them; both chords lie on the line from entry to exit,
+    so each arc turns by 2 gamma, and
 
         r1 + r2 = R / sin gamma,     length = 2 gamma R / sin gamma:
 
@@ -66,7 +66,7 @@ class STurn:
     before_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a turn that is not one."""
+        """Reject an invalid turn."""
         settle(self, pitch_m=number('track.pitch_m', self.pitch_m, low=1e-9, high=1e9),
                diameter_m=number('track.diameter_m', self.diameter_m, low=1e-9, high=1e9),
                ratio=number('track.ratio', self.ratio, low=1e-6, high=1e6),
@@ -89,7 +89,7 @@ class STurn:
 
     @property
     def radii_m(self) -> tuple[float, float]:
-        """Radii of the two arcs, in the order of the head's way."""
+        """Radii of the two arcs, in the head's direction."""
         second = self.radius_m / sin(self.gamma_rad) / (1 + self.ratio)
         return self.ratio * second, second
 
@@ -113,7 +113,7 @@ class STurn:
         return sum(self.radii_m) / least_radius_m - 1 if least_radius_m else inf
 
     def check_arcs(self, least_radius_m: float) -> None:
-        """Refuse arcs that bend tighter than a radius. Raises FieldError naming the diameter or the ratio."""
+        """Reject arcs that bend tighter than a radius. Raises FieldError naming the diameter or the ratio."""
         if min(self.radii_m) >= least_radius_m:
             return
         limit = (f'an arc of {min(self.radii_m):.6g} m bends tighter than {least_radius_m:.6g} m, 1.01 times half '
@@ -143,7 +143,7 @@ class Line:
     heading_deg: float | None = None
 
     def checked(self, name: str) -> 'Line':
-        """Return the line with its values normalised. Raises FieldError for one that is none."""
+        """Return the line with its values normalised. Raises FieldError for an invalid line."""
         return Line(number(f'{name}.length_m', self.length_m, above=0.0, high=1e9), *_checked_place(name, self))
 
 
@@ -157,7 +157,7 @@ class Arc:
     heading_deg: float | None = None
 
     def checked(self, name: str) -> 'Arc':
-        """Return the arc with its values normalised. Raises FieldError for one that is none."""
+        """Return the arc with its values normalised. Raises FieldError for an invalid arc."""
         radius_m = number(f'{name}.radius_m', self.radius_m, above=0.0, high=1e9)
         angle_deg = number(f'{name}.angle_deg', self.angle_deg, low=-1e6, high=1e6)
         if angle_deg == 0:
@@ -167,7 +167,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class SpiralArc:
-    """A part of a spiral r = pitch_m * turns, inwards where ``to_turns`` is the smaller; ``side`` is where it turns."""
+    """A part of a spiral r = pitch_m * turns, inwards if ``to_turns`` is the smaller; ``side`` is where it turns."""
 
     pitch_m: float
     from_turns: float
@@ -177,7 +177,7 @@ class SpiralArc:
     heading_deg: float | None = None
 
     def checked(self, name: str) -> 'SpiralArc':
-        """Return the spiral with its values normalised. Raises FieldError for one that is none."""
+        """Return the spiral with its values normalised. Raises FieldError for an invalid spiral."""
         pitch_m = number(f'{name}.pitch_m', self.pitch_m, low=1e-9, high=1e9)
         from_turns = number(f'{name}.from_turns', self.from_turns, low=1e-3, high=1e6)
         to_turns = number(f'{name}.to_turns', self.to_turns, low=1e-3, high=1e6)
@@ -193,7 +193,7 @@ PIECES: dict[str, type[Piece]] = {'line': Line, 'arc': Arc, 'spiral': SpiralArc}
 
 
 def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None, float | None]:
-    """Return where a piece says that it begins, normalised; whether pieces meet there is for ``composite`` to say."""
+    """Return the stated start of a piece, normalised; ``composite`` checks whether pieces meet there."""
     at_m, heading_deg = piece.at_m, piece.heading_deg
     if at_m is not None:
         x, y = (number(f'{name}.at_m', value, low=-1e9, high=1e9) for value in at_m)
@@ -205,18 +205,18 @@ def _checked_place(name: str, piece: Piece) -> tuple[tuple[float, float] | None,
 
 @dataclass(frozen=True)
 class Composite:
-    """Pieces in the order of the head's way; at t = 0 the head is ``start_m`` along them.
+    """Pieces in the head's direction; at t = 0 the head is ``start_m`` along them.
 
-    The first piece is continued backwards as far as the dragon is long: a line, a circle, a spiral that winds in.
-    ``at_m`` and ``heading_deg`` place the first piece (the origin, along x, unless given). In a later piece they are
-    checked against where the one before ends, so a track that does not close is refused by its joint.
+    The first piece is continued backwards by the length of the dragon: a line, a circle, a spiral that winds in.
+    ``at_m`` and ``heading_deg`` place the first piece (the origin, along x, by default). In a later piece they are
+    checked against the end of the piece before, so the error for a track that does not close names its joint.
     """
 
     pieces: tuple[Piece, ...]
     start_m: float = 0.0
 
     def __post_init__(self) -> None:
-        """Refuse a track without pieces, and bad pieces."""
+        """Reject a track without pieces, and invalid pieces."""
         if not 1 <= len(self.pieces) <= MOST_PIECES:
             raise FieldError('track.pieces', len(self.pieces), f'a track has 1 to {MOST_PIECES} pieces',
                              'list its pieces')

@@ -1,7 +1,7 @@
 """The curve r = b theta, b = pitch / 2 pi (paper, equation 1): arc lengths, chords, and a segment of it in the plane.
 
-Places are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that
-winds in. Between polar angles theta and theta + delta the chord in units of b obeys
+Places are polar angles, counted from the centre outwards, so they grow from the head to the tail of a dragon that winds
+in. Between polar angles theta and theta + delta the chord in units of b satisfies
 
     c^2 = delta^2 + 4 theta (theta + delta) sin^2(delta / 2),
 
@@ -9,8 +9,8 @@ the law of cosines, the paper's equation 15, in a form without cancellation; inw
 smallest root delta > 0 is the next handle. Half its slope, ``phi`` below, is positive outwards up to delta = pi, where
 c = 2 theta + pi: shorter links have one root there.
 
-The equation has a scalar solver, one for many places at once, and one predictor: along a spiral the difference of the
-squared angles is almost 2 chord, so a parabola through the last three foretells the next.
+The equation has a scalar solver, a solver for many places at once, and one predictor: along a spiral the difference of
+the squared angles is almost 2 chord, so a parabola through the last three predicts the next.
 """
 import cmath
 from dataclasses import dataclass
@@ -29,14 +29,14 @@ from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.tracks.segments import Past, reach_m
 from dragon_ros.core.tracks.spec import Spiral
 
-TINY = 1e-300           # keeps a quotient of nothing by nothing at nothing
-_ROUNDING = 1e-15       # of the length: a distance to the centre may exceed it by rounding
+TINY = 1e-300           # keeps 0 / 0 at 0
+_ROUNDING = 1e-15       # relative to the length: a distance to the centre may exceed it by rounding
 _NEWTON_STEPS = 20
-_NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smaller by four digits at least
-_SMOOTH_RAD = 10.0      # from here on one Newton step from the asymptotic series is right to 1e-9
-TIGHT = 1e-8            # a Newton step, relative to the angle: half its square is less than floats can keep
-_TAME_RAD = 1.5         # spans below this are solved by plain Newton, which converges from any of the guesses here
-_CHORD_STEPS = 12      # more than Newton ever takes there; then the bracketed solver takes over
+_NEAR_RAD = 1e-6        # a Newton step towards an angle: the next error is smaller by at least four digits
+_SMOOTH_RAD = 10.0      # from here on, one Newton step from the asymptotic series is accurate to 1e-9
+TIGHT = 1e-8            # a Newton step relative to the angle: half its square is below the resolution of floats
+_TAME_RAD = 1.5         # smaller spans are solved by plain Newton, which converges from any of the guesses here
+_CHORD_STEPS = 12      # more than Newton ever takes there; beyond it the bracketed solver takes over
 _NOWHERE_OUT, _NOWHERE_IN = DoubleDouble(inf, 0.0), DoubleDouble(-inf, 0.0)
 
 
@@ -54,7 +54,7 @@ class SpiralCurve:
 
     @cached_property
     def b_m(self) -> float:
-        """Radius gained for each radian."""
+        """Radius gained per radian."""
         return self.pitch_m / (2 * pi)
 
     @cached_property
@@ -63,11 +63,11 @@ class SpiralCurve:
         return self.distance_to(0.0)
 
     def inward(self, distance_m: float, distance_lo_m: float = 0.0) -> DoubleDouble:
-        """Return the place that lies some arc length further in than the start (negative: further out).
+        """Return the place at an arc length further in than the start (negative: further out).
 
-        Solved for the angle turned, from a difference of arc lengths, in floats; what floats then miss is made up for
-        with twice their digits, so that none are lost far from the centre or after a long way.
-        Raises TrackEndError beyond the centre.
+        Solved for the angle turned, from a difference of arc lengths, in floats; double-double arithmetic then corrects
+        the rounding error, so that no digits are lost far from the centre or after long travel. Raises TrackEndError
+        beyond the centre.
         """
         if distance_m > self.length_m * (1 + _ROUNDING):
             raise TrackEndError(f'{distance_m:.9g} m along the track is beyond its end, the centre, at '
@@ -77,14 +77,14 @@ class SpiralCurve:
         return DoubleDouble(*self._corrected(self._turned(distance_m / self.b_m), distance_m, distance_lo_m))
 
     def inward_many(self, distance_m: Floats, distance_lo_m: Floats) -> tuple[Floats, Floats]:
-        """Return ``inward`` of many distances at once as (hi, lo), to the last digits and not bit for bit."""
+        """Return ``inward`` of many distances at once as (hi, lo): the same to the last digits, but not bit for bit."""
         arc, theta = distance_m / self.b_m, self.start.hi
         if np.all(_is_smooth(theta, arc)):
             return self._corrected(_almost_turned(theta, arc, *_ARRAYS), distance_m, distance_lo_m, *_ARRAYS[:2])
         inside = (distance_m < self.length_m) & (distance_m != 0)
-        self.inward(float(np.max(distance_m)))      # beyond the centre it raises
+        self.inward(float(np.max(distance_m)))      # raises beyond the centre
         turned = 2 * arc / (theta + np.sqrt(np.maximum(theta * theta - 2 * arc, 0.0)))
-        for _ in range(_NEWTON_STEPS):      # the arc is concave in the angle: from the first step on they come nearer
+        for _ in range(_NEWTON_STEPS):      # the arc is concave in the angle: steps converge from one side
             between, slope = _arc_and_slope(theta, turned, *_ARRAYS[:2])
             step = np.where(inside, (between - arc) / slope, 0.0)
             turned = turned - step
@@ -108,9 +108,9 @@ class SpiralCurve:
 
     def _corrected(self, turned: Any, distance_m: Any, distance_lo_m: Any, root: Any = sqrt,
                    asinh_of: Any = asinh) -> tuple[Any, Any]:
-        """Return the place after an angle turned that is right to 1e-9, made right to the last digit.
+        """Return the place after an angle turned, refined from 1e-9 to the last digit.
 
-        2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need many digits.
+        2 S = theta^2 + theta / (w + theta) + asinh theta, w^2 = 1 + theta^2: only the squares need extra digits.
         """
         (theta, theta_lo), (w_outer, rest), (per_b, per_b_lo) = self.start, self._outer, self._per_b
         inner = theta - turned
@@ -141,7 +141,7 @@ class SpiralCurve:
         return metres, metres_lo + 0.5 * (squares * b_lo_m + squares_lo * b_m)
 
     def _turned(self, arc: float) -> float:
-        """Return the angle between the start and the place ``arc`` (in units of b) further in."""
+        """Return the angle between the start and the place at ``arc`` (in units of b) further in."""
         theta = self.start.hi
         if _is_smooth(theta, arc):
             return float(_almost_turned(theta, arc))
@@ -160,7 +160,7 @@ _ARRAYS = np.sqrt, np.arcsinh, np.log      # in place of the functions of floats
 
 
 def _is_smooth(theta: float, arc: Any) -> Any:
-    """Say where ``_almost_turned`` is right to 1e-9: start and end some turns away from the centre."""
+    """Whether ``_almost_turned`` is accurate to 1e-9: start and end are some turns away from the centre."""
     return (theta > _SMOOTH_RAD) & (theta * theta - 2 * arc > _SMOOTH_RAD * _SMOOTH_RAD)
 
 
@@ -212,22 +212,22 @@ def tangents(theta: Floats) -> Floats:
 
 
 def first_guess(theta: float, chord: float) -> float:
-    """Return about the angle that a chord spans, from a circle as wide as the spiral half that angle further out."""
+    """Return the approximate angle that a chord spans, from a circle as wide as the spiral half that angle on."""
     return 2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1) + TINY)))
 
 
 def first_guess_in(theta: float, chord: float) -> float:
-    """Return about the angle that a chord spans inwards, from the circle half way."""
+    """Return the approximate angle that a chord spans inwards, from the circle halfway."""
     return 2 * asin(min(1.0, chord / (2 * theta - min(theta, chord / theta))))
 
 
 def next_square(d1: float, d2: float, d3: float) -> float:
-    """Predict a difference of squared angles from the last three, d1 the latest: the parabola through them."""
+    """Predict a difference of squared angles from the last three, d1 the latest, by the parabola through them."""
     return 3 * (d1 - d2) + d3
 
 
 def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
-    """Return (smallest delta > 0 with the given chord, evaluations); inf where the chain locks.
+    """Return (smallest delta > 0 with the given chord, evaluations); inf if the chain locks.
 
     ``chord`` is in units of b. Newton's next error is about half the square of its last relative step, so a step
     below ``TIGHT`` leaves an error below TIGHT^2 / 2 of the link.
@@ -254,10 +254,10 @@ def step(theta: float, chord: float, guess: float) -> tuple[float, int]:
 
 
 def step_in(theta: float, chord: float, guess: float, arc: float) -> tuple[float, int]:
-    """Return (angle to the next place inwards with a chord, in units of b, evaluations); inf where there is none.
+    """Return (angle to the next place inwards with a chord, in units of b, evaluations); inf if there is none.
 
-    From theta to theta - delta the chord obeys c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2), as outwards.
-    ``arc`` is a length of track on which the chord grows to c at least (see ``reach_m``); ``high`` is a hair more.
+    From theta to theta - delta the chord satisfies c^2 = delta^2 + 4 theta (theta - delta) sin^2(delta / 2).
+    ``arc`` is a length of track on which the chord grows to at least c (see ``reach_m``); ``high`` is slightly more.
     """
     square = chord * chord
 
@@ -298,7 +298,7 @@ def first_guesses(theta: Floats, chord: float | Floats) -> Floats:
 def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, int]:
     """Return the smallest delta > 0 for each theta, and evaluations summed over them (see ``step``).
 
-    ``chord`` is one for all, or one for each. Raises ChainLockError, with its ``theta_rad``, where any has no place.
+    ``chord`` is one for all, or one for each. Raises ChainLockError, with its ``theta_rad``, if any cannot be placed.
     """
     if not np.any(chord):
         return np.zeros_like(theta), 0
@@ -329,7 +329,7 @@ def steps(theta: Floats, chord: float | Floats, guess: Floats) -> tuple[Floats, 
 
 
 def _plain_steps(theta: Floats, square: float | Floats, delta: Floats) -> tuple[Floats, int] | None:
-    """Return ``steps`` by plain Newton where all settle on short links, the usual case; else None."""
+    """Return ``steps`` by plain Newton if all converge on short links, the usual case; else None."""
     for evaluations in range(1, _CHORD_STEPS):
         half = 0.5 * delta
         s = np.sin(half)
@@ -360,7 +360,7 @@ def first_guesses_in(theta: Floats, chord: float) -> Floats:
 
 
 def steps_in(theta: Floats, chord: float, guess: Floats, arc: float) -> tuple[Floats, int]:
-    """Return ``step_in`` of many, by Newton, and one by one where that does not settle."""
+    """Return ``step_in`` of many, by Newton, or one by one if that does not converge."""
     if not chord:
         return np.zeros_like(theta), 0
     delta, change, slope, spent = guess, np.zeros_like(theta), np.ones_like(theta), 0
@@ -403,7 +403,7 @@ def chord_of(theta: float, delta: float) -> float:
 
 
 def _far_step(theta: float, chord: float) -> tuple[float, int]:
-    """Return the smallest root beyond delta = pi; inf where the chord turns back before it reaches the link."""
+    """Return the smallest root beyond delta = pi; inf if the chord turns back before it reaches the link."""
     low, spent = pi, 0
     while low < chord:
         peak, evaluations = first_peak(theta, low)
@@ -421,7 +421,7 @@ def _far_step(theta: float, chord: float) -> tuple[float, int]:
 def first_peak(theta: float, low: float) -> tuple[float, int]:
     """Return where the chord first stops growing in [low, low + pi], low an odd multiple of pi; inf if nowhere.
 
-    There phi starts positive, falls to one lowest place and rises again.
+    There phi starts positive, falls to a single minimum and rises again.
     """
     def phi_slope(delta: float) -> tuple[float, float]:
         s, c = sin(delta), cos(delta)
@@ -447,7 +447,7 @@ def _ahead(past: Past | None) -> Floats | None:
 class SpiralSegment:
     """r = pitch / 2 pi * theta about ``centre``, turned by ``rotation``; ``side`` 1 winds out leftwards, -1 rightwards.
 
-    ``way`` is 1 where the head winds out, -1 where it winds in; the anchor is at ``curve.start``.
+    ``way`` is 1 if the head winds out, -1 if it winds in; the anchor is at ``curve.start``.
     """
 
     curve: SpiralCurve
@@ -479,7 +479,7 @@ class SpiralSegment:
         return self.centre + self._scaled * u * (np.exp(1j * self.side * u) * (1 + 1j * self.side * lo))
 
     def heading(self, u: Any, lo: Any = 0.0) -> Any:
-        """Return the unit tangent in the head's way."""
+        """Return the unit tangent in the head's direction."""
         if type(u) is float:
             short = 1 / sqrt(1 + u * u)
             return self._ahead * (cmath.rect(1.0, self.side * u)
@@ -493,7 +493,7 @@ class SpiralSegment:
                 self._ahead * (turn * ((1 - u * lo + turned * u) / np.sqrt(1 + u * u))))
 
     def rate(self, u: Any) -> Any:
-        """Return metres for each radian."""
+        """Return metres per radian."""
         root = sqrt if type(u) is float else np.sqrt
         return self.way * self.curve.b_m * root(1 + u * u)
 
@@ -503,7 +503,7 @@ class SpiralSegment:
         return -self.way * self.curve.b_m * arc_between(start, start - u)
 
     def metres_lo(self, u: Any, lo: Any) -> Any:
-        """Return what ``metres`` leaves out."""
+        """Return the low part of ``metres``."""
         metres, more = self.curve.distance_of(u, lo)
         return (-self.way * metres - self.metres(u)) - self.way * more
 
@@ -517,11 +517,11 @@ class SpiralSegment:
         return self.side * self.way / self.curve.b_m * (1 + 1 / square) / np.sqrt(square)
 
     def after(self, metres: float, lo: float = 0.0) -> DoubleDouble:
-        """Return u so many metres from the anchor."""
+        """Return u at a distance in metres from the anchor."""
         return self.curve.inward(-self.way * metres, -self.way * lo)
 
     def after_many(self, metres: Floats, lo: Floats) -> tuple[Floats, Floats]:
-        """Return ``after`` of many."""
+        """Return ``after`` for many."""
         return self.curve.inward_many(-self.way * metres, -self.way * lo)
 
     def far_m(self, a: float, b: float) -> float:
@@ -542,7 +542,7 @@ class SpiralSegment:
     def pace(self, u: DoubleDouble, to: DoubleDouble) -> float:
         """Return the speed of the handle at ``to`` for unit speed at ``u``: cos alpha / cos beta of their link.
 
-        With s = sin(delta / 2) the link's way along the tangent at theta is that of ``front`` over sqrt(1 + theta^2).
+        With s = sin(delta / 2) the link's component along the tangent at theta is ``front`` over sqrt(1 + theta^2).
         """
         inner, outer = (u, to) if u < to else (to, u)
         theta, far, delta = inner[0], outer[0], (outer[0] - inner[0]) + (outer[1] - inner[1])
@@ -561,7 +561,7 @@ class SpiralSegment:
         return reach_m(self.bend, chord_m) / self.curve.b_m
 
     def shifts(self, u: Floats, chord_m: float, direction: int, past: Past | None) -> tuple[Floats, int]:
-        """Return the changes of many coordinates to the next places, infinite where there is none, and evaluations."""
+        """Return the changes of many coordinates to the next places, infinite if there is none, and evaluations."""
         if direction == self.way:
             return self.shifts_outwards(u, chord_m, past)
         chord, ahead = chord_m / self.curve.b_m, _ahead(past)
@@ -578,9 +578,9 @@ class SpiralSegment:
         return steps(u, chord, guess)
 
     def reaches_once(self, u: Floats, shift: Floats) -> bool:
-        """Return whether chords grow all the way over changes of coordinates of one sign, so that no nearer places are.
+        """Return whether chords grow throughout changes of coordinates of one sign, so that no nearer place exists.
 
-        Outwards they do up to half a turn (``phi_of``), inwards up to an arc of pi / bend (``segments.reach_m``).
+        Outwards they grow up to half a turn (``phi_of``), inwards up to an arc of pi / bend (``segments.reach_m``).
         """
         if shift.flat[0] > 0:
             return float(np.max(shift)) <= pi
@@ -593,7 +593,7 @@ class SpiralSegment:
 
     def march(self, u: DoubleDouble, links: tuple[int, float], direction: int,
               edge: float) -> tuple[list[float], list[float], int]:
-        """Return the coordinates of up to so many handles (this loop is the hot one: it makes no objects)."""
+        """Return the coordinates of up to so many handles (this loop is the hot one: it creates no objects)."""
         return self._march_out(u, links, edge) if direction == self.way else self._march_in(u, links, edge)
 
     def _march_out(self, u: DoubleDouble, links: tuple[int, float],
