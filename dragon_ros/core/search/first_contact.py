@@ -160,9 +160,8 @@ class _ContactSearch:
     def _contact(self, bracket: Bracket) -> Contact:
         """Return the contact in a bracket of places, or where nobody can say if the closest pair touches."""
         domain = self._domain
-        found, grazing_m = self._touching(bracket)
-        (gone_m, pair), *later = found
-        claim = _Claim(domain, pair, gone_m)
+        claim, later, grazing_m = self._touching(bracket)
+        gone_m, pair = claim.gone_m, claim.pair
         cleared_m, earlier = self._prove(bracket.clear_m, claim)
         if earlier and domain.sense * earlier.clear_m < domain.sense * bracket.clear_m:
             return self._contact(earlier)       # the proof found one
@@ -174,8 +173,8 @@ class _ContactSearch:
         return Contact(claim.t_s, pair, witness(domain.benches(gone_m), *pair), grazing_m, others, speed, unsure,
                        domain.states, self.certificate())
 
-    def _touching(self, bracket: Bracket) -> tuple[list[tuple[float, Pair]], tuple[float, float] | None]:
-        """Return where pairs begin to touch in a bracket, in order, and None; or where one grazes, and its bounds.
+    def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
+        """Return the first contact in a bracket, where others begin to touch, and None; or a grazing, and its bounds.
 
         Where none touches at the bracket's other end, one may just ahead: if its gap closes from there without a
         detour, about as fast as it does where it vanishes. A pair that touches where the leader turns back grazes.
@@ -183,10 +182,12 @@ class _ContactSearch:
         domain = self._domain
         roots = self._roots(bracket) or self._ahead(bracket)
         if roots:
-            claim = _Claim(domain, roots[0][1], roots[0][0])
+            (gone_m, pair), *later = roots
+            claim = _Claim(domain, pair, gone_m)
             if claim.onwards_m >= claim.slack_m or claim.overlaps:
-                return roots, None
-        return self._grazing(bracket)
+                return claim, later, None
+        gone_m, pair, gap_m = self._grazing(bracket)
+        return _Claim(domain, pair, gone_m), [], gap_m
 
     def _ahead(self, bracket: Bracket) -> list[tuple[float, Pair]]:
         """Return where pairs begin to touch just beyond a bracket, in order; none where it is far or another gap."""
@@ -215,8 +216,8 @@ class _ContactSearch:
         found = [(self._domain.root(pair, bracket), pair) for pair in touching]
         return sorted(found, key=lambda row: (self._domain.sense * row[0], row[1]))
 
-    def _grazing(self, bracket: Bracket) -> tuple[list[tuple[float, Pair]], tuple[float, float]]:
-        """Return from where on nobody can say if the closest pair touches, and bounds of its gap."""
+    def _grazing(self, bracket: Bracket) -> tuple[float, Pair, tuple[float, float]]:
+        """Return from where on nobody can say if the closest pair touches, that pair, and bounds of its gap."""
         domain, error = self._domain, self._error_m
         pairs, gap = domain.near(bracket.other_m)
         closest = int(np.argmin(gap))
@@ -228,7 +229,7 @@ class _ContactSearch:
             place = illinois(lambda gone_m: domain.gap((i, j), gone_m) - error, *bracket[:2], at_clear - error,
                              least - error)
         low = bracket.bound_m if np.isfinite(bracket.bound_m) else least
-        return [(place, (i, j))], (min(low, least) - error, least + error)
+        return place, (i, j), (min(low, least) - error, least + error)
 
     def _prove(self, clear_m: float, claim: '_Claim') -> tuple[float, Bracket | None]:
         """Clear up to a nanometre before a contact, or as near as its gap can be told from zero, or to a grazing.
