@@ -237,8 +237,28 @@ def _venue_answer(scene: 'Scene', arguments: Namespace) -> dict[str, Any]:
         raise InputError('--square: belongs to a scene without a venue; leave it out, or the venue (--set venue=null)')
     with Progress('fit', 'looks') as bar:
         found = venue_fit(scene, progress=bar.update)
-    return {'venue': [asdict(one) for one in found.gaps], 'margin_m': found.margin_m,
+    return {'venue': [asdict(one) for one in found.gaps], 'room': _room(scene), 'margin_m': found.margin_m,
             'lacking': [one.name for one in found.lacking], 'fits': found.fits, 'looks': found.looks}
+
+
+def _room(scene: 'Scene') -> Values:
+    """Return how far benches reach to the left and right of the track at every metre of it: sampled, not proved."""
+    from dragon_ros.core.search.swept_area import room_every_metre, swept_area
+    swept = swept_area(scene)
+    at, room = room_every_metre(scene, swept)
+    return {'sampled_m': swept.step_m, 'at_m': at.tolist(), 'left_m': room[:, 0].tolist(),
+            'right_m': room[:, 1].tolist()}
+
+
+def _room_text(room: Values) -> list[str]:
+    """Return where the widest street is needed, as text; nothing for a way shorter than a metre."""
+    if not room['at_m']:
+        return []
+    rows = zip(room['left_m'], room['right_m'], room['at_m'], strict=True)
+    left, right, at = max(rows, key=lambda row: row[0] + row[1])
+    return [f'the widest street that benches need is {left + right:.3f} m, at {at:g} m along the track: {left:.3f} m '
+            f'left and {right:.3f} m right of it; sampled at places {100 * room["sampled_m"]:.0f} cm apart, not proved '
+            '(--format json has every metre)']
 
 
 def _venue_text(values: dict[str, Any]) -> str:
@@ -250,6 +270,7 @@ def _venue_text(values: dict[str, Any]) -> str:
                one['high_m'] > 0 else 'it is touched')
         lines.append(f'{one["name"]}: {gap}: bench {one["bench"]} at {one["t_s"]:.3f} s, its middle at ({x:.3f}, '
                      f'{y:.3f}) m')
+    lines += _room_text(values['room'])
     margin = f'a gap of {values["margin_m"]:g} m'
     lacking = ', '.join(values['lacking'])
     lines.append(f'the dragon does not fit, with less than {margin} to {lacking}' if lacking else

@@ -59,12 +59,16 @@ def run(arguments: Namespace) -> int:
 
 @dataclass(frozen=True)
 class Gap:
-    """The smallest gap to a named part of the venue, and where it is: two points (2, 2) in m."""
+    """The smallest gap to a named part of the venue, and where it is: two points (2, 2) in m.
+
+    ``within_m`` is how much smaller it may be.
+    """
 
     name: str
     gap_m: float
     ends_m: Floats
     is_broken: bool
+    within_m: float
 
 
 @dataclass(frozen=True)
@@ -99,9 +103,8 @@ class Plan:
     @cached_property
     def room_m(self) -> tuple[Floats, Floats]:
         """Distances along the track every metre, and the room needed there to the left and right."""
-        from dragon_ros.core.search.swept_area import room_needed_m
-        stations = np.arange(ceil(self.swept.at_m[0]), self.swept.at_m[-1])
-        return stations, room_needed_m(compile_scene(self.scene).model.track, self.swept, stations)
+        from dragon_ros.core.search.swept_area import room_every_metre
+        return room_every_metre(self.scene, self.swept)
 
     @cached_property
     def gaps(self) -> tuple[Gap, ...]:
@@ -109,20 +112,23 @@ class Plan:
         venue = self.scene.venue
         if venue is None:
             return ()
-        from shapely import LinearRing, LineString, Polygon, distance, get_coordinates, shortest_line, within
-        whole = self.swept.whole
-        shapes: dict[str, Any] = {one.name: Polygon(one.points_m, one.holes_m) if hasattr(one, 'holes_m') else
-                                  LineString(one.points_m) for one in venue.obstacles}
-        if venue.inside is not None:
-            shapes['inside'] = LinearRing(venue.inside)
-        out = []
-        for name, shape in shapes.items():
-            gap_m = float(distance(whole, shape))
-            crossed = name == 'inside' and not within(whole, Polygon(venue.inside))
-            gap_m = 0.0 if crossed else gap_m
-            out.append(Gap(name, gap_m, get_coordinates(shortest_line(whole, shape)),
-                           gap_m < venue.margin_m or gap_m == 0))
-        return tuple(sorted(out, key=lambda one: one.gap_m))
+        from shapely import get_coordinates, multilinestrings, polygons, shortest_line
+
+        from dragon_ros.core.batches import states
+        from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+        from dragon_ros.core.geometry.venue import surroundings_of
+        from dragon_ros.core.search.venue_fit import venue_fit
+        around, out = surroundings_of(venue), []
+        for one in venue_fit(self.scene).gaps:
+            chain = states(self.scene, [one.t_s])
+            bench = polygons(benches_of(chain, self.scene.dragon, axes_of(chain)).corners.reshape(-1, 4, 2)[one.bench])
+            mine = around.owner == around.names.index(one.name)
+            ends = np.stack((around.start[mine], around.stop[mine]), axis=1)
+            edges = multilinestrings(np.stack((ends.real, ends.imag), axis=-1))
+            least_m = max(one.high_m, 0.0)
+            out.append(Gap(one.name, least_m, get_coordinates(shortest_line(bench, edges)),
+                           one.high_m < venue.margin_m or one.high_m <= 0, least_m - max(one.low_m, 0.0)))
+        return tuple(out)
 
     @cached_property
     def passes_s(self) -> tuple[Floats, Floats]:
@@ -274,9 +280,12 @@ def _drawing(plan: Plan, paper: str, scale: int, window: Floats, note: str) -> '
 
 def _said(plan: Plan) -> str:
     """Return what is proved and what is not."""
-    venue = plan.scene.venue
-    wanted = '' if venue is None else f' Wanted margin: {venue.margin_m:g} m; what breaks it is red.'
-    return (f'Proved: {plan.fastest.replace(" (proved)", "")}.\nNot proved: swept area, gaps and room are computed at '
+    venue, gaps, wanted = plan.scene.venue, '', ''
+    if venue is not None:
+        within_mm = 1000 * max(gap.within_m for gap in plan.gaps)
+        gaps = f'; within rounding, no smallest gap is more than {within_mm:.1g} mm below what is shown'
+        wanted = f' Wanted margin: {venue.margin_m:g} m; what breaks it is red.'
+    return (f'Proved: {plan.fastest.replace(" (proved)", "")}{gaps}.\nNot proved: swept area and room are computed at '
             f'places {100 * plan.swept.step_m:.0f} cm apart, which leaves out about a millimetre in bends.\n'
             f'People, poles and what hangs over the benches are not in it.{wanted}')
 

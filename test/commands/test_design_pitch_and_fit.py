@@ -1,6 +1,8 @@
 """``design min-pitch`` and ``design fit`` on the command line."""
 import json
+import re
 
+import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
@@ -45,8 +47,14 @@ def test_fit_in_a_venue_tells_each_gap_and_what_lacks_margin(capsys, margin_m, c
     found, out, _ = run(capsys, 'fit', '--scene', 'street', '--set', f'venue.margin_m={margin_m}')
     assert (found, out.splitlines()[0][:22]) == (code, 'lamp post: 0.939000 m,')
     assert says in out
+    said = out
     found, out, _ = run(capsys, 'fit', '--scene', 'street', '--set', f'venue.margin_m={margin_m}', '--format', 'json')
     assert (found, json.loads(out)['venue'][0]['name']) == (code, 'lamp post')
+    room = json.loads(out)['room']
+    width, at = max(zip(np.add(room['left_m'], room['right_m']), room['at_m'], strict=True))
+    text = re.search(r'need is ([.\d]+) m, at (\d+) m along .* sampled', said)
+    assert (float(text[1]), float(text[2])) == (pytest.approx(width, abs=6e-4), at)
+    assert np.diff(room['at_m']).tolist() == [1.0] * (len(room['at_m']) - 1)
     code, _, err = run(capsys, 'fit', '--scene', 'street', '--square', '9')
     assert (code, '--square: belongs to a scene without a venue' in err) == (2, True)
 

@@ -8,11 +8,12 @@ from shapely import LineString, Polygon, distance, polygons
 from shapely.geometry import shape
 
 from dragon_ros.__main__ import main
-from dragon_ros.commands.plan import Plan
+from dragon_ros.commands.plan import Plan, _said
 from dragon_ros.core.batches import states
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.search.swept_area import room_needed_m, swept_area
+from dragon_ros.core.search.venue_fit import venue_fit
 from dragon_ros.scenes.load import load_scene
 
 
@@ -48,7 +49,24 @@ def test_gaps_are_those_of_benches_placed_densely(scene, benches):
     found = {gap.name: gap.gap_m for gap in Plan(scene, 'x').gaps}
     for one in scene.venue.obstacles:
         area = Polygon(one.points_m) if hasattr(one, 'holes_m') else LineString(one.points_m)
-        assert found[one.name] == pytest.approx(float(np.min(distance(benches, area))), abs=3e-3)
+        assert found[one.name] == pytest.approx(float(np.min(distance(benches, area))), abs=2e-3)
+
+
+def test_gaps_are_those_of_the_search_with_their_ends_and_the_plan_says_so(scene):
+    plan = Plan(scene, 'x')
+    for gap, one in zip(plan.gaps, venue_fit(scene).gaps, strict=True):
+        assert (gap.name, gap.gap_m, gap.gap_m - gap.within_m) == (one.name, one.high_m, pytest.approx(one.low_m))
+        assert np.hypot(*np.diff(gap.ends_m, axis=0)[0]) == pytest.approx(one.high_m, abs=1e-9)
+    proved, rest = _said(plan).split('Not proved')
+    assert 'no smallest gap is more than 0.001 mm below' in proved
+    assert 'gap' not in rest
+
+
+def test_a_scene_without_a_venue_has_a_plan_without_gaps(capsys, tmp_path):
+    options = '--scene', 'street', '--set', 'dragon.benches=5', '--set', 'venue=null'
+    code, out, _ = run(capsys, *options, '--output', tmp_path / 'a.pdf')
+    assert (code, out.splitlines()) == (0, [str(tmp_path / 'a.pdf')])
+    assert 'gap' not in _said(Plan(load_scene('street', ['venue=null', 'dragon.benches=5']), 'x'))
 
 
 def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_the_corner(scene):

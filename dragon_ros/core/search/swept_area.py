@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 from shapely import convex_hull, get_coordinates, intersection, linestrings, multipoints, polygons, union_all
 
+from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Complexes, Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
@@ -67,6 +68,12 @@ def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tu
         at_m += [along, along[1:], along[1:]]
         placed += [polygons(corners), *ends]
     return np.concatenate(at_m), np.concatenate(placed)
+
+
+def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
+    """Return distances (n,) along the track every metre, and the room (n, 2) needed there to the left and right."""
+    stations_m = np.arange(ceil(swept.at_m[0]), swept.at_m[-1])
+    return stations_m, room_needed_m(compile_scene(scene).model.track, swept, stations_m)
 
 
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
