@@ -1,4 +1,4 @@
-"""The chain: where all handles are, whatever placed them, and how fast they move.
+"""The chain: the positions of all handles, whichever solver placed them, and their velocities.
 
 Velocities follow from the rigid-link constraint v[i+1] cos(beta) = v[i] cos(alpha), alpha and beta the angles between a
 link and the track's tangents at its two handles: a rigid link has no speed along itself between its ends.
@@ -32,7 +32,7 @@ class PlacedLinks(Protocol):
 
     @property
     def solver(self) -> str:
-        """What placed them: 'table', 'march' where a table did not reach, '' where none was looked for."""
+        """The solver that placed them: 'table', 'march' if the table did not reach, '' if no table was requested."""
         ...
 
     def velocities(self, chain: 'Chain', speed: Any, out: Floats) -> Any:
@@ -44,7 +44,7 @@ class PlacedLinks(Protocol):
         ...
 
     def headings(self, chain: 'Chain', out: Floats) -> None:
-        """Fill in unit tangents in the head's way; ``out`` as above."""
+        """Fill in unit tangents in the head's direction; ``out`` as above."""
         ...
 
     def places(self) -> Places:
@@ -57,7 +57,7 @@ class Chain:
     """All handles at one instant (or at many: the arrays then have a leading axis).
 
     ``p`` (..., N+1, 2) are coordinates in metres, ``links_m`` (N,) the spacing of the handles from head to tail,
-    ``evaluations`` how often an equation was evaluated. The leader is the head where ``direction`` is BEHIND (its
+    ``evaluations`` the number of evaluations of an equation. The leader is the head if ``direction`` is BEHIND (its
     followers lie behind), else the tail. ``parts`` are in order from the leader on.
     """
 
@@ -73,16 +73,16 @@ class Chain:
         return f'Chain({self.links_m.size + 1} handles, solver={self.solver!r})'
 
     def __reduce__(self) -> tuple[type, tuple[Any, ...]]:
-        """Pickle the places of the handles instead of the tables they came from, which are a hundred times larger.
+        """Pickle the places of the handles instead of the tables that gave them, which are a hundred times larger.
 
-        Velocities that are computed from the copy agree to rounding, and not bit for bit.
+        Velocities that are computed from the copy agree to rounding, but not bit for bit.
         """
         parts = tuple(MarchedLinks(part.start, part.places(), part.solver) for part in self.parts)
         return Chain, (self.p, self.links_m, self.evaluations, self.track, self.direction, parts)
 
     @property
     def solver(self) -> str:
-        """What placed the handles: 'table', 'march', or 'table+march' where a table did not reach all along a block."""
+        """The solver: 'table', 'march', or 'table+march' if a table did not cover the whole of a block."""
         seen = {part.solver for part in self.parts}
         if 'table' not in seen:
             return 'march'
@@ -103,12 +103,12 @@ class Chain:
 
     @property
     def leader(self) -> int:
-        """Index of the leading handle: 0, or -1 where the tail leads."""
+        """Index of the leading handle: 0, or -1 if the tail leads."""
         return 0 if self.direction == BEHIND else -1
 
     @cached_property
     def headings(self) -> Floats:
-        """Unit tangents of the track at the handles, in the head's way, shape (..., N+1, 2)."""
+        """Unit tangents of the track at the handles, in the head's direction, shape (..., N+1, 2)."""
         out = np.empty_like(self.p)
         for part in self.parts:
             part.headings(self, out.reshape(-1) if out.ndim == 2 else out)
@@ -116,7 +116,7 @@ class Chain:
 
     @property
     def tangents(self) -> Floats:
-        """Unit tangents against the head's way, towards the tail, also of handles that move back for a while."""
+        """Unit tangents against the head's direction, towards the tail, even of handles that move back for a while."""
         return read_only(-self.headings)
 
     @cached_property
@@ -142,7 +142,7 @@ class Chain:
 
     @property
     def u_lo(self) -> Floats:
-        """What ``u`` misses."""
+        """The low parts of ``u``."""
         return self.places[2]
 
     def slice_of(self, part: PlacedLinks) -> slice:
@@ -153,7 +153,7 @@ class Chain:
     def velocities(self, leader_speed_m_s: Any, out: Floats | None = None) -> Floats:
         """Return velocity vectors in m/s, shape (..., N+1, 2), in ``out`` if it is given.
 
-        The leader's speed (one, or one an instant) is positive in its own way: outwards where a tail leads.
+        The leader's speed (one, or one per instant) is positive in its own direction: outwards if the tail leads.
         """
         speed = -self.direction * leader_speed_m_s
         out = np.empty(self.p.size) if out is None else out.reshape(-1)
@@ -165,11 +165,11 @@ class Chain:
 
 
 def conditioning(chain: Chain) -> float:
-    """Return how much faster than the leader the fastest handle is, at least 1.
+    """Return the ratio of the fastest handle's speed to the leader's, at least 1.
 
-    Close to a lock it grows without bound, and with it what the last bit of the head's place does to the handles: a
-    position error is promised in metres times this number. A speed is promised relative to the speed itself over
-    cos^2 beta, that is times the square of it.
+    Close to a lock it grows without bound, and with it the effect of the last bit of the head's place on the handles: a
+    position error is promised in metres times this number. A speed is promised relative to the speed itself over cos^2
+    beta, that is, times the square of it.
     """
     v = chain.velocities(1.0)
     return max(1.0, float(np.max(np.hypot(v[..., 0], v[..., 1]))))
@@ -177,7 +177,7 @@ def conditioning(chain: Chain) -> float:
 
 @dataclass(frozen=True, eq=False)
 class MarchedLinks:
-    """Links that forward placement put on the track: ``handles`` (..., links + 1) from the leader on."""
+    """Links placed on the track by forward placement: ``handles`` (..., links + 1) from the leader on."""
 
     start: int
     handles: Places
@@ -193,7 +193,7 @@ class MarchedLinks:
         return self.handles
 
     def headings(self, chain: Chain, out: Floats) -> None:
-        """Fill in unit tangents in the head's way."""
+        """Fill in unit tangents in the head's direction."""
         rows = out.reshape(chain.p.shape)
         rows[..., chain.slice_of(self), :] = chain.track.headings(*self.handles)[..., ::-chain.direction, :]
 
@@ -238,7 +238,7 @@ class MarchedLink(NamedTuple):
         return last, last - 2
 
     def headings(self, chain: Chain, out: Floats) -> None:
-        """Fill in unit tangents in the head's way."""
+        """Fill in unit tangents in the head's direction."""
         for at, (k, u) in zip(self._numbers(chain), (self.near, self.far), strict=True):
             heading = chain.track.segments[k].heading(*u)
             out[at], out[at + 1] = heading.real, heading.imag
@@ -276,7 +276,7 @@ def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Cha
 
 
 def marched_many(track: Track, links_m: Floats, leaders: Places, direction: int) -> Chain:
-    """Return the chains of many leaders in one, as ``marched`` does for one, to the last digits.
+    """Return the chains of many leaders in one, as ``marched`` does for one, equal to the last digits.
 
     Links are those of all (N,), or of each (M, N), as ``forward_many`` allows it.
     """
@@ -294,7 +294,7 @@ def chain_of(track: Track, links_m: Floats, direction: int, handles: Places, eva
 
 
 def join(p: Floats, links_m: Floats, direction: int) -> None:
-    """Put both handles of a link of no length on one point, which solvers round apart."""
+    """Put both handles of a link of no length on one point, since solvers round them apart."""
     for link in np.flatnonzero(links_m == 0)[::-direction].tolist():
         near, far = (link, link + 1) if direction == BEHIND else (link + 1, link)
         p[..., far, :] = p[..., near, :]

@@ -1,8 +1,8 @@
-"""A leader that is led from outside: its settings, the speed that it may take next, and the law that it has walked.
+"""A leader that is led externally: its settings, the speed that it may take next, and the law that it has walked.
 
-The leader's speed changes at ticks and is linear between them. What was walked are the speeds at the ticks; how far the
-leader has gone at one follows from them exactly, in rational arithmetic, as with a profile of the same knots. So a
-recording of the speeds is enough to place every handle again, bit for bit.
+The leader's speed changes at ticks and is linear between them. The speeds at the ticks are recorded; they determine the
+distance travelled at each tick exactly, in rational arithmetic, as with a profile of the same knots. So a recording of
+the speeds is enough to place every handle again, bit for bit.
 """
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
@@ -20,14 +20,14 @@ from dragon_ros.core.checks import number, settle
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.exact_polynomial import ExactPolynomial
 
-SHORT_M = 0.01      # the leader rests at least so far from a lock, where speeds grow without bound, or a track's end
+SHORT_M = 0.01      # the leader stops at least so far from a lock, where speeds grow without bound, or a track's end
 
 
 @dataclass(frozen=True)
 class Commanded:
     """Led from outside, on topic `cmd_vel`: it comes to rest after `timeout_s` without a command, and keeps its limits.
 
-    The leader starts at rest. How far it goes is known from what was walked alone: from the topic `leader` of a bag.
+    The leader starts at rest. Its travel is known only from what was walked: from the topic `leader` of a bag.
     """
 
     lead: str = 'head'
@@ -36,7 +36,7 @@ class Commanded:
     max_acceleration_m_s2: float = 1.0
 
     def __post_init__(self) -> None:
-        """Refuse limits that are none."""
+        """Reject invalid limits."""
         check_lead(self.lead)
         settle(self, timeout_s=number('head.timeout_s', self.timeout_s, above=0.0, high=3600.0),
                max_speed_m_s=number('head.max_speed_m_s', self.max_speed_m_s, above=0.0, high=1e3),
@@ -45,11 +45,11 @@ class Commanded:
 
     @property
     def breaks_s(self) -> list[float]:
-        """Raise FieldError: nobody knows them before the run."""
+        """Raise FieldError: speeds are unknown before the run."""
         _unknown()
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Raise FieldError: how far the leader has gone is in the bag of a run."""
+        """Raise FieldError: the distance travelled is in the bag of a run."""
         _unknown()
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -69,7 +69,7 @@ class Commanded:
         return None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and the greatest distance that the leader can have gone by ``t_s``."""
+        """Return the least and greatest distance that the leader can have travelled by ``t_s``."""
         return -self.max_speed_m_s * t_s, self.max_speed_m_s * t_s
 
 
@@ -80,9 +80,9 @@ def _unknown() -> NoReturn:
 
 @dataclass(frozen=True)
 class Walked:
-    """The law of a led leader up to its last tick: ``knots`` are (t_s, speed_m_s), the last of all that were walked.
+    """The law of a led leader up to its last tick: ``knots`` are (t_s, speed_m_s), the most recent ones walked.
 
-    ``reached_m`` are the distances gone at the knots, exactly. Before the first the leader rests.
+    ``reached_m`` are the exact distances travelled at the knots. The leader is at rest before the first one.
     """
 
     settings: Commanded
@@ -91,7 +91,7 @@ class Walked:
 
     @property
     def lead(self) -> str:
-        """Which end leads."""
+        """The end that leads."""
         return self.settings.lead
 
     @property
@@ -100,7 +100,7 @@ class Walked:
         return [t_s for t_s, _ in self.knots]
 
     def walked_on(self, t_s: float, speed_m_s: float, keep_s: float = 0.0) -> 'Walked':
-        """Return the law with one more knot; of the knots before, those of the last ``keep_s`` are kept."""
+        """Return the law with one more knot; of the earlier knots, those of the last ``keep_s`` are kept."""
         new = t_s, speed_m_s
         reached_m = self.reached_m[-1] + ramp_m(self.knots[-1], new)
         first = max(0, bisect_right(self.knots, (t_s - keep_s, inf)) - 1)
@@ -116,23 +116,23 @@ class Walked:
         return ramp(self.knots[-1:], self.reached_m[-1])
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length that the leader has travelled at ``t_s`` (or at many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self.travelled_m(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
         return self._ramp_at(t_s)[0].halves_at(t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
-        """Return the leader's speed at a tick, or the one between two as the ramp has it."""
+        """Return the leader's speed at a tick, or between two ticks the speed on the ramp."""
         return self._ramp_at(t_s)[1].at(t_s)
 
     def acceleration_at_m_s2(self, t_s: float) -> float:
-        """Return the rate of the leader's speed in m/s^2; at a tick, the one that led to it."""
+        """Return the rate of the leader's speed in m/s^2; at a tick, the rate just before it."""
         n = max(1, next((n for n, (at_s, _) in enumerate(self.knots) if at_s >= t_s), len(self.knots)))
         return _rate(self.knots[n - 1:n + 1]) if n < len(self.knots) else 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the least and the greatest rate of the leader's speed of all that is known."""
+        """Return the least and greatest rate of the leader's speed over all known ramps."""
         rates = [0.0, *map(_rate, pairwise(self.knots))]
         return min(rates), max(rates)
 
@@ -141,7 +141,7 @@ class Walked:
         return None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and the greatest distance that the leader can have gone by ``t_s``."""
+        """Return the least and greatest distance that the leader can have travelled by ``t_s``."""
         return self.settings.extent_m(t_s)
 
 
@@ -149,20 +149,20 @@ HeadLaw = Head | Profile | Commanded | Walked
 
 
 def walked_from(settings: Commanded, start_s: float) -> Walked:
-    """Return the law of a leader that rests where the run starts."""
+    """Return the law of a leader at rest at the start of the run."""
     return Walked(settings, ((start_s, 0.0),))
 
 
 def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, step_s: float,
                    left_m: tuple[float, float]) -> float:
-    """Return the speed at the next tick: towards the wanted one, within the limits, short of the ends of the way.
+    """Return the speed at the next tick: towards the commanded one, within the limits, short of the ends of the range.
 
-    ``left_m`` are the metres that are left back and on. From the speed v at the next tick the leader can brake within
+    ``left_m`` are the metres that remain back and on. From the speed v at the next tick the leader can brake within
 
         (speed + v) / 2 step + v^2 / (2 a) <= left - SHORT_M - a step^2,
 
-    and a leader that keeps this at one tick can keep it at the next, by braking alone. The last term is for the last
-    step of braking, which is as long as the others.
+    and a leader that satisfies this at one tick can satisfy it at the next, by braking alone. The last term covers the
+    last step of braking, which is as long as the others.
     """
     most = settings.max_acceleration_m_s2 * step_s
     top = settings.max_speed_m_s
@@ -176,10 +176,10 @@ def next_speed_m_s(settings: Commanded, speed_m_s: float, wanted_m_s: float, ste
 
 def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, float],
              keep_s: float = 0.0) -> tuple[Walked, int]:
-    """Return the law up to the next tick, and the end of the way that it brakes before: -1 back, 1 on, 0 none.
+    """Return the law up to the next tick, and the end of the range before which it brakes: -1 back, 1 on, 0 none.
 
-    ``ends_m`` are how far the leader can have gone back, and on; infinite where nothing ends it. Of the knots before
-    the next tick those of the last ``keep_s`` are kept.
+    ``ends_m`` are the limits of travel back and on; infinite if there is none. Of the knots before the next tick those
+    of the last ``keep_s`` are kept.
     """
     (before_s, speed), gone_m = law.knots[-1], float(law.reached_m[-1])
     step = law.settings, speed, wanted_m_s, t_s - before_s
@@ -188,9 +188,9 @@ def next_law(law: Walked, t_s: float, wanted_m_s: float, ends_m: tuple[float, fl
 
 
 def profile_of(settings: Commanded, walked: Iterable[tuple[float, float]]) -> Profile:
-    """Return what was walked, as (t_s, speed_m_s) of the ticks, as a profile: the same distances to the last bit.
+    """Return the walked (t_s, speed_m_s) of the ticks as a profile: the same distances to the last bit.
 
-    A knot between two others of its own speed says nothing, and is left out. Raises FieldError for too many others.
+    A knot between two others of the same speed is redundant and left out. Raises FieldError for too many others.
     """
     knots = [(0.0, 0.0)]
     for t_s, speed_m_s in walked:

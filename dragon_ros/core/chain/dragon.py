@@ -1,4 +1,4 @@
-"""The dragon's benches: how many, how long, how wide, and where their handle holes are."""
+"""The dragon's benches: their number, lengths and width, and the positions of their handle holes."""
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -9,11 +9,11 @@ from dragon_ros.core.errors import FieldError
 from dragon_ros.core.numerics.types import Floats, read_only
 
 _MOST, _MOST_GROUPS = 1_000_000, 10_000
-LEAST_LINK = 2e-10      # of the longest bench: the direction of a shorter link is lost where places err by the promise
+LEAST_LINK = 2e-10      # relative to the longest bench: errors at the promise hide the direction of shorter links
 
 
 class _Lengths(Settings):
-    """What follows from the lengths of benches, whether they are alike or not."""
+    """Quantities that follow from the lengths of benches, equal or not."""
 
     width_m: float
     hole_inset_m: float
@@ -49,7 +49,7 @@ class Dragon(_Lengths):
     hole_inset_m: float = 0.275
 
     def __post_init__(self) -> None:
-        """Refuse benches that cannot be built."""
+        """Reject benches that cannot be built."""
         settle(self, benches=whole('dragon.benches', self.benches, low=1, high=_MOST))
         _settle_common(self)
         settle(self, **{name: _length(f'dragon.{name}', getattr(self, name), self.hole_inset_m)
@@ -70,7 +70,7 @@ class Dragon(_Lengths):
 
 @dataclass(frozen=True)
 class Group:
-    """Benches of one length, one behind the other."""
+    """Consecutive benches of one length."""
 
     length_m: float
     count: int = 1
@@ -85,7 +85,7 @@ class Mixed(_Lengths):
     hole_inset_m: float = Dragon.hole_inset_m
 
     def __post_init__(self) -> None:
-        """Refuse benches that cannot be built."""
+        """Reject benches that cannot be built."""
         _settle_common(self)
         if not 1 <= len(self.groups) <= _MOST_GROUPS:
             raise FieldError('dragon.groups', len(self.groups), f'a dragon has 1 to {_MOST_GROUPS} groups',
@@ -117,12 +117,12 @@ AnyDragon = Dragon | Mixed
 
 
 def is_even(lengths_m: Floats) -> bool:
-    """Return whether all behind the first are equal, as for the classic dragon (link or bench lengths, (N,))."""
+    """Return whether all values behind the first are equal, as for the classic dragon (link or bench lengths, (N,))."""
     return bool(np.all(lengths_m[1:] == lengths_m[-1]))
 
 
 def has_same_links_behind(lengths_m: Floats, one: int, other: int) -> bool:
-    """Return whether the dragon goes on from bench ``other`` as it does from ``one`` <= other, as far as it goes."""
+    """Return whether the benches from ``other`` on are the same as those from ``one`` <= other, up to the tail."""
     rest = lengths_m[other:]
     return bool(rest[0] == lengths_m[one] and np.all(rest == lengths_m[one:one + rest.size]))
 
@@ -142,10 +142,10 @@ def _length(field: str, length_m: float, hole_inset_m: float) -> float:
 
 
 def _check_links(lengths_m: dict[str, float], hole_inset_m: float) -> None:
-    """Refuse links that are hardly there, given the lengths of benches by their fields; those of no length are fine.
+    """Reject links that are too short, given the lengths of benches by their fields; those of no length are allowed.
 
-    The axis of a bench is the difference of the places of its handles. With places that err by 2e-12 m, a link of
-    4e-10 m has its direction to 0.01 rad; that is 2e-10 of a classic bench, and floats scale.
+    The axis of a bench is the difference of the positions of its handles. With position errors of 2e-12 m, the
+    direction of a link of 4e-10 m is accurate to 0.01 rad; that is 2e-10 of a classic bench, and floats scale.
     """
     least_m = LEAST_LINK * max(lengths_m.values())
     for field, length_m in lengths_m.items():

@@ -1,8 +1,8 @@
 """Forward placement: handle after handle along a track, block of equal links by block, at one instant or at many.
 
 ``forward`` is for one instant: a loop of plain floats, without arrays, whose bits are those of a state.
-``forward_many`` is for many leaders, each with its own links if need be: arrays that go from handle to handle. On a
-spiral both give way to ``together``: Newton's method on all handles of some chains.
+``forward_many`` is for many leaders, each with its own links if necessary: arrays that go from handle to handle. On a
+spiral both use ``together`` instead: Newton's method on all handles of some chains.
 """
 from collections.abc import Callable
 from itertools import pairwise
@@ -18,12 +18,12 @@ from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND, Past
 from dragon_ros.core.tracks.spiral import TIGHT, SpiralSegment, corrections
 
-FEWEST_ROWS = 8        # of handles that are placed all at once
-_AT_ONCE = 2**14        # handles, so that what is between fits the cache
-_MOST_LEADERS = 512     # for more of them row after row is as fast
-_FAR_RAD = 2.0          # where guesses of all rows begin
-_NEWTON_STEPS = 8       # of all rows at once
-_STEEP = 0.05           # least slope from row to row: below, a follower almost turns back
+FEWEST_ROWS = 8        # of handles that are placed simultaneously
+_AT_ONCE = 2**14        # handles, so that intermediate results fit the cache
+_MOST_LEADERS = 512     # for more leaders, row after row is as fast
+_FAR_RAD = 2.0          # initial guesses of all rows start here
+_NEWTON_STEPS = 8       # on all rows simultaneously
+_STEEP = 0.05           # least slope from row to row: below it, a follower almost turns back
 
 
 class Block(NamedTuple):
@@ -43,7 +43,7 @@ class Handles(NamedTuple):
     evaluations: int
 
     def place(self, n: int) -> Place:
-        """Return the place of one of them."""
+        """Return the place of one handle."""
         return Place(self.segment[n], DoubleDouble(self.u[n], self.lo[n]))
 
 
@@ -60,7 +60,7 @@ def blocks_of(links_m: Floats, direction: int) -> tuple[Block, ...]:
 def forward(track: Track, blocks: tuple[Block, ...], leader: Place, direction: int) -> Handles:
     """Return the handles of blocks of links from a leader on, the leader first.
 
-    Raises ChainLockError where a link finds no place near a spiral's centre, TrackEndError where there is no track.
+    Raises ChainLockError if a link cannot be placed near a spiral's centre, TrackEndError if there is no track.
     """
     k, (high, low) = leader
     segments, us, lows, spent = [k], [high], [low], 0
@@ -103,8 +103,8 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
                  settle: Callable[[Places], Places] | None = None) -> tuple[Places, int]:
     """Return the handles behind many leaders (M,) as arrays (links + 1, M), and evaluations.
 
-    They agree with ``forward`` to the last digits and not bit for bit. Chains with links of their own lie outwards on a
-    first segment that winds in from afar. With ``settle``, which may put each row in order, rows end where the track
+    They agree with ``forward`` to the last digits, but not bit for bit. Chains with links of their own lie outwards on
+    a first segment that winds in from afar. With ``settle``, which may put each row in order, rows end where the track
     does. Raises as ``forward`` does.
     """
     if not settle and (found := together(track, blocks, leaders, direction)):
@@ -131,9 +131,9 @@ def forward_many(track: Track, blocks: tuple[Block, ...], leaders: Places, direc
 
 
 def together(track: Track, blocks: tuple[Block, ...], leaders: Places, direction: int) -> tuple[Places, int] | None:
-    """Return ``forward_many`` by a solver for all handles together; None where they have to be placed row by row.
+    """Return ``forward_many`` by a simultaneous solver for all handles; None if they must be placed row by row.
 
-    It serves behind leaders on a spiral from afar, unless handles almost turn back.
+    It works behind leaders on a spiral from afar, unless handles almost turn back.
     """
     (number, begin, begin_lo), spiral = leaders, track.from_afar
     if direction != BEHIND or not spiral or np.any(number) or not blocks:
@@ -147,10 +147,10 @@ def together(track: Track, blocks: tuple[Block, ...], leaders: Places, direction
 
 
 def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) -> tuple[Floats, Floats, int] | None:
-    """Return the handles (L+1, M) behind the first ones (M,) on a spiral, (hi, lo), all at once, and evaluations.
+    """Return the handles (L+1, M) behind the first ones (M,) on a spiral, (hi, lo), simultaneously, and evaluations.
 
-    Chords (L, M), or (L, 1) for all, are in units of b. Some rows at a time, so that what is between fits the cache.
-    None where handles have to be placed row by row.
+    Chords (L, M), or (L, 1) for all, are in units of b. Rows are solved in groups whose intermediate results fit the
+    cache. None if handles must be placed row by row.
     """
     sign, some = 1.0 if spiral.way == BEHIND else -1.0, max(FEWEST_ROWS, _AT_ONCE // begin[0].size)
     (u, lo), spent, rows = begin, 0, [begin]
@@ -166,10 +166,10 @@ def placed(spiral: SpiralSegment, begin: tuple[Floats, Floats], chords: Floats) 
 
 
 def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tuple[Floats, Floats] | None:
-    """Return about where handles (L+1, M) are at chords from the first ones (M,), outwards (1.0) or inwards (-1.0).
+    """Return approximate handles (L+1, M) at chords from the first ones (M,), outwards (1.0) or inwards (-1.0).
 
     The arc from one to the next is about chord + chord^3 / 24 r^2, and the squares of polar angles grow by twice the
-    arcs, less the logarithm of how many times as far out a handle is. None where they would be at the centre.
+    arcs, less the logarithm of the ratio of the radii. None if they would be at the centre.
     """
     squares, grown = begin * begin, sign * 2 * np.cumsum(chords, axis=0)
     if np.min(begin) < _FAR_RAD or np.min(squares + grown) < _FAR_RAD**2:
@@ -184,9 +184,9 @@ def _guessed(begin: Floats, begin_lo: Floats, chords: Floats, sign: float) -> tu
 def _refined(spiral: SpiralSegment, u: Floats, lo: Floats, chords: Floats) -> tuple[Floats, Floats, int] | None:
     """Return guessed rows of handles (R+1, M), as (hi, lo), at chords (R, M) in units of b; and evaluations.
 
-    Row after row leaves little work for arrays: Newton's method goes on all rows at once. With its steps e for each
-    link and slopes a of the map from row to row, errors obey d' = a d + e, which is a product and a sum. None where it
-    does not settle, or not on the spiral, or not in the nearest places.
+    Row after row leaves little work for arrays, so Newton's method is applied to all rows at once. With its steps e for
+    each link and slopes a of the map from row to row, errors satisfy d' = a d + e, which is a product and a sum. None
+    if it does not converge, leaves the spiral, or does not find the nearest places.
     """
     low, high = min(spiral.first, spiral.last), max(spiral.first, spiral.last)
     for rounds in range(1, _NEWTON_STEPS):
@@ -218,10 +218,10 @@ def _stacked(rows: list[Places]) -> Places:
 
 def next_places(track: Track, places: Places, chord_m: float, direction: int,
                 past: Past | None = None) -> tuple[Places, Floats | None, int]:
-    """Return the next places behind or ahead of many, what a predictor keeps of them, and evaluations.
+    """Return the next places behind or ahead of many, the predictor's state, and evaluations.
 
-    The second is None unless all stayed on one segment. Raises TrackEndError where any finds no track, ChainLockError
-    with its ``theta_rad`` where any locks.
+    The second is None unless all stayed on one segment. Raises TrackEndError if any finds no track, ChainLockError with
+    its ``theta_rad`` if any locks.
     """
     number, u, lo = places
     if not number.size:

@@ -1,7 +1,7 @@
-"""The head law: how far the leading handle has gone along the track at a time, and how fast it is.
+"""The head law: the distance that the leading handle has travelled along the track at a time, and its speed.
 
-Speeds are positive inwards, along the head's way. Where the tail leads they are positive outwards: the dragon lies
-wound in as the head's start says, the tail walks out along the track, and each handle lies where its link to the one
+Speeds are positive inwards, in the head's direction. If the tail leads they are positive outwards: the dragon lies
+wound in as the head's start states, the tail walks out along the track, and each handle lies where its link to the one
 nearer the tail puts it.
 """
 from bisect import bisect_left, bisect_right
@@ -30,13 +30,13 @@ Knot = tuple[float, float]      # a time in s, and the speed in m/s there
 
 @dataclass(frozen=True)
 class Head:
-    """Constant speed; the leader has gone ``speed_m_s * t`` of arc length at time t (paper, eq. 4)."""
+    """Constant speed; the leader has travelled ``speed_m_s * t`` of arc length at time t (paper, eq. 4)."""
 
     speed_m_s: float = 1.0
     lead: str = 'head'
 
     def __post_init__(self) -> None:
-        """Refuse a speed that is not a number."""
+        """Reject a speed that is not a number."""
         settle(self, speed_m_s=number('head.speed_m_s', self.speed_m_s, low=-1e9, high=1e9))
         check_lead(self.lead)
 
@@ -46,7 +46,7 @@ class Head:
         return []
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length that the leader has travelled at ``t_s`` (or at many), as (hi, lo)."""
         return product(self.speed_m_s, t_s)
 
     def speed_at_m_s(self, t_s: float) -> float:
@@ -58,7 +58,7 @@ class Head:
         return 0.0
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the least and the greatest rate of the leader's speed between two times: 0."""
+        """Return the least and greatest rate of the leader's speed between two times: 0."""
         return 0.0, 0.0
 
     def passage_s(self, distance_m: float, sense: int = 1) -> float | None:
@@ -69,7 +69,7 @@ class Head:
         return distance_m / self.speed_m_s if sense * self.speed_m_s > 0 else None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and the greatest distance that the leader has gone by ``t_s`` (0 is among them)."""
+        """Return the least and greatest distance that the leader has travelled by ``t_s`` (0 is among them)."""
         gone = self.speed_m_s * t_s
         return min(0.0, gone), max(0.0, gone)
 
@@ -78,8 +78,8 @@ class Head:
 class Profile(Settings):
     """Speed by time: ``knots`` are (t_s, speed_m_s) in order, with ``ramps`` between them; the last speed stays.
 
-    A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), without jumps in the acceleration's sign. Two
-    knots at one time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
+    A ramp is ``linear``, or ``smooth``: v0 + (v1 - v0) (3 x^2 - 2 x^3), without jumps in the sign of the acceleration.
+    Two knots at one time are a jump. Distances are the exact integrals, in rational arithmetic, rounded once.
     """
 
     knots: tuple[tuple[float, float], ...]
@@ -87,7 +87,7 @@ class Profile(Settings):
     lead: str = 'head'
 
     def __post_init__(self) -> None:
-        """Refuse a profile without knots, or whose times go back."""
+        """Reject a profile without knots, or with decreasing times."""
         check_lead(self.lead)
         if self.ramps not in RAMPS:
             raise FieldError('head.ramps', self.ramps, f'ramps are {" or ".join(RAMPS)}', 'give one of these')
@@ -112,7 +112,7 @@ class Profile(Settings):
         return bisect_right(self._times, t_s) - 1
 
     def travelled_m(self, t_s: Any) -> tuple[Any, Any]:
-        """Return the arc length that the leader has gone at ``t_s`` (or at many), as (hi, lo)."""
+        """Return the arc length that the leader has travelled at ``t_s`` (or at many), as (hi, lo)."""
         if isinstance(t_s, np.ndarray):
             gone = np.array([self._gone(t) for t in t_s.tolist()], dtype=np.float64).reshape(-1, 2)
             return gone[:, 0], gone[:, 1]
@@ -148,7 +148,7 @@ class Profile(Settings):
         return self._polynomials_at(t_s)[2].at(t_s)
 
     def acceleration_range_m_s2(self, start_s: float, stop_s: float) -> tuple[float, float]:
-        """Return the least and the greatest rate of the leader's speed between two times without a knot in between."""
+        """Return the least and greatest rate of the leader's speed between two times without a knot in between."""
         n = self._knot_before(start_s)
         ends = [Fraction(t_s) for t_s, _ in self.knots[n:n + 2]]
         middle = (ends[0] + ends[-1]) / 2       # the steepest place of a smooth ramp
@@ -193,7 +193,7 @@ class Profile(Settings):
         return last + left / speed if speed > 0 and isfinite(left / speed) else None
 
     def extent_m(self, t_s: float) -> tuple[float, float]:
-        """Return the least and the greatest distance that the leader has gone by ``t_s`` (0 is among them)."""
+        """Return the least and greatest distance that the leader has travelled by ``t_s`` (0 is among them)."""
         gone = [0.0, *(self.travelled_m(t)[0] for t in (*self.breaks_s, t_s) if t <= t_s)]
         return min(gone), max(gone)
 

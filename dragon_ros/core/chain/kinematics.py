@@ -1,6 +1,6 @@
 """Speeds and accelerations of all handles from the rigid links, on any track, behind the head or the tail.
 
-Handle i moves along the track at the signed speed s_i, positive in the head's way, so that q' = s T and
+Handle i moves along the track at the signed speed s_i, positive in the head's direction, so that q' = s T and
 
     q'' = s' T + s^2 kappa N,
 
@@ -11,7 +11,7 @@ and twice, gives
     s_f (e . T_f) = s_r (e . T_r),
     s_f' (e . T_f) + s_f^2 kappa_f (e . N_f) + |q_f' - q_r'|^2 / l = s_r' (e . T_r) + s_r^2 kappa_r (e . N_r),
 
-one equation a link for speeds and one for s', solved link by link from the leader. Where e . T of a follower vanishes
+one equation per link for speeds and one for s', solved link by link from the leader. If e . T of a follower vanishes,
 the chain locks.
 """
 from collections.abc import Iterator
@@ -33,8 +33,8 @@ class RigidLinks:
     """The links of a chain and the track under its handles, at one instant or at many (leading axes).
 
     ``p`` (..., N+1, 2) are the handles in metres, ``links_m`` (N,) the links, ``forward`` (..., N+1, 2) unit tangents
-    in the head's way, ``leader`` is the leading handle, 0 or -1. The leader's speed and tangential acceleration count
-    in its own way: in the head's where the head leads, against it where the tail does.
+    in the head's direction, ``leader`` is the leading handle, 0 or -1. The leader's speed and tangential acceleration
+    are positive in its own direction: in the head's if the head leads, against it if the tail leads.
     """
 
     p: Floats
@@ -44,11 +44,11 @@ class RigidLinks:
 
     @cached_property
     def along_track(self) -> Array:
-        """Whether a link (..., N) lies along the track and hands speed and acceleration over as they are.
+        """Whether a link (..., N) lies along the track and passes speed and acceleration on unchanged.
 
-        So it is for links of no length. The direction of a link of length l is off by ulp |p| / l, and e . T, even in
-        that angle, by its square at least; along the track it is taken wrong by (kappa l)^2. Up to sqrt(ulp) |p|
-        rounding is the larger of the two.
+        This holds for links of no length. The error of the direction of a link of length l is ulp |p| / l, and that of
+        e . T, even in that angle, at least its square; treating the link as along the track gives the error (kappa
+        l)^2. Up to sqrt(ulp) |p| rounding is the larger of the two.
         """
         size = np.max(np.abs(self.p), axis=(-2, -1), keepdims=True)[..., 0]
         out: Array = self.links_m <= np.sqrt(_ULP) * size
@@ -106,7 +106,7 @@ class RigidLinks:
         return read_only(tangential[..., None] * self.forward + bend[..., None] * side)
 
     def _forward(self, leader: float | Floats) -> Floats:
-        """Return a rate of the leader in the head's way."""
+        """Return a rate of the leader in the head's direction."""
         rate = np.asarray(leader, dtype=np.float64)
         return rate if self.leader == 0 else -rate
 
@@ -129,14 +129,14 @@ def _carried(start: float, steps: Iterator[tuple[float, float]]) -> Iterator[flo
 def entered_curvatures(track: Track, segment: Ints, u: Floats, speeds: Floats, within_m: float) -> Floats:
     """Return the signed curvatures (..., N+1) in 1/m that handles are entering: the values just after this instant.
 
-    ``segment`` and ``u`` (..., N+1) are the handles' places. A handle that stands on a joint to within ``within_m``,
-    the error that its position may have, is taken to be on the segment that it moves into. A handle at rest keeps its
-    own: its curvature counts times the square of its speed.
+    A handle that is on a joint to within ``within_m``, the possible error of its position, is taken to be on the
+    segment into which it moves. A handle at rest keeps its own segment: its curvature counts times the square of its
+    speed.
     """
     if not track.joints_m:
         return track.curvatures(segment, u)
     along, joints = track.distances(segment, u), np.array(track.joints_m)
-    near = within_m + 4 * _ULP * np.abs(along)      # a distance along the track rounds as well
+    near = within_m + 4 * _ULP * np.abs(along)      # a distance along the track is rounded as well
     entered = np.where(speeds > 0, np.searchsorted(joints, along + near, side='right'),
                        np.where(speeds < 0, np.searchsorted(joints, along - near, side='left'), segment))
     ahead, behind = entered > segment, entered < segment

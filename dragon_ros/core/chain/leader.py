@@ -1,4 +1,4 @@
-"""The leader of a chain: where it is on the track when it has gone some distance, and how far it can go."""
+"""The leader of a chain: its place on the track after some distance, and its range of travel."""
 from dataclasses import dataclass
 from functools import cached_property
 from math import hypot, inf, sqrt
@@ -16,9 +16,9 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 
 @dataclass(frozen=True, eq=False)
 class Leader:
-    """The leader of the chain whose head lies ``start_m`` along a track when the leader has gone 0.
+    """The leader of the chain whose head lies ``start_m`` along a track when the leader has travelled 0.
 
-    Led by the head, followers lie behind. Led by the tail (``direction`` AHEAD), the leader is the last handle: it
+    If the head leads, followers lie behind. If the tail leads (``direction`` AHEAD), the leader is the last handle: it
     walks back along the track, and each handle lies ahead of the one nearer the tail, so links follow in reverse. The
     track then ends where the head lies at the start.
     """
@@ -29,7 +29,7 @@ class Leader:
     direction: int
 
     def __post_init__(self) -> None:
-        """Refuse links that could lock on a composite track, and a start without track for the whole chain."""
+        """Reject links that could lock on a composite track, and a start without track for the whole chain."""
         self.track.check_links(self.links_m)
         if self.least_m > self.start_m:
             raise FieldError('track.start_m', self.start_m, 'the track behind the head is too short for the dragon, '
@@ -37,7 +37,7 @@ class Leader:
 
     @cached_property
     def least_m(self) -> float:
-        """Distance of the head where the tail lies at the beginning of the track; -inf if that is open."""
+        """Distance of the head when the tail lies at the beginning of the track; -inf if the track is open."""
         if self.track.begin_m == -inf:
             return -inf
         try:
@@ -47,7 +47,7 @@ class Leader:
 
     @cached_property
     def _origin_m(self) -> tuple[float, float]:
-        """Distance of the leader along the track when it has gone 0, as (hi, lo)."""
+        """Distance of the leader along the track when it has travelled 0, as (hi, lo)."""
         if self.direction == BEHIND:
             return self.start_m, 0.0
         return self.track.distance_of(_last(self.track, self.links_m, self.track.place_at(self.start_m), BEHIND))
@@ -61,21 +61,21 @@ class Leader:
         return self.track.place_at(total, low - self.direction * gone_m[1], origin)
 
     def places(self, gone_m: tuple[Floats, Floats]) -> Places:
-        """Return ``place`` of many."""
+        """Return ``place`` for many distances."""
         high, low = plus(*self._origin_m, -self.direction * gone_m[0])
         return self.track.places_at(*plus(high, low, -self.direction * gone_m[1]))
 
     def gone_m(self, leader: Place) -> float:
-        """Return how far the leader has gone when it is at a place."""
+        """Return the distance that the leader has travelled when it is at a place."""
         high, low = plus(*self.track.distance_of(leader), -self._origin_m[0])
         return float(-self.direction * (high + (low - self._origin_m[1])))
 
     def along_m(self, gone_m: float) -> float:
-        """Return the distance of the leader along the track when it has gone so far."""
+        """Return the distance of the leader along the track when it has travelled that far."""
         return self._origin_m[0] - self.direction * gone_m
 
     def turning_m(self, low_m: float, high_m: float, links: int | None = None) -> list[float]:
-        """Return how far the leader has gone, between two distances, where any handle turns back; growing.
+        """Return the leader's distances, between two, at which any handle turns back; increasing.
 
         Between them every handle moves one way. Handles turn near the centre of a single spiral only, where links may
         lock, and only those behind the first ``links`` if that is given.
@@ -89,13 +89,13 @@ class Leader:
 
     @cached_property
     def range_m(self) -> tuple[float, float]:
-        """The least and the greatest way that the leader can go before a handle would leave the track."""
+        """The least and greatest distance that the leader can travel before a handle would leave the track."""
         if self.direction == BEHIND:
             return self.least_m - self.start_m, self.track.end_m - self.start_m
         return 0.0, self._origin_m[0] - self.track.begin_m
 
     def size_m(self, extent_m: tuple[float, float]) -> float:
-        """Return a bound on how far from the origin a handle is while the leader goes between two distances."""
+        """Return a bound on how far handles are from the origin while the leader moves between two distances."""
         spiral = self.track.from_afar
         if self.track.may_lock and spiral:      # r^2 grows by at most 2 b a metre of track, and links are no longer
             curve, length_m = spiral.curve, float(np.sum(self.links_m))
@@ -104,7 +104,7 @@ class Leader:
         return max(self.track.far_m(low_m, high_m), self.track.laid_from_m(high_m))
 
     def span_m(self, extent_m: tuple[float, float]) -> tuple[float, float]:
-        """Return the stretch of the track on which handles are while the leader goes between two distances.
+        """Return the interval of the track on which handles are while the leader moves between two distances.
 
         Every handle moves on as the leader moves on, so the tail's least distance is that of the leader's least.
         """
@@ -114,11 +114,11 @@ class Leader:
             low, high = track.distance_of(_last(track, self.links_m, first, BEHIND))[0], min(origin + most, track.end_m)
         else:
             low, high = max(origin - most, track.begin_m), self.start_m
-        return min(low, high), high     # the tail's distance rounds, and may pass that of a leader next to it
+        return min(low, high), high     # the tail's distance is rounded, and may pass that of a leader next to it
 
 
 def head_in_front_m(track: Track, links_m: Floats, tail_m: float) -> float:
-    """Return the distance of the head along a track where the tail is at ``tail_m``. Raises TrackEndError."""
+    """Return the distance of the head along a track when the tail is at ``tail_m``. Raises TrackEndError."""
     return track.distance_of(_last(track, links_m, track.place_at(tail_m), AHEAD))[0]
 
 

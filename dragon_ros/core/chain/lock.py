@@ -1,7 +1,7 @@
-"""Where a chain locks: the innermost place of the head from which every link still finds its next handle.
+"""Where a chain locks: the innermost place of the head at which every link can still place its next handle.
 
-Moving in, the first peak of the chord equation (``spiral.first_peak``) sinks; where it meets the link's length the
-smallest root vanishes and the follower's speed goes to infinity.
+As the chain moves in, the first peak of the chord equation (``spiral.first_peak``) sinks; when it reaches the link's
+length, the smallest root vanishes and the follower's speed goes to infinity.
 """
 from collections.abc import Callable, Sequence
 from functools import lru_cache
@@ -16,7 +16,7 @@ _NO_TURN = 4.0  # no link turns back with its front handle this far beyond its c
 
 @lru_cache(maxsize=256)
 def lock_angle(chord: float) -> float:
-    """Return the polar angle below which a link (``chord`` in units of b) has no place; 0 if it always has one."""
+    """Return the polar angle below which a link (``chord`` in units of b) cannot be placed; 0 if it always can."""
     low, high = max(0.0, 0.5 * (chord - 1.5 * pi)), 0.5 * (chord - pi)
     if high <= 0.0 or chord <= chord_of(_first_with_peak(), first_peak(_first_with_peak(), pi)[0]):
         return 0.0
@@ -27,9 +27,9 @@ def lock_angle(chord: float) -> float:
 def head_lock_angle(chords: Sequence[float]) -> tuple[float, int]:
     """Return (polar angle of the head where the chain first locks on its way in, link); (0, 0) if it never does.
 
-    A link locks where its front handle comes in to ``lock_angle``: for each link, from the head on, that handle is
+    A link locks when its front handle comes in to ``lock_angle``: for each link, from the head on, that handle is
     followed over the places of the head at which the links before still hold. Between the ``places`` it moves one way.
-    As handles lie further and further out, that ends where none of the longest link's could lock.
+    As handles lie at increasing radii, the search ends where none of the longest links could lock.
     """
     angle, link, top = lock_angle(chords[0]), 0, lock_angle(max(chords[1:], default=0.0))
     places = sorted({angle, *(turn for turn in turns(chords[0]) if angle < turn < top), max(angle, top)}) if top else []
@@ -79,21 +79,21 @@ def follower(theta: float, chord: float) -> float:
 
 
 def _rear(theta: float, chord: float) -> float:
-    """Return ``follower``; at a lock itself, where rounding may leave no place, where the chord is longest."""
+    """Return ``follower``; at a lock itself, where rounding may leave no place, the place of the longest chord."""
     rear = follower(theta, chord)
     return rear if rear < inf else theta + first_peak(theta, pi)[0]
 
 
 @lru_cache(maxsize=1)
 def _first_with_peak() -> float:
-    """Return the polar angle (about 0.9, a pure number) from which on the chord has a first peak at all."""
+    """Return the polar angle (about 0.9, a pure number) above which the chord has a first peak."""
     return _bisect(lambda theta: first_peak(theta, pi)[0] < inf, 0.5, 2.0)
 
 
 def _first_at_least_0(value: Callable[[float], float], low: float, high: float) -> float:
     """Return the smallest float in (low, high] at which a growing function is not negative; at ``high`` it must not be.
 
-    Next to where regula falsi puts it a bracket is taken, some ulps wide at first, and bisected.
+    A bracket, at first some ulps wide, is taken next to the result of regula falsi, and bisected.
     """
     at_low, at_high = value(low), value(high)
     if -inf < at_low < 0 < at_high:
@@ -117,11 +117,11 @@ def _bisect(holds, low: float, high: float) -> float:  # type: ignore[no-untyped
 
 
 def turning_places(chords: Sequence[float], low: float, high: float) -> list[float]:
-    """Return the head angles in (low, high), growing, where any handle turns back: the rear one of one of the links.
+    """Return the increasing head angles in (low, high) at which any handle turns back: the rear one of some link.
 
-    Between them every handle moves one way. Followed from the head on, up to where no longer link turns back. Where all
-    links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma 2): two
-    links tell all.
+    Between them every handle moves one way. The links are followed from the head on, until no later link turns back. If
+    all links behind the head's are equal, those behind the third handle only follow it (docs/contact.md, lemma 2): two
+    links are then enough.
     """
     longest = [*accumulate(reversed(chords), max)][::-1]
     places, here, found = [low, high], [low, high], list[float]()
@@ -149,7 +149,7 @@ def turns(chord: float) -> list[float]:
 
 
 def _inwards(theta: float, chord: float) -> float:
-    """Return a number that is above 0 where a link's rear handle follows its front handle inwards."""
+    """Return a number that is positive if a link's rear handle follows its front handle inwards."""
     delta = step(theta, chord, first_guess(theta, chord))[0]
     if delta == inf:
         return -inf

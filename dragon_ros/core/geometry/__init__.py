@@ -1,1 +1,1 @@
-"""The geometry of one instant: where benches lie, how far they are apart, and which pairs to ask about."""
+"""The geometry of one instant: where benches lie, how far apart they are, and which pairs to test."""

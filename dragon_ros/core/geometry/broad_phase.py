@@ -1,10 +1,10 @@
 """Which benches can touch: the adjacent layer of a dragon that winds about the origin, else a broad phase for all.
 
-The paper looks, for each bench, where the lines from the centre through its two handles meet the next layer out, at
-theta + 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points.
-That is complete only where a bench reaches no further than its neighbours on the next layer, and no bench meets its
-own layer or the next but one. ``candidates`` asks instead which benches share a direction and a distance from the
-origin, turn by turn, which is complete wherever the benches are, and the same few benches where the paper is right.
+For each bench, the paper intersects the lines from the centre through its two handles with the next layer out, at theta
++ 2 pi (it prints theta - 2 pi; docs/errata.md), and takes the three benches nearest to each of the two points. That is
+complete only if a bench reaches no further than its neighbours on the next layer, and no bench meets its own layer or
+the next but one. ``candidates`` instead finds the benches that share a direction and a distance from the origin, turn
+by turn. This is complete wherever the benches are, and yields the same few benches where the paper is right.
 """
 from collections.abc import Iterator
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from dragon_ros.core.errors import CrowdError
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 
-_TOGETHER = 4   # steps of a chain whose boxes are looked up together
+_TOGETHER = 4   # steps of a chain whose boxes are queried together
 _AT_ONCE = 256
 _MOST_PAIRS = 1_000_000     # or, if that is more,
-_MOST_EACH = 16             # for each bench
-_MOST_TURNS = 8         # of layers that a bench can reach; boxes find more than that faster
-_HAIR = 1e-9            # rad and parts of the size: far above what rounding moves
+_MOST_EACH = 16             # per bench
+_MOST_TURNS = 8         # layers that a bench can reach; beyond that, boxes are faster
+_HAIR = 1e-9            # rad and fraction of the size: far above rounding errors
 
 
 @dataclass(frozen=True)
 class _Sectors:
-    """The part of the plane about the origin that each bench lies in: directions [low, high] and distances."""
+    """The part of the plane about the origin in which each bench lies: directions [low, high] and distances."""
 
     low: Floats
     high: Floats
@@ -34,17 +34,17 @@ class _Sectors:
 
 
 def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tuple[Ints, Ints]:
-    """Return pairs (i, j), j >= i + 2, in order, with every pair that touches or is within ``reach_m`` of it.
+    """Return pairs (i, j), j >= i + 2, in order, including every pair that touches or is within ``reach_m`` of it.
 
     ``p`` are the handles (N+1, 2) in metres about the centre; ``reach_m`` is the largest width (or a twentieth of the
     largest length) unless given. So the smallest gap of the candidates is that of all pairs if it is at most
     ``reach_m``; if it is larger, so is that of all pairs. |i - j| = 2 and 3 are always among them, and so are the
     benches of the next layer in the same directions, however far.
 
-    It takes O(N) where the handles wind outwards about the origin: the directions of the benches grow (or shrink) to
-    the tail, no bench goes back over half a turn, and few layers are within reach of each other. Where a bench reaches
-    more layers, or its own, its candidates are those layers too. A bench over the origin meets every direction. All
-    of it is checked; where it does not hold the candidates are those of ``box_pairs``, complete for any layout.
+    It takes O(N) if the handles wind outwards about the origin: the directions of the benches grow (or shrink) towards
+    the tail, no bench goes back over half a turn, and few layers are within reach of each other. If a bench reaches
+    more layers, or its own, its candidates include those layers. A bench over the origin meets every direction. All
+    these conditions are checked; if one fails, the candidates are those of ``box_pairs``, complete for any layout.
     """
     reach = default_reach_m(benches) if reach_m is None else reach_m
     sectors = _sectors(p, benches, reach)
@@ -53,12 +53,12 @@ def candidates(p: Floats, benches: Benches, reach_m: float | None = None) -> tup
 
 
 def default_reach_m(benches: Benches) -> float:
-    """Return the gap in metres up to which ``candidates`` finds every pair unless told otherwise."""
+    """Return the gap in metres up to which ``candidates`` finds every pair by default."""
     return float(2 * np.max(np.maximum(benches.half_width, 0.05 * benches.half_length)))
 
 
 def _sectors(p: Floats, benches: Benches, reach: float) -> _Sectors | None:
-    """Return the sectors of the benches grown by half the reach; None if their directions cannot be put in order.
+    """Return the sectors of the benches, enlarged by half the reach; None if their directions cannot be ordered.
 
     Directions are those of the centres, each within half a turn of the middle of its two handles, unwrapped.
     """
@@ -96,7 +96,8 @@ def _directions(p: Floats, x: Floats, y: Floats) -> Floats:
 def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[Floats, Floats]:
     """Return the smallest and largest direction of each bench's corners, from that of its centre.
 
-    ``along`` and ``aside`` are the centre in the bench's axes; a convex figure clear of the origin spans less than a
+    ``along`` and ``aside`` are the centre in the bench's axes; a convex figure that excludes the origin spans less than
+    a
     half turn.
     """
     square = along * along + aside * aside
@@ -108,11 +109,11 @@ def _spread(along: Floats, aside: Floats, half: Floats, side: Floats) -> tuple[F
 
 
 def _polar_pairs(sectors: _Sectors) -> tuple[Ints, Ints] | None:
-    """Return the pairs whose sectors meet, window by window and turn by turn; None where those are too many.
+    """Return the pairs whose sectors meet, window by window and turn by turn; None if there are too many.
 
-    ``low`` grows; with ``high`` replaced by the largest so far the benches that share a direction with bench i after
-    k turns are one window. Where all that follows is further out than bench i, its windows end; the first turn's is
-    kept whole.
+    ``low`` grows; with ``high`` replaced by the running maximum, the benches that share a direction with bench i after
+    k turns form one window. When all further benches are further out than bench i, its windows end; the window of the
+    first turn is kept whole.
     """
     low, high, count = sectors.low, sectors.high, sectors.low.size
     highest = np.maximum.accumulate(high)
@@ -146,7 +147,7 @@ def _spelt(start: Ints, size: Ints) -> tuple[Ints, Ints]:
 def box_pairs(benches: Benches, reach_m: float = 0.0) -> tuple[Ints, Ints]:
     """Return every pair whose axis-aligned boxes come within ``reach_m``, for any layout (shapely STRtree).
 
-    Pairs with |i - j| = 2 and 3 are always among them. Raises CrowdError where they would fill the memory.
+    Pairs with |i - j| = 2 and 3 are always among them. Raises CrowdError if they would fill the memory.
     """
     return swept_pairs(benches.corners[None], reach_m)
 
@@ -163,8 +164,8 @@ def swept_pairs(corners: Floats, reach_m: float) -> tuple[Ints, Ints]:
 def pairs_on_steps(low: Floats, high: Floats, reach_m: Floats) -> Iterator[tuple[Ints, Ints]]:
     """Yield for each of M steps the pairs whose boxes come within a reach (M,), as ``swept_pairs`` does for one.
 
-    ``low`` and ``high`` (M, N, 2) are the corners of the boxes. Those of some steps are looked up together, unless they
-    would fill the memory so.
+    ``low`` and ``high`` (M, N, 2) are the corners of the boxes. The boxes of several steps are queried together, unless
+    that would fill the memory.
     """
     hair = (0.5 * reach_m + _HAIR * float(max(np.max(np.abs(low)), np.max(np.abs(high)))))[:, None, None]
     low, high = low - hair, high + hair
@@ -196,7 +197,7 @@ def _meet(low: Floats, high: Floats, i: Ints, j: Ints) -> Array:
 
 def _meeting(low: Floats, high: Floats) -> Ints:
     """Return the pairs i, j of boxes (N, 2) that meet, and those with |i - j| = 2 and 3, as sorted numbers i N + j."""
-    import shapely  # most dragons wind about the origin, and never ask
+    import shapely  # most dragons wind about the origin and never need it
     count = low.shape[0]
     boxes = shapely.box(low[:, 0], low[:, 1], high[:, 0], high[:, 1])
     tree, total, most = shapely.STRtree(boxes), 0, max(_MOST_PAIRS, _MOST_EACH * count)

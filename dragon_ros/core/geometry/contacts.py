@@ -1,4 +1,4 @@
-"""Which benches touch at one instant and how near the others are, and what an observer sees of a tick."""
+"""The contacts and the clearance at one instant, and the observation of a tick."""
 from dataclasses import dataclass
 
 from dragon_ros.core.geometry.rectangles import Benches
@@ -9,8 +9,8 @@ from dragon_ros.core.numerics.types import Floats, Ints
 class Closeness:
     """The smallest signed gap in metres of all benches that are not neighbours, ``closest``, and all pairs that touch.
 
-    ``clearance_m`` is inf, and ``closest`` None, where there are fewer than three benches; of several pairs with the
-    same gap the closest is the first. Pairs (i, j) (K,) that touch, i < j, with ``gap_m`` (K,), the deepest first.
+    ``clearance_m`` is inf, and ``closest`` None, if there are fewer than three benches; if several pairs have the same
+    gap, the first is the closest. Pairs (i, j) (K,) that touch, i < j, with ``gap_m`` (K,), the deepest first.
     """
 
     clearance_m: float
@@ -31,7 +31,7 @@ class Contacts:
 
 @dataclass(frozen=True)
 class Observation:
-    """What was seen at one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
+    """The observation of one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""
 
     t_ns: int
     p: Floats

@@ -1,27 +1,29 @@
-"""The closest two benches and all that touch, look by look: near pairs are kept from one look to the next.
+"""The closest two benches and all that touch, sample by sample: near pairs are kept from one sample to the next.
 
-``closeness`` searches from nothing. ``NearPairs`` answers the same, to the last bit, from what the last looks left: a
-list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how their gaps, and all others, have changed since.
-What it keeps decides how long a look takes and nothing else.
+``closeness`` searches from scratch. ``NearPairs`` returns the same, to the last bit, from the state of the last
+samples: a list of near pairs (Verlet, Phys. Rev. 159, 98, 1967) with bounds on how much their gaps, and all others,
+have changed since. This state affects the time of a sample, and nothing else.
 
-Three bounds carry it. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all directions
-n, where h are their support functions, and a support function changes by no more than the farthest point moves. So
+It rests on three bounds. The signed gap of two convex figures is the largest of -(h_A(n) + h_B(-n)) over all directions
+n, where h are their support functions, and a support function changes by at most the displacement of the
+farthest-moving point. So
 
-1. The gap of a pair is at least its separation along any one direction. A listed pair has one, the axis of one of its
-   two benches that parted them best when the list was measured; it turns with its bench. Benches of neighbouring layers
-   slide along each other, which leaves that separation as it is, and tells at once most pairs that are not closest.
-2. The gap of a pair changes by no more than its points move, in any frame, that of a third bench k too: with centres c
-   and turns w since then (unit complex numbers), the points of a bench whose half diagonal is r move by no more than
-   m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by 2 max m at most. Where all move as one,
-   m is 0. So as long as the pairs that were not listed had gaps larger by that, none of them is closest or touches.
-3. In a large dragon the inner layers turn much faster than the outer ones. It is cut in parts, and the pairs of each
-   with its own benches and those that follow, up to an end, have a list of their own, with a bench k of their own. All
-   pairs across an end differ in their distance from the origin, and turned back about it by its own turn no point of a
-   bench moves by more than e = |c conj(w) - c'|: turning about the origin changes no distance from it.
+1. The gap of a pair is at least its separation along any one direction. A listed pair stores one: the axis of one of
+its two benches that separated them best when the list was measured; it turns with its bench. Benches of neighbouring
+layers slide along each other, which leaves that separation unchanged and rules out at once most pairs that are not the
+closest.
+2. The gap of a pair changes by at most the displacement of its points, in any frame, including that of a third bench k:
+with centres c and turns w since then (unit complex numbers), the points of a bench with half diagonal r move by at most
+m = |(c - c_k) conj(w_k) - (c' - c_k')| + r |w - w_k|, and a gap changes by at most 2 max m. If all benches move as one,
+m is 0. So as long as the gaps of unlisted pairs were larger by that amount, none of them is closest or touches.
+3. In a large dragon the inner layers turn much faster than the outer ones. The dragon is split into parts. The pairs of
+each part's benches with each other and with those that follow, up to an end, have their own list and their own bench k.
+All pairs across an end differ in their distance from the origin, and, turned back about it by its own turn, no point of
+a bench moves by more than e = |c conj(w) - c'|: a turn about the origin changes no distance from it.
 
-The last look's closest pair, where it is now, bounds the clearance from above. Only pairs that these bounds do not
-clear of it are computed, and of all of them those are closest or touch that say so. Where rounding could make a
-difference, a bound is lowered by ``_HAIR`` of coordinates and sizes: 64 times what a gap is off by (``rounding_m``).
+The last sample's closest pair, at its present place, bounds the clearance from above. Only pairs that these bounds do
+not exclude are computed, and the closest and the touching ones are found among them. Where rounding could make a
+difference, a bound is lowered by ``_HAIR`` of coordinates and sizes: 64 times the error of a gap (``rounding_m``).
 """
 from dataclasses import dataclass, replace
 from math import inf, isfinite, sqrt
@@ -36,23 +38,23 @@ from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import PartedPairs, gap_of, gaps, parted_pairs
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 
-TOUCH_M = 1e-10         # positions are right to 2e-12 m: a smaller gap is a contact
-_SKIN = 0.45            # of the mean half length: a longer list serves longer, and takes longer
-_HAIR = 2.0**-40        # of coordinates and sizes
-_MOST_EACH = 32         # listed pairs for each bench: a crowd is searched from nothing
+TOUCH_M = 1e-10         # positions are accurate to 2e-12 m: a smaller gap counts as contact
+_SKIN = 0.45            # relative to the mean half length: a longer list lasts longer, and takes longer
+_HAIR = 2.0**-40        # relative to coordinates and sizes
+_MOST_EACH = 32         # listed pairs per bench: a crowd is searched from scratch
 _FEW = 8                # pairs that are computed one by one; more are computed as arrays
-_FIRST_PART = 512       # benches of the innermost part; each further one reaches twice as far
-_OVERLAP = 2.5          # benches of all parts with those that follow, for each bench: more is not worth its while
-_WORTH = 0.02           # of the skin: nearer than this to the closest, a part is measured at each look
+_FIRST_PART = 512       # benches of the innermost part; each further part reaches twice as far
+_OVERLAP = 2.5          # benches of all parts with those that follow, per bench: more is not worthwhile
+_WORTH = 0.02           # relative to the skin: a part this near to the closest is measured at each sample
 
 _NONE: Ints = np.empty(0, dtype=np.int64)
 _NOTHING = Closeness(inf, None, _NONE, _NONE, np.empty(0))
 
 
 def closeness(p: Floats, benches: Benches) -> Closeness:
-    """Return the closest two benches and all that touch, from a search from nothing; ``p`` are the handles (N+1, 2).
+    """Return the closest two benches and all that touch, searched from scratch; ``p`` are the handles (N+1, 2).
 
-    Raises CrowdError where too many benches lie in one place.
+    Raises CrowdError if too many benches lie in one place.
     """
     reach = default_reach_m(benches)
     i, j = candidates(p, benches, reach)
@@ -64,7 +66,7 @@ def closeness(p: Floats, benches: Benches) -> Closeness:
 
 
 def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
-    """Return the closeness of pairs in order that have the closest and all that touch among them."""
+    """Return the closeness from ordered pairs that include the closest and all that touch."""
     if not i.size:
         return _NOTHING
     gap_m = gap_m + 0.0         # zero has no sign
@@ -78,7 +80,7 @@ def _of(i: Ints, j: Ints, gap_m: Floats) -> Closeness:
 
 
 class _Bodies(NamedTuple):
-    """The benches of one look as complex numbers (N,): centres, axes, and axes conjugated; and half diagonals."""
+    """The benches of one sample as complex numbers (N,): centres, axes, and axes conjugated; and half diagonals."""
 
     centre: Complexes
     axis: Complexes
@@ -88,11 +90,11 @@ class _Bodies(NamedTuple):
 
 @dataclass(frozen=True, slots=True)
 class _NearList:
-    """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and where these were.
+    """The near pairs (i, j) of benches ``first`` <= i < ``stop`` with benches j < ``end``, and their reference state.
 
-    ``held`` is the bench that is held fast, ``from_held`` the others' centres (M,) seen from its own, ``turned_back``
-    their axes (M,), conjugated. Up to there gaps had changed by ``spent_m`` at most since pairs with gaps larger than
-    ``beyond_m`` were left out; there no listed pair was nearer than ``nearest_m``. When the list was last measured
+    ``held`` is the reference bench, ``from_held`` the others' centres (M,) seen from it, ``turned_back`` their axes
+    (M,), conjugated. At that state gaps had changed by at most ``spent_m`` since pairs with gaps larger than
+    ``beyond_m`` were left out, and no listed pair was nearer than ``nearest_m``. When the list was last measured,
     ``close`` pairs had to be computed.
     """
 
@@ -109,7 +111,7 @@ class _NearList:
     list: PartedPairs
 
     def change_m(self, bodies: _Bodies) -> float:
-        """Return by how much gaps have changed since at most: bound 2 of the module."""
+        """Return an upper bound on the change of gaps since then: bound 2 of the module."""
         turn = bodies.axis[self.first:self.end] * self.turned_back
         held = bodies.centre.item(self.held)
         turn_held = turn.item(self.held - self.first)
@@ -124,7 +126,7 @@ class _NearList:
         return 2 * float(np.maximum.reduce(away))
 
     def moved(self, bodies: _Bodies, spent_m: float, nearest_m: float) -> '_NearList':
-        """Return the part as it is now."""
+        """Return the part with the present state as its reference."""
         centre = bodies.centre[self.first:self.end]
         return replace(self, from_held=centre - bodies.centre[self.held],
                        turned_back=bodies.back[self.first:self.end].copy(), spent_m=spent_m, nearest_m=nearest_m)
@@ -134,7 +136,7 @@ def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, 
             above_m: float) -> tuple[_NearList, Floats] | None:
     """Return the list of the pairs of a part with gaps up to ``reach_m``, and their separations; None for a crowd.
 
-    ``above_m`` is no less than the clearance.
+    ``above_m`` is an upper bound on the clearance.
     """
     first, stop, end = part
     own = slice(first, end)
@@ -158,14 +160,14 @@ def _listed(bodies: _Bodies, p: Floats, benches: Benches, part: tuple[int, int, 
 
 
 def _middle(bodies: _Bodies, first: int, end: int) -> int:
-    """Return the bench that is held fast: halfway between the nearest to the origin and the farthest of a part."""
+    """Return the reference bench: halfway between the nearest to the origin and the farthest of a part."""
     radius = np.abs(bodies.centre[first:end])
     return first + int(np.argmin(np.abs(radius - 0.5 * (np.min(radius) + np.max(radius)))))
 
 
 def _seen_part(part: _NearList, bodies: _Bodies, p: Floats, benches: Benches, limit_m: float,
                skin_m: float) -> tuple[_NearList, Ints] | None:
-    """Return a part as one more look leaves it, and which of its pairs may be within a limit; None for a crowd."""
+    """Return a part after one more sample, and which of its pairs may be within a limit; None for a crowd."""
     change_m = part.change_m(bodies)
     if not part.beyond_m - part.spent_m - change_m > limit_m:
         listed = _listed(bodies, p, benches, (part.first, part.stop, part.end), max(limit_m, 0.0) + skin_m, limit_m)
@@ -174,7 +176,7 @@ def _seen_part(part: _NearList, bodies: _Bodies, p: Floats, benches: Benches, li
         return part, _NONE
     apart = part.list.separations(*bodies[:3])
     rows = (apart <= limit_m).nonzero()[0]
-    if rows.size > 2 * part.close + _FEW:       # by now other axes part the pairs better
+    if rows.size > 2 * part.close + _FEW:       # by now other axes separate the pairs better
         found, apart = parted_pairs(bodies.centre, bodies.axis, benches, *part.list.pairs)
         rows = np.flatnonzero(apart <= limit_m)
         part = replace(part, list=found, close=rows.size)
@@ -184,7 +186,7 @@ def _seen_part(part: _NearList, bodies: _Bodies, p: Floats, benches: Benches, li
 
 
 def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list[tuple[int, int]]) -> Closeness:
-    """Return the closeness of pairs that have the closest and all that touch among them; the gap of one is known."""
+    """Return the closeness from pairs that include the closest and all that touch; the gap of one is known."""
     if len(pairs) > _FEW:
         i, j = np.array(pairs).T
         return _of(i, j, gaps(benches, i, j))
@@ -198,7 +200,7 @@ def _decided(benches: Benches, known: tuple[tuple[int, int], float], pairs: list
 
 @dataclass(frozen=True, slots=True)
 class _Kept:
-    """What the last look leaves for the next: the parts, the closest pair, and the ``sizes`` of the benches.
+    """The state kept from one sample to the next: the parts, the closest pair, and the ``sizes`` of the benches.
 
     Pairs across the ends of parts were ``apart_m`` apart when benches had these centres (N,), and axes, conjugated.
     """
@@ -214,7 +216,7 @@ class _Kept:
     turned_back: Complexes
 
     def across_m(self, bodies: _Bodies) -> float:
-        """Return how far pairs across the ends of parts are apart at least: bound 3 of the module."""
+        """Return a lower bound on the gap of pairs across the ends of parts: bound 3 of the module."""
         if len(self.parts) == 1:
             return inf
         moved = bodies.axis * self.turned_back
@@ -224,7 +226,7 @@ class _Kept:
 
 
 def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
-    """Return what a look from nothing leaves; None for a crowd."""
+    """Return the state after a sample from scratch; None for a crowd."""
     assert found.closest
     skin_m = _SKIN * float(np.mean(benches.half_length))
     bodies = _bodies(benches, np.hypot(benches.half_length, benches.half_width))
@@ -240,9 +242,9 @@ def _first_kept(p: Floats, benches: Benches, found: Closeness) -> _Kept | None:
 
 
 def _cuts(bodies: _Bodies, apart_m: float) -> list[tuple[int, int, int]]:
-    """Return the first, stop and end of each part; pairs across an end differ in distance from the origin by so much.
+    """Return the first, stop and end of each part; pairs across an end differ in distance from the origin by that much.
 
-    It is a single one unless the dragon is large and winds about the origin.
+    There is a single part unless the dragon is large and winds about the origin.
     """
     count, radius = bodies.far.size, np.abs(bodies.centre)
     stops = [*(_FIRST_PART << n for n in range((count // _FIRST_PART).bit_length() - 1)), count]
@@ -267,19 +269,19 @@ def _sizes(benches: Benches) -> bytes:
 
 
 class NearPairs:
-    """Looks at one dragon after the other, as ``closeness`` does, faster where the last one was much like it.
+    """Samples one dragon after another, as ``closeness`` does, but faster if consecutive ones are similar.
 
-    What a look leaves is replaced as a whole: looks of several threads may cross, and have the same answers.
+    The state is replaced as a whole: samples from several threads may interleave, with the same results.
     """
 
     def __init__(self) -> None:
-        """Start having seen nothing."""
+        """Start without a state."""
         self._kept: _Kept | None = None
 
     def look(self, p: Floats, benches: Benches) -> Closeness:
         """Return the closest two benches and all that touch, of handles ``p`` (N+1, 2).
 
-        Raises CrowdError where too many benches lie in one place.
+        Raises CrowdError if too many benches lie in one place.
         """
         kept = self._kept
         if kept and kept.sizes == _sizes(benches):
@@ -292,9 +294,9 @@ class NearPairs:
         return found
 
     def _again(self, kept: _Kept, p: Floats, benches: Benches) -> Closeness | None:
-        """Return what a look finds with what the last one left; None where that does not help."""
+        """Return the result of a sample that uses the last state; None if that does not help."""
         above_m, bodies = gap_of(benches, *kept.closest), _bodies(benches, kept.far)
-        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # no less than the largest, at the price of one call
+        size_m = sqrt(np.vdot(bodies.centre, bodies.centre).real)   # at least the largest, for one call
         limit_m = max(above_m, TOUCH_M) + _HAIR * (size_m + kept.skin_m)
         if not (above_m <= max(kept.clearance_m, 0.0) + kept.skin_m and kept.across_m(bodies) > limit_m):
             return None

@@ -1,4 +1,4 @@
-"""Benches as rectangles: the handles' line, extended by the hole inset at both ends, half the width to both sides."""
+"""Benches as rectangles: the handles' line, extended by the hole inset at both ends, half the width to each side."""
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,12 +3,12 @@
 The parting translation of two convex polygons is normal to an edge, so the separating-axis value gives it; when they
 are apart that value is only a lower bound and the nearest corner decides.
 
-What rounding does, for handles that are given as floats: let no coordinate of one exceed S, no half length and half
-width of a bench together L, and u = 2^-53. A centre is off by u S, a bench's axis, the quotient of a difference and
-its length, by 4 u, a vector between centres, no longer than D <= 2.9 S, by 2.9 u S; its parts along an axis by 2.9 u S
-+ 9 u D, and turned into the other bench's axes by 1.5 times that and 14 u D: 80 u S in all. The extent of a rectangle
-along an axis is off by 20 u L, and the root of a sum of squares by 1.5 times what its terms are. So no separation or
-gap of two benches is off by more than 128 u (S + L).
+Rounding errors, for handles given as floats: let no coordinate exceed S, the sum of half length and half width of a
+bench not exceed L, and u = 2^-53. The error of a centre is u S, that of a bench's axis, the quotient of a difference
+and its length, 4 u, and that of a vector between centres, no longer than D <= 2.9 S, 2.9 u S. The error of its
+components along an axis is 2.9 u S + 9 u D, and after turning into the other bench's axes 1.5 times that and 14 u D: 80
+u S in all. The error of a rectangle's extent along an axis is 20 u L, and that of the root of a sum of squares 1.5
+times that of its terms. So the error of any separation or gap of two benches is at most 128 u (S + L).
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -23,9 +23,9 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Index, Ints
 
 CORNERS = ('front left', 'rear left', 'rear right', 'front right')     # as in Benches.corners
 EDGES = ('front', 'rear', 'left', 'right')
-_ROUNDED = 2.0**-46 # of coordinates and sizes: what rounding makes of a separation or gap at most
-_AT_ONCE = 4096     # pairs, so that what is between fits the cache
-_SAME = 1e-12       # of the sizes: what is nearer than this is a tie
+_ROUNDED = 2.0**-46 # relative to coordinates and sizes: the largest rounding error of a separation or gap
+_AT_ONCE = 4096     # pairs, so that intermediate results fit the cache
+_SAME = 1e-12       # relative to the sizes: smaller differences are ties
 _STRAIGHT_M = 1e-200    # corners may not leave straight lines at all
 _ALONG: Floats = np.array([[1.0], [-1], [-1], [1]])
 _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
@@ -49,7 +49,7 @@ class Placement:
 
     @property
     def _extents(self) -> tuple[Floats, Floats]:
-        """How far the centres are apart along A's axes where the rectangles just touch along these."""
+        """The distance of the centres along A's axes at which the rectangles just touch along these."""
         (a_x, a_y), (half, side), c, s = self.a, self.b, np.abs(self.cos), np.abs(self.sin)
         return a_x + half * c + side * s, a_y + half * s + side * c
 
@@ -66,9 +66,9 @@ class Placement:
     def separations(self) -> tuple[Floats, Floats]:
         """Return the larger separation along A's two axes (negative where both overlap), and B's distance squared.
 
-        The distance is that of A from the nearer of B's two leading corners. With B turned over until its centre has
-        x, y >= 0, those are the corners with the smallest x and with the smallest y: the edge between them hides the
-        other two, which can be as near but never nearer than everything on it.
+        The distance is that of A from the nearer of B's two leading corners. With B reflected so that its centre has x,
+        y >= 0, those are the corners with the smallest x and with the smallest y: the edge between them hides the other
+        two, which can be as near but never nearer than all points of it.
         """
         x, y, c, s = np.abs(self.x), np.abs(self.y), np.abs(self.cos), np.abs(self.sin)
         (a_x, a_y), (half, side) = self.a, self.b
@@ -84,7 +84,7 @@ class Placement:
 
 
 def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
-    """Return what separations and gaps are off by at most, of handles whose coordinates no number ``far_m`` exceeds.
+    """Return the largest error of separations and gaps, for handles whose coordinates do not exceed ``far_m``.
 
     ``half_m`` is the largest sum of a bench's half length and half width.
     """
@@ -153,7 +153,7 @@ class PartedPairs(NamedTuple):
         return out
 
     def rows(self, index: Ints) -> 'PartedPairs':
-        """Return some of the pairs."""
+        """Return a subset of the pairs."""
         return PartedPairs(self.owner[index], self.other[index], self.towards[index], self.extent[index],
                            self.sizes[index])
 
@@ -197,9 +197,9 @@ def gaps(benches: Benches, i: Index, j: Index) -> Floats:
 
 
 def gap_of(benches: Benches, i: int, j: int) -> float:
-    """Return the signed gap of benches i and j in metres, with the bits of ``gaps``: the same operations on floats.
+    """Return the signed gap of benches i and j in metres, bit-identical to ``gaps``: the same operations on floats.
 
-    A pair takes a tenth of what arrays of one pair take.
+    One pair takes a tenth of the time of arrays of one pair.
     """
     (x_i, y_i), (x_j, y_j) = benches.centre[i].tolist(), benches.centre[j].tolist()
     (u_x, u_y), (w_x, w_y) = benches.axis[i].tolist(), benches.axis[j].tolist()
@@ -215,7 +215,7 @@ def gap_of(benches: Benches, i: int, j: int) -> float:
 
 def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, float],
                 b: tuple[float, float]) -> tuple[float, float]:
-    """Return what ``Placement.separations`` does, of one pair."""
+    """Return ``Placement.separations`` for one pair."""
     turned = (cos < 0) ^ (sin < 0) ^ (x < 0) ^ (y < 0)
     x, y, c, s = abs(x), abs(y), abs(cos), abs(sin)
     (a_x, a_y), (half, side) = a, b
@@ -230,7 +230,7 @@ def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, floa
 
 
 def _at(array: Array, index: Index) -> Floats:
-    """Return ``array[index]``; ``take`` is the faster where one array of indices says it all."""
+    """Return ``array[index]``; ``take`` is faster for a single array of indices."""
     out: Floats = array[index] if isinstance(index, tuple) else array.take(index, axis=0)
     return out
 
@@ -239,8 +239,8 @@ def _at(array: Array, index: Index) -> Floats:
 class Witness:
     """The nearest features of two benches: ``corner`` of bench ``owner`` and ``edge`` of bench ``other``.
 
-    ``point_m`` is halfway between the corner and the edge, ``gap_m`` the signed gap (negative for overlap). Where
-    benches cross, the corner is the one that has to leave through the edge for the smallest parting translation.
+    ``point_m`` is halfway between the corner and the edge, ``gap_m`` the signed gap (negative for overlap). If benches
+    overlap, the corner is the one that leaves through the edge in the smallest parting translation.
     """
 
     point_m: tuple[float, float]
@@ -281,14 +281,14 @@ class _Side:
 
 
 def witness(benches: Benches, i: int, j: int) -> Witness:
-    """Return the witness of benches i and j. Where both have such a corner it is bench i's."""
+    """Return the witness of benches i and j. If both have such a corner, bench i's is returned."""
     return witnesses(benches, np.array([i]), np.array([j]))[0]
 
 
 def shortest_vector(benches: Benches, i: int, j: int) -> tuple[float, float]:
-    """Return the vector in metres from bench i to bench j where they are nearest; its length is the gap.
+    """Return the vector in metres from bench i to bench j between their nearest points; its length is the gap.
 
-    Where they overlap it is the parting translation: the shortest move of bench j that ends the overlap.
+    If they overlap it is the parting translation: the shortest move of bench j that ends the overlap.
     """
     seen = witness(benches, i, j)
     sense = 1.0 if seen.owner == j else -1.0

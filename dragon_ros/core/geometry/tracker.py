@@ -1,10 +1,11 @@
 """Track the contacts of a dragon tick by tick, each with its bracket: the pure part of the monitor.
 
-A tracker gets ticks only. It reports the last tick without contact, the first one with it, and between them the time
-at which the signed gap, interpolated through the last ticks, vanishes. Each pair has its episodes: begin, deepest, end.
+A tracker receives ticks only. It reports the last tick without contact, the first one with contact, and the time
+between them at which the signed gap, interpolated through the last ticks, vanishes. Each pair has episodes: begin,
+deepest, end.
 
-Observations come late, twice or from a run that started again: ``ReorderBuffer`` passes them on in order. ``Episodes``
-are the open contacts of all pairs at once, as arrays: which pairs touch, how deep and when, and which were reported.
+Observations arrive late, twice or from a restarted run: ``ReorderBuffer`` passes them on in order. ``Episodes`` are the
+open contacts of all pairs, as arrays: which pairs touch, how deep and when, and which were reported.
 """
 from collections import deque
 from dataclasses import dataclass
@@ -23,14 +24,14 @@ from dragon_ros.core.numerics.types import Floats, Ints
 
 NS = 10**9
 NEAR_M = 0.02           # a smaller clearance deserves a warning
-MOST_REPORTED = 32      # episodes that are reported at one time; the deepest go first
+MOST_REPORTED = 32      # episodes reported at one time; the deepest go first
 _SHOWN = 8
 _UNEVEN = 4             # neighbouring ticks are interpolated together unless one step is so many times the other
 
 Pair = tuple[int, int]
 _LAST = 8           # an observation that is not older than the last so many may just be late
 _LATE_NS = 10**9    # by no more than this
-_IN_A_ROW = 3       # so many late ones in a row are a run that started again
+_IN_A_ROW = 3       # this many late observations in a row indicate a restarted run
 
 Bools = NDArray[np.bool_]
 
@@ -39,7 +40,7 @@ Bools = NDArray[np.bool_]
 class Event:
     """A contact began: benches (inner first), the bracket in ns, the interpolated time, the point, and the gap in m.
 
-    ``before_ns`` is None where the first tick that was seen already had the contact. ``gap_m`` is the signed gap at
+    ``before_ns`` is None if the first observed tick already had the contact. ``gap_m`` is the signed gap at
     ``after_ns``, negative for overlap. ``approach_m_s`` is how fast the gap shrank at the contact; nan if unknown.
     """
 
@@ -57,7 +58,7 @@ class Event:
 class EpisodeEnd:
     """A contact ended: benches, the deepest signed gap of all ticks in m and its tick, and the interpolated end.
 
-    ``parted`` is False where time started afresh instead; ``t_end_s`` is then the last tick that was seen.
+    ``parted`` is False if time restarted instead; ``t_end_s`` is then the last observed tick.
     """
 
     benches: Pair
@@ -71,7 +72,7 @@ class EpisodeEnd:
 
 @dataclass(frozen=True)
 class Report:
-    """What follows from one observation.
+    """The result of one observation.
 
     ``clearance_m`` is the smallest signed gap of all benches that are not neighbours (inf without any), ``closest`` its
     benches; ``touching`` the pairs in contact, deepest first, at most a few of their ``count``. ``more`` counts
@@ -100,20 +101,19 @@ T = TypeVar('T', bound=_Timed)
 
 
 class ReorderBuffer(Generic[T]):
-    """Passes observations on by growing time: late or repeated ones are dropped, time that goes back starts afresh."""
+    """Passes observations on in order of time: drops late and repeated ones, restarts if time goes back."""
 
     def __init__(self) -> None:
-        """Start having seen nothing."""
+        """Start without observations."""
         self._times: deque[int] = deque(maxlen=_LAST)
         self._shape: tuple[int, ...] = ()
         self._late: list[T] = []
 
     def take(self, observation: T) -> tuple[bool, list[T]]:
-        """Return whether time starts afresh, and the observations to examine now, in order.
+        """Return whether time restarts, and the observations to examine now, in order.
 
-        It starts afresh with another number of handles, with a time before the last few or more than a second back,
-        and with a few late observations in a row; those are then passed on, so that nothing of a run that started
-        again is lost.
+        Time restarts at another number of handles, at a time before the last few or more than a second back, and after
+        a few late observations in a row; those are then passed on, so that nothing of a restarted run is lost.
         """
         if not self._times or observation.p.shape != self._shape:
             return self._pass(bool(self._times), [observation])
@@ -148,9 +148,9 @@ class Episodes:
     reported: Bools
 
     def advance(self, t_ns: int, key: Ints, gap_m: Floats) -> tuple['Episodes', Bools, Bools]:
-        """Return the episodes at ``t_ns``, which of them are new, and which of these here have ended.
+        """Return the episodes at ``t_ns``, which of them are new, and which of the present ones have ended.
 
-        ``key`` (K,) are the pairs that touch now, growing, each once; ``gap_m`` (K,) their gaps.
+        ``key`` (K,) are the pairs that touch now, increasing and distinct; ``gap_m`` (K,) their gaps.
         """
         if np.array_equal(key, self.key):
             deeper, none = gap_m < self.deepest_m, np.zeros(key.size, bool)
@@ -166,7 +166,7 @@ class Episodes:
 
 
 def no_episodes() -> Episodes:
-    """Return the state in which nothing touches."""
+    """Return the state without contacts."""
     none = np.empty(0, np.int64)
     return Episodes(none, np.empty(0), none, np.empty(0, bool))
 
@@ -175,7 +175,7 @@ class ContactTracker:
     """Examines observations in the order of their times; reports each contact of a pair when it begins and ends."""
 
     def __init__(self) -> None:
-        """Start having seen nothing."""
+        """Start without observations."""
         self._near = NearPairs()
         self._buffer: ReorderBuffer[Observation] = ReorderBuffer()
         self._restart()
@@ -184,7 +184,7 @@ class ContactTracker:
     def add(self, observation: Observation) -> list[Report]:
         """Return the reports of an observation; a repeated or late one has none.
 
-        Time going back, or another dragon, starts afresh. Raises CrowdError where too many benches lie in one place.
+        Time going back, or another dragon, restarts it. Raises CrowdError if too many benches lie in one place.
         """
         afresh, observations = self._buffer.take(observation)
         if afresh:
@@ -206,7 +206,7 @@ class ContactTracker:
         return report
 
     def _episodes(self, observation: Observation, found: Closeness) -> Report:
-        """Carry the episodes on with the pairs that touch now."""
+        """Update the episodes with the pairs that touch now."""
         key = found.i * len(observation.benches.centre) + found.j
         order = np.argsort(key)
         now, new, ended = self._open.advance(observation.t_ns, key[order], found.gap_m[order])
@@ -261,7 +261,7 @@ class ContactTracker:
         return origin / NS + root, float(curve.deriv()(root))
 
     def _even(self, observation: Observation) -> list[Observation]:
-        """Return the last observations, as many as are about as far apart in time as the last one and this."""
+        """Return the last observations whose spacing in time is about that of the last one and this one."""
         out, step = [self._seen[-1]], observation.t_ns - self._seen[-1].t_ns
         for one in reversed(self._seen[:-1]):
             if not step <= _UNEVEN * (out[0].t_ns - one.t_ns) <= _UNEVEN**2 * step:

@@ -1,8 +1,8 @@
 """The edges of a venue, and the signed gaps of benches to them.
 
-An edge is a rectangle without width, so that ``signed_distance`` tells its gap to a bench: their distance when apart,
-else minus the shortest move that parts them. A bench that starts outside of an obstacle and never meets one of its
-edges stays outside, and one that starts within the inside and never meets its edges stays within: edges alone decide.
+An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a bench: their distance when apart, else
+minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its edges
+stays outside, and one that starts within the inside and never meets its edges stays within: edges alone decide.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -19,12 +19,12 @@ from dragon_ros.core.venue import INSIDE, LineObstacle, Points, PolygonObstacle,
 if TYPE_CHECKING:
     from shapely import STRtree
 
-_FIRST_REACH_M = 1.0    # within which the nearest edge is looked for, and twice as far each time there is none
+_FIRST_REACH_M = 1.0    # search radius for the nearest edge; it doubles until an edge is found
 _FARTHEST_M = 4e9       # no edge is further from a bench: coordinates are below 1e9 m
 
 
 class Nearest(NamedTuple):
-    """The smallest signed gap in metres of some benches to a venue: of which bench, to which edge."""
+    """The smallest signed gap in metres of some benches to a venue, with its bench and its edge."""
 
     gap_m: float
     bench: int
@@ -33,10 +33,10 @@ class Nearest(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Surroundings:
-    """Edges (E,) of a venue from ``start`` to ``stop``, and which of its names each belongs to (``owner``).
+    """Edges (E,) of a venue from ``start`` to ``stop``, and the index of the name to which each belongs (``owner``).
 
-    ``areas_m`` are the numbers of the names of polygons, and their rings; that of the inside is ``inside``, if there is
-    one.
+    ``areas_m`` are the indices of the names of polygons, and their rings; ``inside`` is the index of the inside, if
+    there is one.
     """
 
     names: tuple[str, ...]
@@ -47,7 +47,7 @@ class Surroundings:
 
     @property
     def inside(self) -> int | None:
-        """The number of the inside among the names."""
+        """The index of the inside among the names."""
         return len(self.names) - 1 if self.names[-1] == INSIDE else None
 
     @cached_property
@@ -73,19 +73,19 @@ class Surroundings:
 
     @cached_property
     def tree(self) -> 'STRtree':
-        """The edges, to be found by boxes."""
+        """A spatial index of the edges, by boxes."""
         from shapely import STRtree, linestrings
         ends = np.stack((self.start, self.stop), axis=1)
         return STRtree(linestrings(np.stack((ends.real, ends.imag), axis=-1)))
 
     def in_boxes(self, low: Floats, high: Floats) -> tuple[Ints, Ints]:
-        """Return the numbers of boxes (M, 2), and of edges that may reach into them."""
+        """Return the indices of boxes (M, 2), and of edges that may reach into them."""
         from shapely import box
         found = self.tree.query(box(*low.T, *high.T))
         return found[0], found[1]
 
     def near(self, benches: Benches, reach_m: Floats | float) -> tuple[Ints, Ints]:
-        """Return benches and edges, all that are within a distance of each other and some more."""
+        """Return benches and edges: all pairs within a distance of each other, and some more."""
         corners = benches.corners
         reach = np.broadcast_to(np.asarray(reach_m), corners.shape[:1])[:, None]
         return self.in_boxes(corners.min(axis=1) - reach, corners.max(axis=1) + reach)
@@ -103,7 +103,7 @@ class Surroundings:
                                     half, (length, np.zeros_like(length))))
 
     def nearest(self, benches: Benches) -> Nearest:
-        """Return the smallest gap of benches; of equal ones that of the first bench."""
+        """Return the smallest gap of the benches; in a tie, that of the first bench."""
         reach_m = _FIRST_REACH_M
         while True:
             bench, edge = self.near(benches, reach_m)
@@ -115,7 +115,7 @@ class Surroundings:
             reach_m *= 2
 
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
-        """Return the benches that touch, the number of the name that each touches, and their least gaps (K,).
+        """Return the benches that touch, the index of the name that each touches, and their least gaps (K,).
 
         The deepest come first.
         """
@@ -131,13 +131,13 @@ class Surroundings:
 
     @cached_property
     def _areas(self) -> tuple[Array, Ints]:
-        """The polygons, and which name each has."""
+        """The polygons, and the index of the name of each."""
         from shapely import Polygon
         areas = np.array([Polygon(ring, holes) for _, (ring, *holes) in self.areas_m], dtype=object)
         return areas, np.array([number for number, _ in self.areas_m], dtype=np.int64)
 
     def misplaced(self, x: float, y: float) -> int | None:
-        """Return the name's number of the first polygon that covers a point, or of the inside if it does not."""
+        """Return the index of the first polygon that covers a point, or of the inside if it does not cover it."""
         from shapely import contains_xy
         areas, number = self._areas
         wrong: Array = contains_xy(areas, x, y) if areas.size else np.empty(0, dtype=bool)
@@ -154,7 +154,7 @@ _KEPT: dict[int, tuple['ref[Venue]', Surroundings]] = {}      # by the venue's i
 
 
 def surroundings_of(venue: Venue) -> Surroundings:
-    """Return the edges of a venue; they are kept as long as it is."""
+    """Return the edges of a venue; they are cached as long as the venue exists."""
     known = _KEPT.get(id(venue))
     if known is None or known[0]() is not venue:
         key = id(venue)
