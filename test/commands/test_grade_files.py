@@ -1,13 +1,16 @@
 """Grading of files: layouts of students, folders of teams, reports, and workbooks that are hostile or broken."""
 import io
 import json
+import os
 import re
+import signal
 import zipfile
 
 import numpy as np
 import pytest
 
 from dragon_ros.__main__ import main
+from dragon_ros.cli.progress import Progress
 from dragon_ros.commands.contest.result_files import handle_names
 from dragon_ros.commands.grade import reading
 from dragon_ros.commands.grade.folders import grade_all, teams_of
@@ -245,6 +248,20 @@ def test_a_pool_of_processes_gives_what_one_does_and_an_interruption_keeps_what_
     stop = Event()
     some, complete = grade_all(teams[:2], stop, stop.set)
     assert (len(some), complete) == (1, False)
+
+
+def test_ctrl_c_writes_the_report_of_the_teams_that_are_done(room, tmp_path, capsys, monkeypatch):
+    sent = []
+
+    def interrupt(*_):
+        if not sent:
+            sent.append(os.kill(os.getpid(), signal.SIGINT))
+    monkeypatch.setattr(Progress, 'update', interrupt)
+    out = tmp_path / 'report.json'
+    assert main(['grade', str(room), '--output', str(out)]) == 1
+    done = len(json.loads(out.read_text())['teams'])
+    assert 1 <= done < 4
+    assert f'interrupted: {done} of 4 teams are graded' in capsys.readouterr().err
 
 
 def test_formats_by_suffix(room, tmp_path, capsys):

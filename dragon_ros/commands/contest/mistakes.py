@@ -250,12 +250,6 @@ def front_gap(p: Floats, width_m: float = 0.3) -> float:
     return float(np.min(np.maximum(ahead, aside)))
 
 
-def centre_gap(p: Floats, width_m: float = 0.3) -> float:
-    """Return how far the centre of the head is from the others' centres, less a bench's width."""
-    middle = 0.5 * (p[:-1] + p[1:])
-    return float(np.min(np.hypot(*(middle[2:] - middle[0]).T))) - width_m
-
-
 def first_touch_s(gap: Callable[[float], float], from_s: float = 405.0, to_s: float = 413.5) -> float:
     """Return the first time at which a gap is not positive, looked for in steps of 0.05 s and then halved."""
     high = next((t_s for t_s in np.arange(from_s, to_s, 0.05).tolist() if gap(t_s) <= 0), inf)
