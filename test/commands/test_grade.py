@@ -244,6 +244,28 @@ def test_a_mistake_on_the_turn_is_fitted(dragon, track, shift_s, keys):
     assert positions.explains >= 0.99
 
 
+@pytest.mark.parametrize('step_s', [1.0, 0.1])
+def test_euler_steps_on_both_spirals_of_the_turn_are_named(step_s):
+    scene, offset_s = turned_scene()
+    p, _ = state_at(scene, mistakes.euler_on_turn_m(TURNING, step_s) + offset_s)
+    positions, _ = grades_of('result4', given(np.round(p, 6), times=TURNING))
+    assert plain(positions.findings) == f'euler(step={step_s:g})'
+    assert positions.explains >= 0.99
+
+
+def test_links_along_the_turn_are_named_alone_and_behind_a_late_head():
+    for shift_s, keys in ((0.0, 'turn_along'), (1.0, 'turn_shift(shift=1) + turn_along')):
+        p = mistakes.along_turn(TURNING + shift_s, links_of(), STurn())
+        positions, _ = grades_of('result4', given(np.round(p, 6), times=TURNING))
+        assert plain(positions.findings) == keys
+        assert positions.explains >= 0.99
+
+
+def test_a_stretch_of_the_turn_is_neither_euler_steps_nor_links_along_it():
+    positions, _ = grades_of('result4', given(right('result4', TURNING).handles_m * (1.05, 1.0), times=TURNING))
+    assert positions.findings[-1].key == 'unknown'
+
+
 def test_times_that_count_from_0_are_read_as_result_4_shifted():
     scene, offset_s = turned_scene()
     p, speed = state_at(scene, TURNING + offset_s)

@@ -18,7 +18,8 @@ from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.scenes.load import load_scene
 
 PITCH_M, START, SPEED_M_S, HANDLES = 0.55, 32 * pi, 1.0, 224
@@ -357,6 +358,29 @@ def turn_lengths_m() -> Iterator[Answer]:
     yield Answer('half_turns', {}, pi * RADIUS_M)
     yield Answer('angle_for_slope', {}, turn_length_m(slip))
     yield Answer('angle_and_radii', {}, 2 * RADIUS_M * slip)
+
+
+def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
+    """Return how far the head is from the entry where Euler steps lead outwards on both spirals, from the circle on."""
+    track = turning().track
+    assert isinstance(track, STurn)
+    b_m = track.pitch_m / 2 / pi
+    entry = track.radius_m / b_m
+    after_s = np.where(times_s < 0, -times_s, np.maximum(times_s - track.length_m, 0.0))
+    angles = [entry]
+    for _ in range(ceil(float(np.max(after_s)) / step_s)):
+        angles.append(angles[-1] + step_s / b_m / (1 + angles[-1] ** 2) ** 0.5)
+    theta = np.interp(after_s / step_s, np.arange(len(angles)), angles)
+    wrong_m = b_m * (arc_length(theta) - arc_length(np.array(entry))) - after_s
+    metres: Floats = times_s + np.where(times_s < 0, -wrong_m, wrong_m)
+    return metres
+
+
+def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
+    """Return handles (T, handles, 2) at the links' lengths along the curve; ``head_m`` (T,) is from the entry."""
+    track = track_of(turn)
+    metres = head_m[:, None] - np.concatenate(([0.0], np.cumsum(links_m)))
+    return track.points(*track.places_at(metres, np.zeros_like(metres)))
 
 
 def sampled_speed_m_s(step_s: float) -> float:

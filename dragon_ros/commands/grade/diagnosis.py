@@ -44,6 +44,7 @@ _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
 _GRIDS = tuple(sorted((*(m * 10.0 ** -e for e in range(1, 5) for m in (1.0, 0.5, 0.2)), pi / 180, pi / 360, pi / 1800),
                       reverse=True))
 _DIFFERENCES_S = (2.0, 1.0, 0.5, 0.2, 0.1, 0.05, 0.02, 0.01, 0.001)
+_LEAST_STEP_S, _MOST_STEP_S = 0.0004, 30.0      # of Euler steps
 _UNITS = {100.0: 'centimetres', 1000.0: 'millimetres', 0.001: 'kilometres'}
 _AXES = {'': (1, 0, 0, 1), 'mirrored_x': (1, 0, 0, -1), 'mirrored_y': (-1, 0, 0, 1), 'rotated_180': (-1, 0, 0, -1),
          'swapped': (0, 1, 1, 0), 'rotated_90': (0, -1, 1, 0), 'rotated_270': (0, 1, -1, 0),
@@ -374,7 +375,7 @@ def _head_candidates(times_s: Floats, head: Floats, theta: Floats,
         return
     for key, radial, base in (('euler', True, exact(times_s)), ('euler_radial', False, radial_arc)):
         step_s = _euler_step(theta[there], base[there], mistakes.euler(0.1, radial)(times_s)[there])
-        if 0.0004 < step_s < 30:
+        if _LEAST_STEP_S < step_s < _MOST_STEP_S:
             yield key, {'step': step_s}, mistakes.euler(step_s, radial)(times_s), PITCH_M
     shift_s = float(np.median(late[there]))
     turns = (START + 0.0) / (2 * pi)
@@ -543,15 +544,25 @@ def _contact_of(finding: Finding, theta: float, rule: Rule, links: list[float], 
 def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: int | None) -> Diagnosis:
     """Return what explains handles on the turn."""
     noise_m = 2 * _tolerance(digits)
-    findings, track, shift_s, speed = list[Finding](), None, 0.0, 1.0
+    findings, track, head_m = list[Finding](), None, times_s
     if _worst(given[:, 0], right[:, 0]) > noise_m:
-        fitted = _turn_fit(times_s, given[:, 0], right[:, 0])
-        findings.append(fitted[0] if fitted else _before_turn(times_s, given[:, 0], noise_m))
-        _, track, shift_s, speed = fitted or (None, None, 0.0, 1.0)
+        if (stepped := _turn_euler(times_s, given[:, 0], right[:, 0])) is not None:
+            findings.append(stepped[0])
+            head_m = stepped[1]
+        elif (fitted := _turn_fit(times_s, given[:, 0], right[:, 0])) is not None:
+            findings.append(fitted[0])
+            track, head_m = fitted[1], fitted[3] * times_s + fitted[2]
+        else:
+            findings.append(_before_turn(times_s, given[:, 0], noise_m))
     off = np.hypot(*np.moveaxis(np.diff(given, axis=1), -1, 0)) - links_of()
     links = links_of()
     if np.nanpercentile(np.abs(off), 99.5) > noise_m:
         constant = constant_links(off, noise_m)
+        if constant is None and not (findings and findings[0].key in ('head_unknown', 'circle_before')):
+            laid = mistakes.along_turn(head_m, links, track or STurn())
+            explains = share(given, laid if digits is None else np.round(laid, digits), right)
+            if explains >= EXPLAINED:
+                return Diagnosis([*findings, Finding('turn_along', {})], explains)
         if constant is None:
             near = np.abs(off[np.isfinite(off)]) <= noise_m
             low, high = np.nanpercentile(off, (0.5, 99.5)).tolist()
@@ -564,7 +575,7 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
         return _unknown(findings)
     dragon = Dragon(head_length_m=links[0] + 0.55, body_length_m=links[1] + 0.55)
     try:
-        remade = _turn_state(times_s, dragon, track, shift_s, speed).handles_m
+        remade = _turn_state(head_m, dragon, track, 0.0, 1.0).handles_m
     except DragonError:         # arcs that are too tight for these links
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
@@ -574,6 +585,21 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
 def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: float, speed: float) -> State:
     scene, offset_s = turned_scene(dragon, track)
     return state_at(scene, speed * times_s + shift_s + offset_s)
+
+
+def _turn_euler(times_s: Floats, head: Floats, right: Floats) -> tuple[Finding, Floats] | None:
+    """Return the step of Euler steps that explain where the head is, and how far it then is from the entry."""
+    def at(metres: Floats) -> Floats:
+        return _turn_state(metres, _ALONE, None, 0.0, 1.0).handles_m[:, 0]
+    per_step = (at(mistakes.euler_on_turn_m(times_s, 0.1)) - right) / 0.1
+    scale = float(np.nansum(np.square(per_step)))
+    step_s = nice(float(np.nansum((head - right) * per_step)) / scale) if scale > 0 else 0.0
+    if not _LEAST_STEP_S < step_s < _MOST_STEP_S:
+        return None
+    metres = mistakes.euler_on_turn_m(times_s, step_s)
+    explains = share(head, at(metres), right)
+    return (Finding('euler', {'step': step_s}, explains), metres) if explains >= EXPLAINED else None
+
 
 _TURN_STARTS: dict[str, tuple[float, ...]] = {'shift': (0.0, 100.0, -100.0), 'speed': (1.0,), 'ratio': (2.0, 1.0, 3.0),
                                               'diameter': (9.0,), 'pitch': (1.7,)}

@@ -57,6 +57,7 @@ WORDS: dict[str, tuple[str, str]] = {
                   '调头空间直径取 {diameter:.6g} m，前一段圆弧半径是后一段的 {ratio:.6g} 倍'),
     'circle_before': ('up to the turn the head comes to a circle of {diameter:.6g} m, not 9 m; what follows is unknown',
                       '调头前龙头驶向直径 {diameter:.6g} m 的调头空间，而不是 9 m；其后不明'),
+    'turn_along': ('links measured along the curve, not as chords', '把手间距按曲线弧长计算，而不是按弦长'),
     'turn_pitch': ('a pitch of {pitch:.6g} m, not 1.7 m', '螺距取 {pitch:.6g} m，而不是 1.7 m'),
     'all_one': ('all speeds are 1 m/s', '所有速度都取 1 m/s'),
     'differences': ('{kind} differences of positions over {step:g} s', '速度用位置差分（{kind}，步长 {step:g} s）'),
