@@ -96,3 +96,10 @@ def test_kilted_is_tried_with_its_own_wheels_and_with_the_other_packages_of_jazz
     of_jazzy, of_kilted = ({name for name, _ in pins(ROOT / f'{name}.txt') if name.startswith('ros-')}
                            for name in ('requirements', 'requirements-kilted'))
     assert of_kilted == {name.replace('ros-jazzy-', 'ros-kilted-') for name in of_jazzy}
+
+
+def test_the_two_profiles_of_this_host_differ_in_one_name_alone():
+    old, new = ((ROOT / 'msg_configs/fastdds' / name).read_text().split('<dds ')[1]
+                for name in ('loopback.xml', 'loopback_fastdds3.xml'))
+    assert new == old.replace('heartbeatPeriod>', 'heartbeat_period>')
+    assert new != old
