@@ -73,3 +73,14 @@ def test_a_run_that_stops_at_its_contact_says_when_it_was(stop_s):
     assert found.benches == (0, 8)
     assert found.t_s == pytest.approx(80.691317691805, abs=1e-9)
     assert found.certificate.complete
+
+
+@pytest.mark.parametrize(('seed', 'run'), [
+    (7000198, Run(299.01024849720153, 396.334)), (7001207, Run(2908.3874800902854, None)),
+    (7002249, Run(0.0, 16.708047510954774)), (7002279, Run(0.0, 6.016541492404325))],
+    ids=['a slow contact at the start', 'of small benches', 'a slow grazing', 'of smaller benches'])
+def test_a_result_that_the_checker_proves_says_it_is_complete(seed, run):
+    scene = replace(scene_of(Document('scene', random_scene(seed))), run=run)
+    found = first_contact(scene)
+    assert found.certificate.complete
+    assert proved(as_values(scene, found), EFFORT)

@@ -27,6 +27,7 @@ from dragon_ros.core.search.leading_benches import (
     searchable_m,
 )
 from dragon_ros.core.search.search_domain import Bracket, RangeOfTravel, SearchDomain
+from dragon_ros.core.tiers import EXACT
 
 _BEFORE_M = 1e-9        # of the leader's way, or of the longest bench if it is shorter: so far before a contact all is
                         # cleared
@@ -34,9 +35,11 @@ _TOLD_APART = 4         # times what a bound must exceed is what gaps are there 
 _AHEAD_M = 1e-8         # and doubled: how far ahead of a place that cannot be cleared a contact is looked for
 _AHEAD = 24             # times, so up to 8 cm
 _STEADY = 4             # times as long as a gap takes to close at its last speed may it take
+_ASIDE = 1e3            # times that, to either side of a contact, over which the checker takes how fast a gap closes
 _LAST_PLACES = 4        # of a contact's time, times the leader's speed: so far the place may be off
 _WIDEST_M = 1e-6        # of the leader's way, or of the longest bench if it is shorter: no slack is wider
 _GRAZING_M = 1e-7       # likewise: so near to each other benches come that graze
+_HARDLY = 0.99          # of that: a place and its time round
 _TOO_FAR = 'the leader goes too far to be searched'
 
 Pair = tuple[int, int]
@@ -162,7 +165,7 @@ class _ContactSearch:
         domain = self._domain
         claim, later, grazing_m = self._touching(bracket)
         gone_m, pair = claim.gone_m, claim.pair
-        cleared_m, earlier = self._prove(bracket.clear_m, claim)
+        cleared_m, earlier = self._prove(bracket.clear_m, claim, _HARDLY * claim.near_m if grazing_m else inf)
         if earlier and domain.sense * earlier.clear_m < domain.sense * bracket.clear_m:
             return self._contact(earlier)       # the proof found one
         self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
@@ -231,14 +234,15 @@ class _ContactSearch:
         low = bracket.bound_m if np.isfinite(bracket.bound_m) else least
         return place, (i, j), (min(low, least) - error, least + error)
 
-    def _prove(self, clear_m: float, claim: '_Claim') -> tuple[float, Bracket | None]:
+    def _prove(self, clear_m: float, claim: '_Claim', most_m: float) -> tuple[float, Bracket | None]:
         """Clear up to a nanometre before a contact, or as near as its gap can be told from zero, or to a grazing.
 
-        Return up to where all is clear, and the first bracket that is not.
+        That is no further than ``most_m`` before it. Return up to where all is clear, and the first bracket that is
+        not.
         """
         sense, slope = self._domain.sense, claim.slope
         back = max(_BEFORE_M * self._domain.unit, _TOLD_APART * self._error_m / slope if slope > 0 else inf)
-        stop_m = sense * max(sense * clear_m, min(sense * claim.gone_m - back, sense * claim.gone_m))
+        stop_m = sense * max(sense * clear_m, sense * claim.gone_m - min(back, most_m))
         hits = [hit for part in self._parts if (hit := part.prove(stop_m))]
         cleared_m = sense * min((sense * hit.clear_m for hit in hits), default=sense * stop_m)
         return cleared_m, min(hits, key=lambda hit: sense * hit.other_m, default=None)
@@ -282,7 +286,24 @@ class _Claim:
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
         slack = max(step, 2 * domain.rounding_m / self.slope) if self.slope > 0 else step
+        error_m = _TOLD_APART * EXACT.promise_m * domain.coarse
+        if abs(domain.gap(self.pair, self._told_m)) + domain.rounding_m < 2 * (error_m + step):
+            slack = max(slack, error_m / self._steepest)
         return min(slack, _WIDEST_M * domain.unit * domain.coarse)
+
+    @cached_property
+    def near_m(self) -> float:
+        """How near to each other benches come that graze, and up to how far before all is clear."""
+        return _GRAZING_M * self.domain.unit * self.domain.coarse
+
+    @cached_property
+    def _steepest(self) -> float:
+        """How much the gap closes for each metre at most, as the checker takes it; infinite at an end of the model."""
+        domain, step_m = self.domain, _ASIDE * _BEFORE_M * self.domain.unit
+        if min(domain.left_m(self._told_m, sense) for sense in (-1, 1)) <= step_m:
+            return inf
+        early, late = (domain.gap(self.pair, self._told_m + sense * step_m) for sense in (-1, 1))
+        return (abs(early - late) + 2 * domain.rounding_m) / (2 * step_m)
 
     @cached_property
     def onwards_m(self) -> float:
@@ -301,9 +322,8 @@ class _Claim:
 
     def grazes(self, cleared_m: float) -> bool:
         """Return whether a grazing is proved if all is clear up to a place."""
-        domain, near_m = self.domain, _GRAZING_M * self.domain.unit * self.domain.coarse
-        away_m = abs(domain.gap(self.pair, self._told_m)) + domain.rounding_m
-        return away_m < near_m and self._within(cleared_m, near_m)
+        away_m = abs(self.domain.gap(self.pair, self._told_m)) + self.domain.rounding_m
+        return away_m < self.near_m and self._within(cleared_m, self.near_m)
 
     def _within(self, cleared_m: float, slack_m: float) -> bool:
         return self.domain.sense * (self._told_m - cleared_m) <= slack_m

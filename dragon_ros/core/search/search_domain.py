@@ -265,9 +265,13 @@ class SearchDomain:
         """
         if self.start_m == self.stop_m:
             return 0.0
-        limit, gone_m = self.simulation.model.limits[self.sense > 0], self.gone_m(t_s)
-        left_m = self.sense * (limit.gone_m - gone_m) if limit else inf
+        left_m = self.left_m(self.gone_m(t_s), self.sense)
         return max(0.0, min(left_m, self._travel.onwards_m(t_s, self.sense)))
+
+    def left_m(self, gone_m: float, sense: int) -> float:
+        """Return how far the model goes on from a place in a sense."""
+        limit = self.simulation.model.limits[sense > 0]
+        return sense * (limit.gone_m - gone_m) if limit else inf
 
     def place(self, along_m: float) -> Place:
         """Return the place so far along the track."""
