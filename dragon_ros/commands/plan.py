@@ -283,7 +283,7 @@ def _said(plan: Plan) -> str:
     venue, gaps, wanted = plan.scene.venue, '', ''
     if venue is not None:
         within_mm = 1000 * max(gap.within_m for gap in plan.gaps)
-        gaps = f'; within rounding, no smallest gap is more than {within_mm:.1g} mm below what is shown'
+        gaps = f'; within rounding, no smallest gap is more than {within_mm:.1g} mm below its value, shown rounded'
         wanted = f' Wanted margin: {venue.margin_m:g} m; what breaks it is red.'
     return (f'Proved: {plan.fastest.replace(" (proved)", "")}{gaps}.\nNot proved: swept area and room are computed at '
             f'places {100 * plan.swept.step_m:.0f} cm apart, which leaves out about a millimetre in bends.\n'
