@@ -50,7 +50,8 @@ def test_a_track_that_plot_drew_is_read_again_within_the_tolerance(capsys, tmp_p
     drawn, again = (compile_scene(load_scene(name, ['dragon.benches=9'])).track_line(1e-4) for name in (
         'turning', 'again.yaml'))
     again = again[np.hypot(*(again - drawn[-1]).T) > 1.5]       # but for the line that leads in
-    assert hausdorff_distance(LineString(again), LineString(drawn)) < 1.6
+    with np.errstate(invalid='ignore'):     # GEOS 3.11 sets the flag without need
+        assert hausdorff_distance(LineString(again), LineString(drawn)) < 1.6
     assert LineString(drawn).buffer(TOLERANCE_M * 1.01).contains(LineString(again))
 
 
