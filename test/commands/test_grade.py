@@ -261,6 +261,28 @@ def test_links_along_the_turn_are_named_alone_and_behind_a_late_head():
         assert positions.explains >= 0.99
 
 
+@pytest.mark.parametrize(('step', 'within_m', 'of_angle', 'shift_s', 'keys'), [
+    (0.01, 0.01, True, 0.0, 'grid(step=0.01, within=0.01)'),
+    (0.01, 0.0, False, 0.0, 'turn_grid_past(step=0.01, within=0)'),
+    (0.001, 0.01, False, 1.0, 'turn_shift(shift=1) + turn_grid(step=0.001, within=0.01)')])
+def test_coarse_steps_on_the_turn_are_named(step, within_m, of_angle, shift_s, keys):
+    p = mistakes.grid_on_turn(TURNING + shift_s, links_of(), STurn(), step, within_m, of_angle)
+    positions, _ = grades_of('result4', given(np.round(p, 6), times=TURNING))
+    assert plain(positions.findings) == keys
+    assert positions.explains >= 0.99
+
+
+def test_steps_on_the_turn_are_as_their_recipe_says():
+    """Each handle is whole steps on, its chord reaches the link, and that of a step less does not."""
+    angle, step = mistakes.TurnAngle(STurn()), 0.01
+    metres = np.linspace(-300.0, 100.0, 401)
+    np.testing.assert_allclose(angle.metres(angle.of(metres)), metres, atol=1e-11)
+    np.testing.assert_allclose(np.diff(angle.joints), STurn().length_m / (3 * 1.5027088), rtol=1e-6)
+    p = mistakes.grid_on_turn(TURNING, links_of(), STurn(), step, 0.0, False)
+    chords = np.hypot(*np.moveaxis(np.diff(p, axis=1), -1, 0)) - links_of()
+    assert 0 <= chords.min() < 1e-3 < 0.009 < chords.max() < step
+
+
 def test_a_stretch_of_the_turn_is_neither_euler_steps_nor_links_along_it():
     positions, _ = grades_of('result4', given(right('result4', TURNING).handles_m * (1.05, 1.0), times=TURNING))
     assert positions.findings[-1].key == 'unknown'

@@ -18,7 +18,8 @@ from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.step import state
-from dragon_ros.core.tracks.composite import track_of
+from dragon_ros.core.tracks.composite import Track, track_of
+from dragon_ros.core.tracks.segments import ArcSegment
 from dragon_ros.core.tracks.spec import Spiral, STurn
 from dragon_ros.scenes.load import load_scene
 
@@ -380,7 +381,84 @@ def along_turn(head_m: Floats, links_m: list[float], turn: STurn) -> Floats:
     """Return handles (T, handles, 2) at the links' lengths along the curve; ``head_m`` (T,) is from the entry."""
     track = track_of(turn)
     metres = head_m[:, None] - np.concatenate(([0.0], np.cumsum(links_m)))
+    return turn_points(metres, track)
+
+
+class TurnAngle:
+    """The angle along the turn: the polar angle on both spirals and the angle of both arcs, 0 at the entry."""
+
+    def __init__(self, turn: STurn) -> None:
+        """Take the arcs of a turn."""
+        track = track_of(turn)
+        arcs = [one for one in track.segments if isinstance(one, ArcSegment)]
+        self._b_m, self._entry = turn.pitch_m / 2 / pi, turn.radius_m / (turn.pitch_m / 2 / pi)
+        self._joints_m = np.array(track.joints_m)
+        self._radii_m = [one.radius_m for one in arcs]
+        self.joints = np.concatenate(([0.0], np.cumsum(np.diff(self._joints_m) / self._radii_m)))
+
+    def of(self, metres: Floats) -> Floats:
+        """Return the angles at distances (T,) from the entry."""
+        before, after = np.maximum(-metres, 0.0), np.maximum(metres - self._joints_m[-1], 0.0)
+        start = arc_length(np.array(self._entry))
+        angle: Floats = (np.interp(metres, self._joints_m, self.joints)
+                         + self._spiral(start + after / self._b_m) - self._spiral(start + before / self._b_m))
+        return angle
+
+    def _spiral(self, length: Floats) -> Floats:
+        theta = np.sqrt(2 * length)
+        for _ in range(6):      # Newton; from here it converges to the last digits
+            theta = theta - (arc_length(theta) - length) / np.sqrt(1 + theta * theta)
+        return theta
+
+    def metres(self, angle: Floats) -> Floats:
+        """Return the distances from the entry at angles (T,)."""
+        before, after = np.maximum(-angle, 0.0), np.maximum(angle - self.joints[-1], 0.0)
+        metres: Floats = (np.interp(angle, self.joints, self._joints_m)
+                          + self._b_m * (arc_length(self._entry + after) - arc_length(self._entry + before)))
+        return metres
+
+
+def turn_points(metres: Floats, track: Track) -> Floats:
+    """Return the points (..., 2) of a turn at distances from its entry."""
     return track.points(*track.places_at(metres, np.zeros_like(metres)))
+
+
+def grid_on_turn(head_m: Floats, links_m: list[float], turn: STurn, step: float, within_m: float,
+                 of_angle: bool) -> Floats:
+    """Return handles (T, handles, 2) on the turn by steps: the first whose chord is within a tolerance of the link.
+
+    Steps are radians of each piece's own angle, which restart at its ends, or else metres along the curve.
+    """
+    track, angle = track_of(turn), TurnAngle(turn)
+    metres = [head_m]
+    for link_m in links_m:
+        short_m = _chord_behind(metres[-1], link_m - within_m, track)
+        if of_angle:
+            at, short = angle.of(metres[-1]), angle.of(short_m)
+            joints = angle.joints
+            for joint in joints[::-1]:
+                at = np.where((short < joint) & (joint < at), joint, at)
+            stepped = at - np.ceil((at - short) / step - 1e-9) * step
+            for joint in joints:        # a step beyond the end of a piece is to the end, which is far enough
+                stepped = np.where((stepped < joint) & (joint <= short), joint, stepped)
+            metres.append(angle.metres(stepped))
+        else:
+            metres.append(metres[-1] - np.ceil((metres[-1] - short_m) / step - 1e-9) * step)
+    return turn_points(np.stack(metres, axis=-1), track)
+
+
+def _chord_behind(metres: Floats, chord_m: float, track: Track) -> Floats:
+    """Return the distances (T,) behind which chords have a length: Newton, from the length along the curve."""
+    here, behind = turn_points(metres, track), metres - chord_m
+    for _ in range(_MOST_NEWTON):
+        place = track.places_at(behind, np.zeros_like(behind))
+        link = here - track.points(*place)
+        length = np.hypot(*link.T)
+        change = (length - chord_m) * length / np.sum(link * track.headings(*place), axis=-1)
+        behind = behind + change
+        if np.max(np.abs(change)) < 1e-13:
+            break
+    return behind
 
 
 def sampled_speed_m_s(step_s: float) -> float:

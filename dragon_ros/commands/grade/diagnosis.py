@@ -32,12 +32,14 @@ from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats, Ints
 from dragon_ros.core.step import state
+from dragon_ros.core.tracks.composite import track_of
 from dragon_ros.core.tracks.spec import STurn
 
 EXPLAINED = 0.99        # of the squared error: from here on a result looks like a mistake
 RIGHT = 2e-6            # metres, and metres a second: six decimals, rounded or cut
 _B_M = PITCH_M / 2 / pi
 _ON_TRACK_M = 0.02      # off the spiral, as a mean square, and still on it
+_MOST_OFF_M = 1.0       # that a chord is off its link where handles go on by steps
 _FRONT = 20             # handles that errors of links have not reached
 _BETTER = 0.2           # of the error that another order or axis must leave at most
 _NICE = tuple(m * 10.0 ** -e for e in range(5) for m in (1.0, 0.5, 0.25, 0.2))
@@ -460,22 +462,32 @@ def _named_links(head_m: float, body_m: float, last_m: float, noise_m: float) ->
 def _grid_of(theta: Floats, step: Floats, off: Floats, noise_m: float,
              ) -> tuple[Rule, list[Finding]] | None:
     """Return the rule of a grid of angles that every handle is on, as seen from the one before."""
-    blur = noise_m / float(np.nanmin(theta) * _B_M)
+    grid = _step_of(step, noise_m / float(np.nanmin(theta) * _B_M))
+    if grid is None:
+        return None
+    before = np.hypot(*np.moveaxis(points(theta[:, 1:] - grid) - points(theta[:, :-1]), -1, 0)) - links_of()
+    body = slice(0, -1)         # the paper's last link is another
+    within = _within_of(off[:, body], before[:, body], noise_m)
+    if within is None:
+        return None
+    return mistakes.grid(grid, within), [Finding('grid' if within else 'grid_past', {'step': grid, 'within': within})]
+
+
+def _step_of(step: Floats, blur: float, percent: float = 95.0) -> float | None:
+    """Return the widest usual step of which steps between handles are multiples, to within a blur; None without one."""
     for grid in _GRIDS:
         if blur > 0.2 * grid:
             return None
         count = np.round(step / grid)
-        if np.nanpercentile(np.abs(step / grid - count), 95) < 0.08:
-            before = np.hypot(*np.moveaxis(points(theta[:, :-1] + (count - 1) * grid) - points(theta[:, :-1]), -1, 0))
-            links = [HEAD_LINK_M, *[BODY_LINK_M] * (off.shape[1] - 1)]
-            body = slice(0, -1)         # the paper's last link is another
-            lowest, highest = -np.nanmin(off[:, body]), float(np.nanmin((links - before)[:, body]))
-            within = next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
-            if within is None:
-                return None
-            key = 'grid' if within else 'grid_past'
-            return mistakes.grid(grid, within), [Finding(key, {'step': grid, 'within': within})]
+        if np.nanpercentile(np.abs(step / grid - count), percent) < 0.08:
+            return grid
     return None
+
+
+def _within_of(off: Floats, before: Floats, noise_m: float) -> float | None:
+    """Return the tolerance that all chords' errors keep and none of those a step before; None without a usual one."""
+    lowest, highest = -float(np.nanmin(off)), -float(np.nanmax(before))
+    return next((w for w in (0.0, *_NICE) if lowest - noise_m <= w <= highest + noise_m), None)
 
 
 @cache
@@ -559,10 +571,10 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
     if np.nanpercentile(np.abs(off), 99.5) > noise_m:
         constant = constant_links(off, noise_m)
         if constant is None and not (findings and findings[0].key in ('head_unknown', 'circle_before')):
-            laid = mistakes.along_turn(head_m, links, track or STurn())
-            explains = share(given, laid if digits is None else np.round(laid, digits), right)
-            if explains >= EXPLAINED:
-                return Diagnosis([*findings, Finding('turn_along', {})], explains)
+            for finding, laid in _turn_links(head_m, given, off, track or STurn(), noise_m):
+                explains = share(given, laid if digits is None else np.round(laid, digits), right)
+                if explains >= EXPLAINED:
+                    return Diagnosis([*findings, finding], explains)
         if constant is None:
             near = np.abs(off[np.isfinite(off)]) <= noise_m
             low, high = np.nanpercentile(off, (0.5, 99.5)).tolist()
@@ -580,6 +592,51 @@ def _turned(result: str, times_s: Floats, given: Floats, right: Floats, digits: 
         return _unknown(findings)
     explains = share(given, remade if digits is None else np.round(remade, digits), right)
     return Diagnosis(findings, explains) if explains >= EXPLAINED else _unknown(findings, explains)
+
+
+def _turn_links(head_m: Floats, given: Floats, off: Floats, turn: STurn, noise_m: float,
+                ) -> Iterator[tuple[Finding, Floats]]:
+    """Yield how handles may follow each other on the turn: links along it, and steps that every handle is on."""
+    yield Finding('turn_along', {}), mistakes.along_turn(head_m, links_of(), turn)
+    if not np.max(np.abs(off)) < _MOST_OFF_M:
+        return
+    metres, off_m = _along_track(given, head_m, turn)
+    if off_m > _ON_TRACK_M:
+        return
+    angle = mistakes.TurnAngle(turn)
+    joints_m = angle.metres(angle.joints)
+    least_m = float(np.min(np.diff(joints_m) / np.diff(angle.joints)))
+    piece = np.searchsorted(joints_m, metres)
+    one = piece[:, 1:] == piece[:, :-1]
+    for of_angle, at, per_unit_m in ((True, angle.of(metres), least_m), (False, metres, 1.0)):
+        steps = -np.diff(at, axis=1)
+        steps[~one & of_angle] = np.nan         # steps of angles restart between pieces
+        step = _step_of(steps, noise_m / per_unit_m, 99.9)
+        if step is None:
+            continue
+        before_m = angle.metres(at[:, 1:] + step) if of_angle else at[:, 1:] + step
+        track = track_of(turn)
+        last_but_one = np.hypot(*np.moveaxis(mistakes.turn_points(before_m, track)
+                                             - mistakes.turn_points(metres[:, :-1], track), -1, 0)) - links_of()
+        within = _within_of(off[one], last_but_one[one], noise_m)
+        if within is not None:
+            key = ('' if of_angle else 'turn_') + ('grid' if within else 'grid_past')
+            yield Finding(key, {'step': step, 'within': within}), mistakes.grid_on_turn(
+                head_m, links_of(), turn, step, within, of_angle)
+
+
+def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, float]:
+    """Return how far from the entry handles (T, N+1) are along the turn, and how far off it (mean square, m)."""
+    track, metres, aside = track_of(turn), [head_m], [np.zeros_like(head_m)]
+    for handle in range(1, given.shape[1]):
+        at = metres[-1] - np.hypot(*(given[:, handle] - given[:, handle - 1]).T)
+        for _ in range(8):
+            place = track.places_at(at, np.zeros_like(at))
+            apart, heading = given[:, handle] - track.points(*place), track.headings(*place)
+            at = at + np.sum(apart * heading, axis=-1)
+        metres.append(at)
+        aside.append(apart[:, 0] * heading[:, 1] - apart[:, 1] * heading[:, 0])
+    return np.stack(metres, axis=-1), float(np.sqrt(np.mean(np.square(aside))))
 
 
 def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: float, speed: float) -> State:

@@ -4,6 +4,7 @@ Only the parts that hold cells are unpacked, into a plain archive that the reade
 installed, openpyxl elsewhere (some six times as long). All else in a workbook is never looked into.
 """
 import re
+import struct
 import zipfile
 import zlib
 from collections.abc import Iterator
@@ -65,8 +66,10 @@ def read_book(path: Path) -> list[Sheet]:
             raise InputError(f'{path}: has {len(merged)} sheets; the most are {BOOK_SHEETS}')
         files = _files_of_sheets(parts)
         return [Sheet(name, rows, merged.get(files.get(name, ''), ())) for name, rows in _read(path, _plain(parts))]
-    except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, OSError, RuntimeError,
-            ElementTree.ParseError) as error:
+    except InputError:
+        raise
+    except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, NotImplementedError, OSError,
+            OverflowError, RuntimeError, ValueError, ElementTree.ParseError) as error:
         if isinstance(error, RuntimeError) and 'password' in str(error):
             raise InputError(f'{path}: is protected by a password; save it without one') from None
         raise InputError(f'{path}: is damaged or cut off ({_said(error)}); save it again as .xlsx') from None

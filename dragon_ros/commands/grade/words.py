@@ -58,6 +58,11 @@ WORDS: dict[str, tuple[str, str]] = {
     'circle_before': ('up to the turn the head comes to a circle of {diameter:.6g} m, not 9 m; what follows is unknown',
                       '调头前龙头驶向直径 {diameter:.6g} m 的调头空间，而不是 9 m；其后不明'),
     'turn_along': ('links measured along the curve, not as chords', '把手间距按曲线弧长计算，而不是按弦长'),
+    'turn_grid': ('steps of {step:g} m along the curve until the chord is within {within:g} m of the link',
+                  '沿曲线以 {step:g} m 为步长逐步试探，直到弦长误差小于 {within:g} m'),
+    'turn_grid_past': ('steps of {step:g} m along the curve until the chord is not shorter than the link '
+                       '(within {within:g} m)',
+                       '沿曲线以 {step:g} m 为步长逐步试探，直到弦长不小于孔距（误差 {within:g} m）'),
     'turn_pitch': ('a pitch of {pitch:.6g} m, not 1.7 m', '螺距取 {pitch:.6g} m，而不是 1.7 m'),
     'all_one': ('all speeds are 1 m/s', '所有速度都取 1 m/s'),
     'differences': ('{kind} differences of positions over {step:g} s', '速度用位置差分（{kind}，步长 {step:g} s）'),
@@ -80,7 +85,8 @@ WORDS: dict[str, tuple[str, str]] = {
     'half_turns': ('arcs of half a turn, as if the spirals were tangent to the circle',
                    '两段圆弧都取半圆，如同螺线与边界相切'),
     'angle_for_slope': ("the tangent's angle is taken for its slope", '把切线的角度当成斜率'),
-    'angle_and_radii': ('the same, and the radii are taken to add up to 4.5 m', '同上，且认为两半径之和为 4.5 m'),
+    'angle_and_radii': ("the tangent's angle is taken for its slope, and the radii are taken to add up to 4.5 m",
+                        '把切线的角度当成斜率，且认为两半径之和为 4.5 m'),
     'speed_looked': ('speeds are looked at every {step:g} s', '每隔 {step:g} s 检查一次速度'),
     # Units, order, axes
     'rounded': ('rounded to {digits} decimals, not six', '保留 {digits} 位小数，而不是 6 位'),
