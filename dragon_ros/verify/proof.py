@@ -74,7 +74,7 @@ class _Proof:
         self._cover = Cover(self._track, self._dragon, bend, budget, progress)
         start = complex(self._track.point(self._track.place_at(self._track.start)))
         self._repeated = repeated(scene.lengths_m)
-        self._unit, self._coarse = min(1.0, self._dragon.longest_m), max(1.0, abs(start) / _PROMISED_M)
+        self._unit, self._coarse = min(1.0, self._dragon.longest_m), _coarse(abs(start))
 
     def sentence(self) -> str:
         """Return what is proved."""
@@ -93,13 +93,15 @@ class _Proof:
         """Prove that none touch before a contact, and that those that are named do then."""
         start_s, t_s = self._scene.start_s, contact.t_s
         gone, run = exact(self._scene.law.gone_m(Fraction(t_s))), self._run_to(t_s)
+        poses = self._poses(contact, gone)
+        self._coarse = max(self._coarse, *(_coarse(abs(pose.near) + pose.shape.arm_m) for pose in poses))
         slack_m = Fraction(_GRAZING * self._unit * self._coarse if contact.grazing else self._slack_m(contact, gone))
         ways = [way for way in approaches(self._scene.law, start_s, t_s) if way.was_beyond_m <= slack_m]
         if not ways:
             raise Refused(f'contact.t_s: before {t_s!r} s the leader has already been beyond where it is then')
         way = ways[0]
         if contact.grazing:
-            self._check_grazing(contact, gone)
+            self._check_grazing(contact, poses, slack_m)
             touching = f'benches {_pair(contact)} come within {_metres(slack_m)} of each other there'
         else:
             way, touching = self._overlapping(contact, ways, slack_m)
@@ -152,10 +154,11 @@ class _Proof:
         posture = Posture(self._track, self._dragon, 0, self._track.place_at(self._leader.head(gone)))
         return posture.pose(first), posture.pose(second)
 
-    def _check_grazing(self, contact: Contact, gone: arb) -> None:
+    @staticmethod
+    def _check_grazing(contact: Contact, poses: tuple[Pose, Pose], near_m: Fraction) -> None:
         """Refuse a grazing of benches that are not near each other."""
-        away = gap(*self._poses(contact, gone))
-        if not size(away) < _GRAZING * self._unit * self._coarse:
+        away = gap(*poses)
+        if not size(away) < near_m:
             raise Refused(f'contact: benches {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
     def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:
@@ -239,6 +242,11 @@ def _far(scene: Scene) -> float:
     if isinstance(track, Spiral):
         return track.start_turns
     return abs(track.start_m if isinstance(track, Pieces) else track.before_m) / max(scene.lengths_m)
+
+
+def _coarse(away_m: float) -> float:
+    """Return how many times as coarse as near the origin floats are so far out."""
+    return max(1.0, away_m / _PROMISED_M)
 
 
 def _bend(track: Track, dragon: Dragon) -> float:

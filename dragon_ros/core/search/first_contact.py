@@ -170,7 +170,7 @@ class _ContactSearch:
             return self._contact(earlier)       # the proof found one
         self._complete = claim.grazes(cleared_m) if grazing_m else claim.touches(cleared_m, earlier is None)
         speed = claim.slope * domain.speed_m_s(claim.t_s)
-        unsure = domain.error_m / speed if speed > 0 else inf
+        unsure = EXACT.promise_for_m(domain.simulation.size_m) / speed if speed > 0 else inf
         times = {place: domain.time_s(place) for place, _ in later}
         others = tuple(other for place, other in later if times[place] - claim.t_s <= unsure)
         return Contact(claim.t_s, pair, witness(domain.benches(gone_m), *pair), grazing_m, others, speed, unsure,
@@ -281,20 +281,25 @@ class _Claim:
         return self.domain.gone_m(self.t_s)
 
     @cached_property
+    def _coarse(self) -> float:
+        """How many times as coarse as near the origin floats are there."""
+        return self.domain.coarse(self.pair, self._told_m)
+
+    @cached_property
     def slack_m(self) -> float:
         """How much of the leader's way positions and times may be off."""
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
         slack = max(step, 2 * domain.rounding_m / self.slope) if self.slope > 0 else step
-        error_m = _TOLD_APART * EXACT.promise_m * domain.coarse
+        error_m = _TOLD_APART * EXACT.promise_m * self._coarse
         if abs(domain.gap(self.pair, self._told_m)) + domain.rounding_m < 2 * (error_m + step):
             slack = max(slack, error_m / self._steepest)
-        return min(slack, _WIDEST_M * domain.unit * domain.coarse)
+        return min(slack, _WIDEST_M * domain.unit * self._coarse)
 
     @cached_property
     def near_m(self) -> float:
         """How near to each other benches come that graze, and up to how far before all is clear."""
-        return _GRAZING_M * self.domain.unit * self.domain.coarse
+        return _GRAZING_M * self.domain.unit * self._coarse
 
     @cached_property
     def _steepest(self) -> float:

@@ -136,13 +136,13 @@ class SearchDomain:
         simulation = compile_scene(scene)
         self.simulation, self.leader, self.track = simulation, simulation.model.leader, simulation.model.track
         self._travel, self._tell = travel, progress
-        self.error_m = EXACT.promise_for_m(simulation.size_m)
-        self.rounding_m = _FLOATS * simulation.size_m
         longest_m = float(np.max(self.dragon.bench_lengths_m))
+        self.unit = min(1.0, longest_m)
+        self.rounding_m = _FLOATS * simulation.size_m
+        self.error_m = max(EXACT.promise_m * self.unit, self.rounding_m)    # tiny dragons are placed as exactly
         if self.error_m > _COARSEST * longest_m:
             raise InputError(f'track: {simulation.size_m:.3g} m out positions err by up to {self.error_m:.2g} m, the '
                              f'most to tell benches apart is {_COARSEST * longest_m:.2g} m; take a smaller track')
-        self.unit = min(1.0, longest_m)
         self._kept: dict[float, Chain] = {}
         stop_s = travel.farthest_s(sense)
         self.start_m, self.stop_m = travel.gone_m(travel.start_s), travel.gone_m(stop_s)
@@ -241,10 +241,12 @@ class SearchDomain:
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
-    @cached_property
-    def coarse(self) -> float:
-        """How many times as coarse as near the origin floats are where the head starts."""
-        return max(1.0, float(np.hypot(*self.chain(0.0).p[0])) * _FLOATS / EXACT.promise_m)
+    def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
+        """Return how many times as coarse as near the origin floats are where the head starts, or a pair is."""
+        benches, two = self.benches(gone_m), list(pair)
+        arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
+        reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
+        return max(1.0, max(float(np.hypot(*self.chain(0.0).p[0])), reach_m) * _FLOATS / EXACT.promise_m)
 
     def time_s(self, gone_m: float) -> float:
         """Return when the leader has first gone so far."""
