@@ -205,8 +205,13 @@ def check_taken(what: str, given: dict[str, bool], takes: set[str]) -> None:
 def scene_from(arguments: argparse.Namespace) -> 'Scene':
     """Return the scene that the options describe."""
     from dragon_ros.scenes.load import load_scene
+    return load_scene(arguments.scene, overrides_from(arguments))
+
+
+def overrides_from(arguments: argparse.Namespace) -> list[str]:
+    """Return what the options change of their scene, as ``key=value``."""
     accuracy = [f'accuracy={arguments.accuracy}'] if arguments.accuracy is not None else []
-    return load_scene(arguments.scene, [*arguments.overrides, *accuracy])
+    return [*arguments.overrides, *accuracy]
 
 
 def check_is_bag(path: Path) -> None:

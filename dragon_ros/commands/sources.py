@@ -26,10 +26,12 @@ if TYPE_CHECKING:       # a picture of a scene starts without bags, and one with
     from dragon_ros.bags.read.reader import BagReader
     from dragon_ros.core.geometry.contacts import Observation
     from dragon_ros.core.geometry.signed_distance import Witness
+    from dragon_ros.core.search.certificate import Contact, NoContact
 
 _AT_ONCE = 64               # states that are computed together
 _SAG_M = 1e-4               # of the drawn track: smooth in a picture of one bench
 Progress = Callable[[Iterable[Any]], Iterable[Any]]
+Check = Callable[[], None]      # raises where the work is wanted no more
 _HAIR_S = 1e-9
 _AROUND = 2.0               # lengths of the dragon by which a window may reach beyond it
 _MARGIN = 0.03              # of a window
@@ -130,12 +132,16 @@ class SceneSource:
                 one = Benches(benches.centre[n], benches.axis[n], benches.half_length, benches.half_width)
                 yield Moment(t_s, chain.p[n], one, speed[n])
 
+    def searched(self, progress: Progress) -> 'Contact | NoContact':
+        """Return what the search for the first contact of the run finds."""
+        from dragon_ros.core.search.first_contact import first_contact
+        steps = iter(progress(count()))
+        return first_contact(self.scene, lambda _: next(steps))
+
     def first_touch(self, progress: Progress = iter) -> Touch | None:
         """Return the first contact of the run, exactly."""
         from dragon_ros.core.search.certificate import Contact
-        from dragon_ros.core.search.first_contact import first_contact
-        steps = iter(progress(count()))
-        found = first_contact(self.scene, lambda _: next(steps))
+        found = self.searched(progress)
         return Touch(found.t_s, found.benches, found.point_m, found.witness) if isinstance(found, Contact) else None
 
 

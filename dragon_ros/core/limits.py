@@ -52,6 +52,7 @@ SUBSCRIBERS = 1000
 # The web view
 VIEW_CONNECTIONS = 32
 VIEW_IDLE_S = 10.0
+VIEW_ANSWER_S = 60.0
 VIEW_TICKS = 100_000
 
 # Workbooks that are graded
@@ -122,6 +123,7 @@ LIMITS = (
     Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections',
           'the one that has been without a request longest is closed'),
     Limit('VIEW_IDLE_S', 'how long a request to `view` takes to arrive, however its bytes come', 'seconds', 'closed'),
+    Limit('VIEW_ANSWER_S', 'how long `view` works on an answer', 'seconds', 'refused, with what to ask'),
     Limit('VIEW_TICKS', 'ticks that `view` shows', 'ticks', 'thinned out evenly, with a note'),
     Limit('BOOK_BYTES', 'a workbook that `grade` reads', 'bytes', 'refused'),
     Limit('BOOK_UNPACKED_BYTES', 'the sheets and texts of a workbook, unpacked', 'bytes', 'refused'),

@@ -57,7 +57,7 @@ class Browser:
     def open_view(self, url):
         """Open the page of ``view`` and wait until it can be used."""
         self.open(url)
-        self.wait('return document.body.dataset.ready === "yes"')
+        self.wait('return document.body.dataset.ready === "yes" && !document.querySelector("progress")')
 
     def click(self, name):
         self.run(f'document.getElementById("{name}").click()')

@@ -198,10 +198,9 @@ def certificate(folder: Path) -> Target:
 
 
 def request(folder: Path) -> Target:
-    """Requests to the web view, as bytes on a socket."""
-    from dragon_ros.commands.sources import SceneSource
-    from dragon_ros.commands.view.data import ViewData
+    """Requests to the web view with ``--try``, as bytes on a socket."""
     from dragon_ros.commands.view.server import ViewServer
+    from dragon_ros.commands.view.variants import Variants
     escaped: list[BaseException] = []
 
     class Server(ViewServer):
@@ -210,7 +209,7 @@ def request(folder: Path) -> Target:
             error = sys.exc_info()[1]
             if error is not None and not isinstance(error, (ConnectionError, TimeoutError)):
                 escaped.append(error)
-    server = Server(ViewData(SceneSource('seed', SCENE), iter))
+    server = Server(Variants('seed', 'winding', ['dragon.benches=3', 'run.stop_s=0.1']))
     thread = threading.Thread(target=server.serve_forever, kwargs={'poll_interval': 0.01})
     thread.start()
 
@@ -227,7 +226,8 @@ def request(folder: Path) -> Target:
         server.shutdown()
         server.server_close()
         thread.join()
-    paths = ('/', '/run.json', '/clearance.json', '/frames/0', '/frames/contact', '/view.js')
+    paths = ('/', '/run.json', '/clearance.json', '/frames/0', '/frames/contact', '/view.js', '/form.json',
+             '/answers/room?dragon.benches=2', '/scene.yaml?track.pitch_m=0.6&head.speed_m_s=2')
     seeds = [f'GET {path} HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n'.encode() for path in paths]
     return Target(seeds, run, (b'\r\n', b'[', b'Host: [', b'HEAD', b'POST', b'9' * 5000, b'%2e%2e/', b'\0', b'HTTP/9.9',
                                b'//', b'?', b'#', b'Content-Length: -1', b'Expect: 100-continue'), [close])

@@ -7,11 +7,17 @@ import threading
 import webbrowser
 from argparse import Namespace
 from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dragon_ros.cli import command_line
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import ending
-from dragon_ros.core.errors import FieldError
+from dragon_ros.core.errors import FieldError, InputError
+
+if TYPE_CHECKING:
+    from dragon_ros.commands.view.data import ViewData
+    from dragon_ros.commands.view.variants import Variants
 
 _LOOKS_S = 0.1         # how often the server looks whether to end
 
@@ -28,6 +34,8 @@ def options() -> argparse.ArgumentParser:
                                  'Ctrl-C ends it.',
                                  'view --scene first_contact')
     command_line.add_source_options(parser)
+    parser.add_argument('--try', action='store_true', dest='tries',
+                        help='also change the values of the scene, with sliders, and see what follows')
     parser.add_argument('--port', type=int, default=0, help='of the page (any free one)')
     parser.add_argument('--no-browser', action='store_true', help='only print the address')
     return parser
@@ -36,16 +44,28 @@ def options() -> argparse.ArgumentParser:
 def _run(arguments: Namespace) -> int:
     if not 0 <= arguments.port <= 65535:
         raise FieldError('--port', arguments.port, 'ports are 0 to 65535', 'leave it out to take any free one')
+    if arguments.tries:
+        from dragon_ros.commands.view.variants import Variants
+        if arguments.bag is not None:
+            raise InputError('--try: belongs to a scene; what a bag holds has happened')
+        name = Path(arguments.scene).stem
+        return _serve(name, Variants(name, arguments.scene, command_line.overrides_from(arguments)), arguments)
     from dragon_ros.commands.sources import opened
     from dragon_ros.commands.view.data import ViewData
+    with opened(arguments) as source:
+        return _serve(source.name, ViewData(source, Progress('view', 'ticks')), arguments)
+
+
+def _serve(name: str, shown: 'ViewData | Variants', arguments: Namespace) -> int:
+    """Serve until a signal ends it."""
     from dragon_ros.commands.view.server import ViewServer
     stop = threading.Event()
-    with opened(arguments) as source, ViewServer(ViewData(source, Progress('view', 'ticks')), arguments.port) as server:
+    with ViewServer(shown, arguments.port) as server:
         for number in ending():
             signal.signal(number, lambda *_: stop.set())
         serving = threading.Thread(target=server.serve_forever, args=(_LOOKS_S,))
         serving.start()
-        print(f'{source.name} is at {server.url} (Ctrl-C ends)', flush=True)
+        print(f'{name} is at {server.url} (Ctrl-C ends)', flush=True)
         if not arguments.no_browser and _has_screen():
             webbrowser.open(server.url)
         stop.wait()

@@ -1,11 +1,12 @@
 """The data of the web view: a description of the run, and frames as plain numbers, in chunks."""
 import threading
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
-from dragon_ros.commands.sources import Moment, Progress, Source, Touch, clearances, moment, thinned, window
+from dragon_ros.commands.sources import Check, Moment, Progress, Source, Touch, clearances, moment, thinned, window
 from dragon_ros.core.limits import VIEW_TICKS
 from dragon_ros.core.numerics.types import Floats, Ints
 
@@ -16,12 +17,20 @@ _CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
 _SEEN = 5                   # moments whose dragons set the window
 
 
+def _wanted() -> None:
+    """Go on: whoever asked waits for the answer."""
+
+
 class ViewData:
-    """The data of a source for a browser; one thread at a time computes."""
+    """The data of a source for a browser; one thread at a time computes.
+
+    A ``check`` is called at every step of long work. What it raises ends the work, and nothing of it is kept.
+    """
 
     def __init__(self, source: Source, progress: Progress, times_s: Floats | None = None) -> None:
         """Describe a source; it is shown at its ticks unless other times are given."""
         self._source, self._progress, self._lock = source, progress, threading.Lock()
+        self._touch, self._curve = list[Touch | None](), dict[str, Any]()       # once they are known
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
         benches, handles = len(self._first.benches.centre), len(self._first.p)
@@ -49,29 +58,38 @@ class ViewData:
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),
                 'width_m': 2 * float(np.median(self._first.benches.half_width))}
 
-    @cached_property
-    def _touch(self) -> Touch | None:
-        return self._source.first_touch(self._progress)
+    def _watched(self, check: Check) -> Progress:
+        """Return the progress with a check before each step."""
+        def steps(rows: Iterable[Any]) -> Iterable[Any]:
+            for row in self._progress(rows):
+                check()
+                yield row
+        return steps
 
-    def contact(self) -> dict[str, Any] | None:
+    def _first_touch(self, check: Check) -> Touch | None:
+        if not self._touch:
+            self._touch.append(self._source.first_touch(self._watched(check)))
+        return self._touch[0]
+
+    def contact(self, check: Check = _wanted) -> dict[str, Any] | None:
         """Return the first contact, for JSON; None if there is none. It is searched when it is first asked for."""
         with self._lock:
-            touch = self._touch
+            touch = self._first_touch(check)
         return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m}
 
-    @cached_property
-    def _curve(self) -> dict[str, Any]:
-        first, last = float(self.times_s[0]), float(self.times_s[-1])
-        points = max(100, min(MOST_POINTS, _CURVE_BENCHES // len(self._first.benches.centre)))
-        times_s, gaps_m = clearances(self._source, self._source.ticks_s(first, last, points), self._progress)
-        return {'t_s': times_s.tolist(), 'gap_mm': [None if np.isnan(gap) else 1e3 * gap for gap in gaps_m.tolist()]}
-
-    def clearance(self) -> dict[str, Any]:
+    def clearance(self, check: Check = _wanted) -> dict[str, Any]:
         """Return clearance over time, for JSON."""
         with self._lock:
+            if not self._curve:
+                first, last = float(self.times_s[0]), float(self.times_s[-1])
+                points = max(100, min(MOST_POINTS, _CURVE_BENCHES // len(self._first.benches.centre)))
+                times_s, gaps_m = clearances(self._source, self._source.ticks_s(first, last, points),
+                                             self._watched(check))
+                gaps_mm = [None if np.isnan(gap) else 1e3 * gap for gap in gaps_m.tolist()]
+                self._curve = {'t_s': times_s.tolist(), 'gap_mm': gaps_mm}
             return self._curve
 
-    def frames(self, chunk: int) -> bytes:
+    def frames(self, chunk: int, check: Check = _wanted) -> bytes:
         """Return the frames of one chunk as little-endian float32, one after the other; nan where a tick has none.
 
         A frame has the corners of the drawn benches (8 each), the rest's handles (2 each), and speeds of handles.
@@ -80,15 +98,15 @@ class ViewData:
         out = np.full((len(times_s), 8 * self._drawn + 2 * self._rest.size + self._handles.size), np.nan, '<f4')
         with self._lock:
             for one in self._source.moments(times_s):
+                check()
                 out[int(np.argmin(np.abs(times_s - one.t_s)))] = self._row(one)
         return out.tobytes()
 
-    def contact_frame(self) -> bytes:
+    def contact_frame(self, check: Check = _wanted) -> bytes:
         """Return the frame at the contact; empty if there is none."""
         with self._lock:
-            if self._touch is None:
-                return b''
-            return self._row(moment(self._source, self._touch.t_s)).astype('<f4').tobytes()
+            touch = self._first_touch(check)
+            return b'' if touch is None else self._row(moment(self._source, touch.t_s)).astype('<f4').tobytes()
 
     def _row(self, one: Moment) -> Floats:
         unknown = np.full(len(one.p), np.nan)

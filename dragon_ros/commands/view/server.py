@@ -1,6 +1,11 @@
-"""The server of the web view: a page, a plotting library and data, on this host only."""
+"""The server of the web view: a page, a plotting library and data, on this host only.
+
+With ``--try`` the data are those of the variant that the query of the address describes. Long work ends early where the
+page has gone, as when a slider moves on, and at a deadline.
+"""
 import json
 import re
+import select
 import socket
 import sys
 import time
@@ -13,18 +18,22 @@ from threading import BoundedSemaphore, Lock
 from typing import Any
 from urllib.parse import urlsplit
 
+from dragon_ros.commands.sources import Check
 from dragon_ros.commands.view.data import ViewData
 from dragon_ros.commands.view.page import WEB
+from dragon_ros.commands.view.variants import QUESTIONS, Variants
 from dragon_ros.core.errors import DragonError, MissingError
-from dragon_ros.core.limits import VIEW_CONNECTIONS, VIEW_IDLE_S
+from dragon_ros.core.limits import VIEW_ANSWER_S, VIEW_CONNECTIONS, VIEW_IDLE_S
 
 HOST = '127.0.0.1'
 _PAGES = {'/': ('index.html', 'text/html; charset=utf-8'), '/view.js': ('view.js', 'text/javascript; charset=utf-8'),
           '/view.css': ('view.css', 'text/css; charset=utf-8'),
           '/plotly.js': ('plotly-basic.min.js', 'text/javascript; charset=utf-8'),
           '/icon.svg': ('icon.svg', 'image/svg+xml')}
-_ANSWERS: dict[str, Callable[[ViewData], Any]] = {
-    '/run.json': lambda data: data.run, '/contact.json': ViewData.contact, '/clearance.json': ViewData.clearance}
+_TRY_PATH = '/try.js'
+_ANSWERS: dict[str, Callable[[ViewData, Check], Any]] = {
+    '/run.json': lambda data, check: data.run, '/contact.json': ViewData.contact,
+    '/clearance.json': ViewData.clearance}
 _ROOM_S = 1.0       # longest wait until a connection that was closed to make room has ended
 _CHUNK = re.compile('[0-9]{1,9}')
 _JSON, _BINARY = 'application/json', 'application/octet-stream'
@@ -35,14 +44,21 @@ _HEADERS = {'Content-Security-Policy': _POLICY, 'X-Content-Type-Options': 'nosni
             'Referrer-Policy': 'no-referrer', 'Cache-Control': 'no-store'}
 
 
+class _GoneError(Exception):
+    """Nobody waits for the answer any more."""
+
+
 class ViewServer(ThreadingHTTPServer):
-    """Serves one run; ``port`` 0 takes any free one. Raises MissingError where the port is taken."""
+    """Serves one run, or variants of a scene; ``port`` 0 takes any free one.
+
+    Raises MissingError where the port is taken.
+    """
 
     daemon_threads = True
 
-    def __init__(self, data: ViewData, port: int = 0) -> None:
+    def __init__(self, shown: ViewData | Variants, port: int = 0) -> None:
         """Bind to this host."""
-        self.data = data
+        self.shown = shown
         self._room = BoundedSemaphore(VIEW_CONNECTIONS)
         self._waiting, self._lock = dict[socket.socket, None](), Lock()     # without a request so far, the oldest first
         try:
@@ -143,8 +159,12 @@ class _Handler(BaseHTTPRequestHandler):
         if not self._is_for_us():       # a foreign page that gave this host a name of its own
             self.send_error(HTTPStatus.FORBIDDEN, 'this page is for 127.0.0.1 and localhost')
             return
+        path, _, query = self.path.partition('?')
         try:
-            found = self._found(self.path.partition('?')[0])
+            found = self._found(path, query, self._check(time.monotonic() + VIEW_ANSWER_S))
+        except _GoneError:
+            self.close_connection = True
+            return
         except DragonError as error:
             self.send_error(HTTPStatus.INTERNAL_SERVER_ERROR, ' '.join(str(error).split()))
             return
@@ -159,19 +179,38 @@ class _Handler(BaseHTTPRequestHandler):
         except ValueError:      # such as [
             return False
 
-    def _found(self, path: str) -> tuple[bytes, str] | None:
-        data = self.server.data
+    def _check(self, deadline_s: float) -> Check:
+        """Return what ends the work on an answer: the page has closed the connection, or it takes too long."""
+        def check() -> None:
+            if time.monotonic() > deadline_s:
+                raise DragonError(f'{self.path[:80]}: takes longer than {VIEW_ANSWER_S:g} s; ask the command for it')
+            with suppress(OSError):
+                if select.select([self.connection], [], [], 0)[0] and not self.connection.recv(1, socket.MSG_PEEK):
+                    raise _GoneError
+        return check
+
+    def _found(self, path: str, query: str, check: Check) -> tuple[bytes, str] | None:
+        shown = self.server.shown
         if path in _PAGES:
-            name, kind = _PAGES[path]
-            return (WEB / name).read_bytes(), kind
-        if path in _ANSWERS:
-            return json.dumps(_ANSWERS[path](data), allow_nan=False).encode(), _JSON
+            return self._page(path), _PAGES[path][1]
+        if isinstance(shown, ViewData):
+            return _data(shown, path, check)
+        if path == _TRY_PATH:
+            return (WEB / 'try.js').read_bytes(), _PAGES['/view.js'][1]
+        if path == '/form.json':
+            return _json(shown.form(query))
+        if path == '/scene.yaml':
+            return shown.scene_file(query), 'application/yaml'
         folder, _, name = path.lstrip('/').partition('/')
-        if folder == 'frames' and name == 'contact':
-            return data.contact_frame(), _BINARY
-        if folder == 'frames' and _CHUNK.fullmatch(name) and int(name) < data.chunks:
-            return data.frames(int(name)), _BINARY
-        return None
+        if folder == 'answers' and name in QUESTIONS:
+            return _json(shown.answer(name, query, check))
+        return _data(shown.variant(query).data, path, check)
+
+    def _page(self, path: str) -> bytes:
+        page = (WEB / _PAGES[path][0]).read_bytes()
+        if path == '/' and isinstance(self.server.shown, Variants):
+            return page.replace(b'</head>', f'<script src="{_TRY_PATH[1:]}" defer></script>\n</head>'.encode())
+        return page
 
     def _send(self, body: bytes, kind: str) -> None:
         self.send_response(HTTPStatus.OK)
@@ -188,3 +227,19 @@ class _Handler(BaseHTTPRequestHandler):
 
     def log_message(self, *args: object) -> None:
         """Log nothing: the terminal is for messages to the user."""
+
+
+def _data(data: ViewData, path: str, check: Check) -> tuple[bytes, str] | None:
+    """Return the data of a path, with their type; None where there is nothing."""
+    if path in _ANSWERS:
+        return _json(_ANSWERS[path](data, check))
+    folder, _, name = path.lstrip('/').partition('/')
+    if folder == 'frames' and name == 'contact':
+        return data.contact_frame(check), _BINARY
+    if folder == 'frames' and _CHUNK.fullmatch(name) and int(name) < data.chunks:
+        return data.frames(int(name), check), _BINARY
+    return None
+
+
+def _json(values: Any) -> tuple[bytes, str]:
+    return json.dumps(values, allow_nan=False).encode(), _JSON

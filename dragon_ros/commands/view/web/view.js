@@ -13,19 +13,24 @@ const MOST_CHUNKS = 24;
 const element = (id) => document.getElementById(id);
 
 let run, curve = null, contact = null;
+let query = location.search;            // which run is shown, where the server has several
+let asking = new AbortController();     // what is asked about it
+let prepare = async () => {};           // what try.js does first
 const chunks = new Map();
 const player = {t: 0, tick: 0, playing: false, pace: 1, last: 0, drawing: false, wanted: null};
 
 /** A colour of view.css, in the light or the dark. */
 const colour = (name) => getComputedStyle(document.documentElement).getPropertyValue(`--${name}`).trim();
 
-/** What the server answers, or what stands in the page itself. */
+/** What the server answers about the run of this address, or what stands in the page itself. */
 async function get(path) {
   if (window.EMBEDDED) return new Response(Uint8Array.from(atob(window.EMBEDDED[path]), (letter) => letter.charCodeAt(0)));
-  const answer = await fetch(path);
+  const answer = await fetch(path + query, {signal: asking.signal});
   if (!answer.ok) throw new Error(`${path}: ${answer.status} ${answer.statusText}`);
   return answer;
 }
+
+const json = async (path) => (await get(path)).json();
 
 // ---- data
 
@@ -216,12 +221,12 @@ async function show(frame, t) {
 
 async function draw(frame, t) {
   player.frame = frame;
-  const exact = contact && t === contact.t_s;
+  const exact = contact && t === contact.t_s, scene = sceneData(frame), speeds = run.speeds ? speedData(frame) : null;
   element('time').textContent = `${t.toFixed(exact ? 6 : 2)} s`;
   element('scrub').value = player.tick;
-  await Plotly.animate('scene', {data: sceneData(frame), traces: [1, 2, 3, 4]}, AT_ONCE);
+  await Plotly.animate('scene', {data: scene, traces: [1, 2, 3, 4]}, AT_ONCE);
   await Plotly.animate('clearance', {data: [{x: [t, t], y: [player.low, player.high]}], traces: [2]}, AT_ONCE);
-  if (run.speeds) await drawSpeedsNow(speedData(frame));
+  if (speeds) await drawSpeedsNow(speeds);
 }
 
 async function drawSpeedsNow(speeds) {
@@ -293,6 +298,7 @@ async function goToHash() {
 // ---- the page
 
 function complain(error) {
+  if (error.name === 'AbortError') return;      // another run is asked for
   element('note').textContent = `${error.message || error}; is the server still running?`;
 }
 
@@ -322,6 +328,9 @@ function describe() {
   element('note').textContent = run.note;
   element('speeds-title').textContent = run.speeds ? 'Speed along the chain' : 'This bag has no velocities';
   element('scrub').max = run.times_s.length - 1;
+}
+
+function offerPaces() {
   player.pace = run.pace || 1;
   const paces = [...new Set([...PACES, player.pace])].sort((a, b) => a - b);
   for (const pace of paces) element('pace').add(new Option(`${pace}×`, pace, pace === player.pace, pace === player.pace));
@@ -342,26 +351,41 @@ async function redraw() {
   if (curve) await drawClearance();
 }
 
-async function start() {
-  run = await (await get('run.json')).json();
+/** Fetch and draw a run, at the time that is shown where it has it; then its contact, then its clearance. */
+async function load() {
+  const loaded = await json('run.json');
+  chunks.clear();
+  [run, contact, curve, player.wanted] = [loaded, null, null, null];
   describe();
-  player.t = run.times_s[0];
-  await chunk(0).ready;
-  const frame = frameOf(0);
-  await drawScene(frame);
-  await drawSpeeds(frame);
-  player.frame = frame;
+  player.t = Math.max(run.times_s[0], Math.min(run.times_s.at(-1), player.t));
+  player.tick = tickAt(player.t);
+  await chunk(Math.floor(player.tick / run.frames_each)).ready;
+  player.frame = frameOf(player.tick);
+  element('scrub').value = player.tick;
+  await drawScene(player.frame);
+  await drawSpeeds(player.frame);
   document.body.dataset.drawn = 'yes';
-  connect();
-  contact = await (await get('contact.json')).json();
+}
+
+async function loadContact() {
+  contact = await json('contact.json');
   describeContact();
   await drawScene(player.frame);
-  curve = await (await get('clearance.json')).json();
+  curve = await json('clearance.json');
   await drawClearance();
+}
+
+async function start() {
+  await prepare();
+  player.t = -Infinity;
+  await load();
+  offerPaces();
+  connect();
+  await loadContact();
   await goToHash();
   for (const changed of [DARK, NARROW]) changed.addEventListener('change', () => redraw().catch(complain));
   window.addEventListener('hashchange', () => { pause(); goToHash().catch(complain); });
   document.body.dataset.ready = 'yes';
 }
 
-start().catch((error) => { complain(error); throw error; });
+document.addEventListener('DOMContentLoaded', () => start().catch((error) => { complain(error); throw error; }));

@@ -1,0 +1,261 @@
+"""Variants of a scene for ``view --try``: values that the address of the page changes, and answers about each variant.
+
+An address such as ``/?dragon.benches=40&track.pitch_m=0.6`` has the changed values, as ``--set`` takes them. Nothing
+else tells the server which variant is meant; it keeps the last few, so that a page need not wait for one again.
+"""
+import threading
+from collections import OrderedDict
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
+from math import isfinite
+from typing import TYPE_CHECKING, Any
+from urllib.parse import parse_qsl
+
+from dragon_ros.commands.sources import Check, Progress, SceneSource
+from dragon_ros.commands.view.data import ViewData
+from dragon_ros.core.errors import DragonError, FieldError, InputError
+from dragon_ros.core.limits import SEARCHED_BENCHES
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.scenes.load import load_scene, scene_values
+
+if TYPE_CHECKING:       # the search is imported by the first that asks
+    from dragon_ros.core.search.certificate import Contact, NoContact
+
+_KEPT = 8               # variants
+_MOST_FIELDS = 60       # a route of hundreds of pieces has its first ones on the page
+_CHARACTERS = 32        # of a value in an address
+_SECTIONS = ('dragon', 'track', 'head', 'run', 'venue')
+_OMITTED = ('rate_hz',)
+_CIRCLE_M = 9.0         # the turning circle of ``design min-pitch``
+# What a slider covers, and its step, by the last part of a key. A value outside widens it; a field takes any value.
+_RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 6, 0.01),
+           'body_length_m': (0.6, 6, 0.01), 'width_m': (0.05, 1, 0.005), 'hole_inset_m': (0, 0.6, 0.005),
+           'pitch_m': (0.3, 3, 0.005), 'start_turns': (2, 40, 0.25), 'diameter_m': (4, 20, 0.05),
+           'ratio': (0.25, 4, 0.05), 'before_m': (0, 300, 1), 'speed_m_s': (0.1, 5, 0.05), 'radius_m': (1, 30, 0.05),
+           'length_m': (0.5, 200, 0.5), 'angle_deg': (-360, 360, 1), 'margin_m': (0, 3, 0.05),
+           'start_s': (0, 600, 1), 'stop_s': (0, 600, 1)}
+
+
+@dataclass(frozen=True)
+class Field:
+    """A value on the page: its key as in ``--set``, what it is now (None: not set), and what its slider covers."""
+
+    key: str
+    value: float | None
+    low: float
+    high: float
+    step: float
+
+
+@dataclass(frozen=True)
+class Answer:
+    """An answer in words, and how sure it is: ``proved``, ``sampled``, or empty where there is none."""
+
+    text: str
+    how: str = ''
+
+
+@dataclass(frozen=True)
+class _Searched(SceneSource):
+    """A scene whose first contact is searched once, for the picture and for all answers."""
+
+    _found: 'list[Contact | NoContact]' = field(default_factory=list)
+
+    def searched(self, progress: Progress) -> 'Contact | NoContact':
+        """Return what the search finds, or found before."""
+        if not self._found:
+            self._found.append(super().searched(progress))
+        return self._found[0]
+
+
+class Variant:
+    """A scene that an address describes, and what the page shows of it."""
+
+    def __init__(self, name: str, scene: Scene) -> None:
+        """Take a scene."""
+        self.scene, self._source = scene, _Searched(name, scene)
+        self.data = ViewData(self._source, iter)
+
+    def found(self, check: Check) -> 'Contact | NoContact':
+        """Return what the search for the first contact finds."""
+        self.data.contact(check)
+        return self._source.searched(iter)
+
+    def until_contact(self, check: Check) -> Scene:
+        """Return the scene with a run that ends at its first contact: what comes after cannot be walked."""
+        t_s = self.contact_s(check)
+        return self.scene if t_s is None else replace(self.scene, run=replace(self.scene.run, stop_s=t_s))
+
+    def limit(self, check: Check) -> str:
+        """Return words for what of the run is asked about."""
+        return '' if self.contact_s(check) is None else '; up to the contact'
+
+    def contact_s(self, check: Check) -> float | None:
+        """Return the time of the first contact; None without one."""
+        touch = self.data.contact(check)
+        return None if touch is None else float(touch['t_s'])
+
+
+class Variants:
+    """The variants of one scene."""
+
+    def __init__(self, name: str, scene: str, overrides: list[str]) -> None:
+        """Take the scene of a name or file, with overrides. Raises InputError."""
+        self._name, self._scene, self._overrides = name, scene, overrides
+        self._own = load_scene(scene, overrides)
+        self._made, self._lock = OrderedDict[str, Variant](), threading.Lock()
+
+    def form(self, query: str) -> dict[str, Any]:
+        """Return the fields of an address for JSON, and what is wrong with one of them.
+
+        Where a value is not possible the fields are those of the scene itself, with the values of the address.
+        """
+        try:
+            scene, error = self.variant(query).scene, None
+        except DragonError as wrong:
+            scene, error = self._own, {'key': str(wrong.fields.get('field', '')), 'text': _plainly(wrong)}
+        own = {one.key: one.value for one in fields_of(self._own)}
+        fields = fields_of(scene)
+        return {'fields': [{**vars(one), 'own': own.get(one.key)} for one in fields[:_MOST_FIELDS]],
+                'left_out': max(0, len(fields) - _MOST_FIELDS), 'error': error}
+
+    def variant(self, query: str) -> Variant:
+        """Return the variant of an address. Raises InputError."""
+        with self._lock:
+            if query in self._made:
+                self._made.move_to_end(query)
+                return self._made[query]
+        made = Variant(self._name, self._of(query))
+        with self._lock:
+            self._made[query] = made
+            while len(self._made) > _KEPT:
+                self._made.popitem(last=False)
+        return made
+
+    def _of(self, query: str) -> Scene:
+        known = {one.key for one in fields_of(self._own)}
+        changes = []
+        for key, text in parse_qsl(query, keep_blank_values=True):
+            if key not in known:
+                raise InputError(f'{key[:_CHARACTERS]}: is no value of this scene that can be changed here', field=key)
+            changes.append(f'{key}={_number(key, text)}')
+        scene = load_scene(self._scene, [*self._overrides, *changes])
+        if scene.dragon.benches > SEARCHED_BENCHES:
+            raise FieldError('dragon.benches', scene.dragon.benches, f'a page tries {SEARCHED_BENCHES} at most',
+                             'give fewer')
+        return scene
+
+    def scene_file(self, query: str) -> bytes:
+        """Return the scene file of a variant."""
+        from dragon_ros.scenes.provenance import scene_file
+        return scene_file(self.variant(query).scene).encode()
+
+    def answer(self, question: str, query: str, check: Check) -> dict[str, Any]:
+        """Answer one of QUESTIONS about a variant, for JSON; ``check`` raises where nobody waits any more."""
+        variant = self.variant(query)
+        try:
+            return vars(QUESTIONS[question](variant, check))
+        except InputError as wrong:
+            return vars(Answer(_plainly(wrong)))
+
+
+def fields_of(scene: Scene) -> list[Field]:
+    """Return the fields of a scene: each number of its dragon, track, head, run and venue that stands by itself."""
+    values = scene_values(scene)
+    return [one for section in _SECTIONS if section in values for one in _fields(section, values[section])]
+
+
+def _fields(key: str, value: Any) -> list[Field]:
+    name = key.rpartition('.')[2]
+    if isinstance(value, dict):
+        return [one for part, inner in value.items() for one in _fields(f'{key}.{part}', inner)]
+    if isinstance(value, list):     # of pieces or groups; lists of numbers are none of it
+        return [one for n, inner in enumerate(value, 1) if isinstance(inner, dict)
+                for one in _fields(f'{key}.{n}', inner)]
+    if name in _OMITTED or isinstance(value, (bool, str)) or (value is None and name != 'stop_s'):
+        return []
+    low, high, step = _RANGES.get(name, (0.0, 2 * abs(value or 1.0), 0.01))
+    if value is not None:
+        low, high = min(low, value), max(high, value)
+    return [Field(key, value, low, high, step)]
+
+
+def _number(key: str, text: str) -> str:
+    """Return the text of a number; empty is null, which only some keys take."""
+    if text.strip() in ('', 'null'):
+        return 'null'
+    try:
+        value = float(text) if len(text) <= _CHARACTERS else None
+    except ValueError:
+        value = None
+    if value is None or not isfinite(value):
+        raise FieldError(key, text[:_CHARACTERS], 'it is not a finite number', 'give a number such as 2.5')
+    return repr(int(value)) if value.is_integer() and '.' not in text else repr(value)
+
+
+def _plainly(error: DragonError) -> str:
+    """Return what an error says, on one line, without the places of overrides that nobody gave."""
+    text = ' '.join(str(error).split())
+    key = error.fields.get('field')
+    return text[text.index(f'{key}: '):] if key and f'{key}: ' in text else text
+
+
+def _contact(variant: Variant, check: Check) -> Answer:
+    """Return the first contact."""
+    from dragon_ros.core.search.certificate import NoContact
+    found = variant.found(check)
+    sure = 'proved' if found.certificate.complete else ''
+    if isinstance(found, NoContact):
+        return Answer(f'no benches touch in this run, which ends at {variant.data.times_s[-1]:.6g} s', sure)
+    inner, outer = found.benches
+    word = 'grazing, ' if found.grazing_m else ''
+    return Answer(f'{word}{found.t_s:.9f} s, benches {inner} and {outer}', sure)
+
+
+def _clearance(variant: Variant, check: Check) -> Answer:
+    """Return the smallest gap before the contact."""
+    contact_s, curve = variant.contact_s(check), variant.data.clearance(check)
+    rows = [(gap, t_s) for gap, t_s in zip(curve['gap_mm'], curve['t_s'], strict=True)
+            if gap is not None and (contact_s is None or t_s <= contact_s)]
+    if not rows:
+        return Answer('no two benches come near each other')
+    gap, t_s = min(rows)
+    where = '' if contact_s is None else ' before the contact'
+    return Answer(f'{gap:.3f} mm at {t_s:.6g} s, of {len(rows)} times{where}', 'sampled')
+
+
+def _speed(variant: Variant, check: Check) -> Answer:
+    """Return the largest speed of any handle, up to the contact."""
+    from dragon_ros.core.search.max_speed import max_speed
+    most = max_speed(variant.until_contact(check), lambda looks: check())
+    return Answer(f'handle {most.handle}: {most.ratio:.9g} times the leader, which is then {most.along_m:.6g} m along '
+                  f'the track{variant.limit(check)}', 'proved')
+
+
+def _pitch(variant: Variant, check: Check) -> Answer:
+    """Return the smallest pitch at which this dragon winds in to a turning circle."""
+    from dragon_ros.core.search.min_pitch import min_pitch
+    if not isinstance(variant.scene.track, Spiral):
+        return Answer('asked of spirals alone')
+    found = min_pitch(variant.scene.dragon, _CIRCLE_M, variant.scene.track.start_turns, within_m=1e-9,
+                      progress=lambda states: check())
+    return Answer(f'{found.high_m:.9f} m, to wind in to a circle of {_CIRCLE_M:g} m',
+                  'proved' if found.proved else 'sampled')
+
+
+def _room(variant: Variant, check: Check) -> Answer:
+    """Return the room that the run needs: to the obstacles of its venue, or as a square."""
+    scene = variant.until_contact(check)
+    if scene.venue is not None:
+        from dragon_ros.core.search.venue_fit import venue_fit
+        worst = min(venue_fit(scene, progress=lambda looks: check()).gaps, key=lambda gap: gap.low_m)
+        return Answer(f'smallest gap {worst.low_m:.4f} m, to {worst.name}; wanted {scene.venue.margin_m:g} m', 'proved')
+    from dragon_ros.core.search.bounding_box import bounding_box
+    box = bounding_box(scene, progress=lambda looks: check())
+    (_, centred), (_, free) = box.centred_m, box.free_m
+    return Answer(f'a square of {free:.4f} m, or of {centred:.4f} m about the origin{variant.limit(check)}', 'proved')
+
+
+QUESTIONS: dict[str, Callable[[Variant, Check], Answer]] = {
+    'contact': _contact, 'speed': _speed, 'room': _room, 'pitch': _pitch, 'clearance': _clearance}

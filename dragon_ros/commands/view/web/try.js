@@ -1,0 +1,149 @@
+// What if: fields and sliders for the values of the scene. The address has those that were changed, and nothing else
+// tells the server which dragon is meant. A change ends what was asked about the one before.
+'use strict';
+
+const UNITS = {m: 'm', m_s: 'm/s', s: 's', deg: '°', hz: 'Hz', rad: 'rad'};
+const QUESTIONS = {contact: 'First contact', speed: 'Fastest handle', room: 'Room needed', pitch: 'Smallest pitch',
+  clearance: 'Smallest gap'};
+const WAIT_MS = 40;         // after the last move of a slider
+const fields = new Map();   // by key: what it was in the scene's file, and its elements
+let waiting = null;
+
+/** An element with properties and children. */
+function make(name, properties = {}, ...children) {
+  const made = Object.assign(document.createElement(name), properties);
+  made.append(...children);
+  return made;
+}
+
+/** The key of a field as words, and its unit. */
+function wordsOf(key) {
+  const parts = key.split('.').slice(1), last = parts.pop();
+  const unit = Object.keys(UNITS).sort((a, b) => b.length - a.length).find((end) => last.endsWith(`_${end}`));
+  const name = (unit ? last.slice(0, -unit.length - 1) : last).replaceAll('_', ' ');
+  return [[...parts.map((part) => (/^\d+$/.test(part) ? part : part.replace(/s$/, ''))), name].join(' '), unit ? UNITS[unit] : ''];
+}
+
+/** The address of the values that were changed; it is shown, so that it can be kept and shared. */
+function keepAddress() {
+  const changed = new URLSearchParams();
+  for (const [key, {own, number}] of fields) if (number.value !== textOf(own)) changed.set(key, number.value);
+  query = changed.size ? `?${changed}` : '';
+  history.replaceState(null, '', `${location.pathname}${query}${location.hash}`);
+  scene.href = `scene.yaml${query}`;
+}
+
+const textOf = (value) => (value === null ? '' : String(value));
+
+function addField(box, {key, value, own, low, high, step}) {
+  value = new URLSearchParams(location.search).get(key) ?? value;
+  const [words, unit] = wordsOf(key), name = `value-${key}`;
+  const number = make('input', {type: 'number', id: name, step: 'any', value: textOf(value), placeholder: 'the end'});
+  const slider = make('input', {type: 'range', min: low, max: high, step, value: value ?? high, tabIndex: -1});
+  slider.setAttribute('aria-hidden', 'true');       // the field says the same to who cannot see it
+  number.setAttribute('aria-describedby', `${name}-error`);
+  const error = make('p', {id: `${name}-error`, hidden: true});
+  error.setAttribute('role', 'alert');
+  const row = make('div', {className: 'value', title: `${key}: the slider goes from ${low} to ${high}`},
+    make('label', {htmlFor: name, textContent: words}), number, make('span', {textContent: unit}), slider, error);
+  number.addEventListener('input', () => { if (number.value !== '') slider.value = number.value; changed(); });
+  slider.addEventListener('input', () => { number.value = slider.value; changed(); });
+  fields.set(key, {own, number, slider, error, row});
+  box.append(row);
+}
+
+/** Show which values were changed. */
+function mark() {
+  for (const {own, number, row} of fields.values()) row.classList.toggle('changed', number.value !== textOf(own));
+}
+
+/** Show an error beside its field. */
+function tell(error) {
+  for (const {error: place, row} of fields.values()) { place.hidden = true; row.classList.remove('wrong'); }
+  general.hidden = true;
+  if (!error) return;
+  const field = fields.get(error.key);
+  const place = field ? field.error : general;
+  place.textContent = error.text;
+  place.hidden = false;
+  field?.row.classList.add('wrong');
+}
+
+function changed() {
+  mark();
+  clearTimeout(waiting);
+  waiting = setTimeout(() => follow().catch(complain), WAIT_MS);
+}
+
+/** Let the dragon and all answers follow the values; an impossible one leaves both and says why. */
+async function follow() {
+  asking.abort();
+  asking = new AbortController();
+  pause();
+  keepAddress();
+  const {error} = await json('form.json');
+  tell(error);
+  if (error) { forget(); return; }
+  await Promise.all([load().then(loadContact), answerAll()]);
+}
+
+/** Show no answer about values that are not possible. */
+function forget() {
+  for (const place of Object.values(answers)) place.replaceChildren('–');
+}
+
+/** Ask one question after the other, the quickest first; each shows a bar while it is worked on. */
+async function answerAll() {
+  const mine = asking;
+  for (const place of Object.values(answers)) {
+    const bar = make('progress');
+    bar.setAttribute('aria-label', 'working');
+    place.replaceChildren(bar);
+  }
+  for (const question of Object.keys(QUESTIONS)) {
+    const {text, how} = await json(`answers/${question}`).catch((error) => {
+      if (error.name === 'AbortError') throw error;
+      return {text: error.message, how: ''};
+    });
+    if (mine !== asking) return;
+    answers[question].replaceChildren(text, ...(how ? [make('i', {className: how, textContent: how})] : []));
+  }
+}
+
+const general = make('p', {hidden: true});
+general.setAttribute('role', 'alert');
+const answers = Object.fromEntries(Object.keys(QUESTIONS).map((question) => [question, make('dd')]));
+const list = make('dl', {id: 'answers'}, ...Object.keys(QUESTIONS).flatMap((question) =>
+  [make('dt', {textContent: QUESTIONS[question]}), answers[question]]));
+list.setAttribute('aria-live', 'polite');
+const scene = make('a', {id: 'scene-file', href: 'scene.yaml', download: 'scene.yaml', textContent: 'scene.yaml'});
+const reset = make('button', {id: 'reset', textContent: 'As it was'});
+reset.addEventListener('click', () => {
+  for (const {own, number, slider} of fields.values()) { number.value = textOf(own); slider.value = own ?? slider.max; }
+  changed();
+});
+
+/** Build the panel from what the server says of the address. */
+async function open() {
+  const panel = element('values'), form = await json('form.json');
+  panel.append(make('h2', {textContent: 'What if'}), list, make('menu', {}, reset, scene), general);
+  const boxes = new Map();
+  for (const field of form.fields) {
+    const section = field.key.split('.')[0];
+    if (!boxes.has(section)) {
+      boxes.set(section, make('fieldset', {}, make('legend', {textContent: section})));
+      panel.append(boxes.get(section));
+    }
+    addField(boxes.get(section), field);
+  }
+  if (form.left_out) panel.append(make('p', {textContent: `${form.left_out} more values are in the scene's file`}));
+  panel.hidden = false;
+  document.querySelector('main').classList.add('trying');
+  keepAddress();
+  mark();
+  tell(form.error);
+  if (form.error) { forget(); query = ''; return; }     // the scene as it was is shown
+  answerAll().then(() => { document.body.dataset.answered = 'yes'; }).catch(complain);
+}
+
+prepare = open;

@@ -1,0 +1,210 @@
+"""``view --try``: fields of a scene, answers about its variants, and work that ends with the page that asked for it."""
+import contextlib
+import http.client
+import json
+import socket
+import threading
+import urllib.error
+import urllib.parse
+import urllib.request
+from dataclasses import replace
+
+import browser
+import pytest
+import yaml
+from test_view import needs_browser
+
+from dragon_ros.__main__ import main
+from dragon_ros.commands.view import server as server_module
+from dragon_ros.commands.view.server import ViewServer
+from dragon_ros.commands.view.variants import QUESTIONS, Variants, fields_of
+from dragon_ros.core.search.bounding_box import bounding_box
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.max_speed import max_speed
+from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.scenes.load import load_scene
+
+SMALL = ['dragon.benches=20', 'run.start_s=411', 'run.stop_s=413', 'run.rate_hz=20']
+
+
+@contextlib.contextmanager
+def serving(scene='winding', overrides=SMALL):
+    with ViewServer(Variants('small', scene, list(overrides))) as server:
+        thread = threading.Thread(target=server.serve_forever, args=(0.02,))
+        thread.start()
+        try:
+            yield server
+        finally:
+            server.shutdown()
+            thread.join()
+
+
+@pytest.fixture(scope='module')
+def server():
+    with serving() as running:
+        yield running
+
+
+def get(server, path, **changes):
+    query = urllib.parse.urlencode(changes)
+    with urllib.request.urlopen(f'{server.url}{path}?{query}', timeout=60) as answer:
+        return answer.read()
+
+
+def ask(server, path, **changes):
+    return json.loads(get(server, path, **changes))
+
+
+def test_every_number_of_a_scene_is_a_field_with_its_value_on_the_slider():
+    fields = {one.key: one for one in fields_of(load_scene('street'))}
+    assert {'dragon.benches', 'dragon.width_m', 'track.pieces.2.radius_m', 'track.start_m', 'head.speed_m_s',
+            'run.stop_s', 'venue.margin_m'} <= fields.keys()
+    assert fields['track.pieces.2.radius_m'].value == 6.0
+    for one in fields.values():
+        assert one.value is None or one.low <= one.value <= one.high
+        assert one.step > 0
+
+
+@pytest.mark.parametrize('key', [one.key for one in fields_of(load_scene('street')) if one.value is not None])
+def test_a_field_takes_its_key_as_set_does(key):
+    value = {one.key: one.value for one in fields_of(load_scene('street'))}[key]
+    changed = value + 1 if key == 'dragon.benches' else 0.999 * value + 1e-3
+    form = Variants('street', 'street', []).form(urllib.parse.urlencode({key: changed}))
+    assert form['error'] is None
+    assert {one['key']: one['value'] for one in form['fields']}[key] == changed
+
+
+def test_the_answers_are_those_of_the_commands(server):
+    scene = load_scene('winding', [*SMALL, 'dragon.width_m=0.301'])
+    found = first_contact(scene)
+    until = replace(scene, run=replace(scene.run, stop_s=found.t_s))
+    said = {name: ask(server, f'answers/{name}', **{'dragon.width_m': 0.301}) for name in QUESTIONS}
+    assert said['contact']['text'].startswith(f'{found.t_s:.9f} s, benches {found.benches[0]} and {found.benches[1]}')
+    assert said['speed']['text'].startswith(f'handle {max_speed(until).handle}: {max_speed(until).ratio:.9g} times')
+    assert f'{bounding_box(until).free_m[1]:.4f} m' in said['room']['text']
+    assert f'{min_pitch(scene.dragon, within_m=1e-9).high_m:.9f} m' in said['pitch']['text']
+    assert [said[name]['how'] for name in QUESTIONS] == ['proved', 'proved', 'proved', 'proved', 'sampled']
+    assert 0 <= float(said['clearance']['text'].split()[0]) < 5
+
+
+def test_a_run_without_contact_is_said_to_have_none(server):
+    said = ask(server, 'answers/contact', **{'dragon.benches': 5})
+    assert said == {'text': 'no benches touch in this run, which ends at 413 s', 'how': 'proved'}
+
+
+@pytest.mark.parametrize(('change', 'key', 'words'), [
+    ({'dragon.width_m': '-1'}, 'dragon.width_m', 'more than 0'),
+    ({'dragon.benches': '2.5'}, 'dragon.benches', 'whole number'),
+    ({'dragon.benches': '2001'}, 'dragon.benches', 'give fewer'),
+    ({'dragon.width_m': 'wide'}, 'dragon.width_m', 'not a finite number'),
+    ({'dragon.width_m': ''}, 'dragon.width_m', 'a number'),
+    ({'dragon.width_m': 'nan'}, 'dragon.width_m', 'finite number'),
+    ({'dragon.width_m': '1e999'}, 'dragon.width_m', 'finite number'),
+    ({'track.start_turns': '0.1'}, '', ''),
+    ({'solver': 'march'}, 'solver', 'no value'),
+    ({'dragon.groups.1.count': '3'}, 'dragon.groups.1.count', 'no value')])
+def test_a_value_that_is_not_possible_is_refused_beside_its_field(server, change, key, words):
+    error = ask(server, 'form.json', **change)['error']
+    assert error['key'] == key or not key
+    assert words in error['text']
+    assert '--set' not in error['text']
+    with pytest.raises(urllib.error.HTTPError, match='500') as refused:
+        get(server, 'run.json', **change)
+    refused.value.close()
+
+
+def test_the_scene_file_of_a_variant_makes_the_same_scene(server, tmp_path):
+    path = tmp_path / 'scene.yaml'
+    path.write_bytes(get(server, 'scene.yaml', **{'track.pitch_m': 0.6}))
+    assert load_scene(str(path)) == load_scene('winding', [*SMALL, 'track.pitch_m=0.6'])
+    assert yaml.safe_load(path.read_text())['track']['pitch_m'] == 0.6
+
+
+def test_the_last_few_variants_are_kept_and_no_more():
+    variants = Variants('small', 'winding', SMALL)
+    kept = [variants.variant(f'dragon.benches={n}') for n in range(2, 12)]
+    assert variants.variant('dragon.benches=11') is kept[-1]
+    assert variants.variant('dragon.benches=2') is not kept[0]
+    assert len(variants._made) == 8
+
+
+def test_work_ends_when_the_page_that_asked_is_gone():
+    with serving(overrides=['track.start_turns=32']) as server:
+        begun, ended = threading.Event(), threading.Event()
+        made = server.shown.variant('').data
+        source = made._source.searched
+
+        def searched(progress):
+            begun.set()
+            try:
+                return source(lambda rows: progress(iter(int, 1)))     # steps without an end
+            finally:
+                ended.set()
+        object.__setattr__(made._source, 'searched', searched)
+        with socket.create_connection(server.server_address) as page:
+            page.sendall(b'GET /answers/contact HTTP/1.1\r\nHost: 127.0.0.1\r\n\r\n')
+            assert begun.wait(30)
+        assert ended.wait(30)
+
+
+def test_an_answer_that_takes_too_long_says_what_to_ask(monkeypatch):
+    monkeypatch.setattr(server_module, 'VIEW_ANSWER_S', 0.0)
+    with serving() as server, contextlib.closing(http.client.HTTPConnection(*server.server_address)) as connection:
+        connection.request('GET', '/answers/contact')
+        answer = connection.getresponse()
+        assert answer.status == 500
+        assert answer.reason == '/answers/contact: takes longer than 0 s; ask the command for it'
+        answer.read()
+
+
+def test_plain_view_has_none_of_it(server):
+    from dragon_ros.commands.sources import SceneSource
+    from dragon_ros.commands.view.data import ViewData
+    with ViewServer(ViewData(SceneSource('small', load_scene('winding', SMALL)), iter)) as plain:
+        thread = threading.Thread(target=plain.serve_forever, args=(0.02,))
+        thread.start()
+        for path in ('form.json', 'answers/contact', 'scene.yaml', 'try.js'):
+            with pytest.raises(urllib.error.HTTPError, match='404') as missing:
+                get(plain, path)
+            missing.value.close()
+        assert b'try.js' not in get(plain, '')
+        plain.shutdown()
+        thread.join()
+    assert b'try.js' in get(server, '')
+
+
+def test_a_bag_cannot_be_tried(capsys, bag):
+    assert main(['view', '--try', '--no-browser', '--bag', str(bag)]) == 2
+    assert '--try: belongs to a scene' in capsys.readouterr().err
+
+
+SET = """const field = document.getElementById(arguments[0]); field.value = arguments[1];
+    field.dispatchEvent(new Event('input'));"""
+ANSWERS = 'return [...document.querySelectorAll("#answers dd")].map((one) => one.textContent)'
+
+
+@needs_browser
+def test_a_changed_value_moves_the_dragon_and_renews_the_answers(tmp_path, server):
+    with browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        page.wait('return document.body.dataset.answered === "yes"')
+        before = page.run(ANSWERS)
+        page.run(SET.replace('arguments[0]', '"value-dragon.benches"').replace('arguments[1]', '"12"'))
+        page.wait('return document.getElementById("facts").textContent.startsWith("12 benches")')
+        page.wait('return document.querySelectorAll("#answers progress").length === 0')
+        assert page.run(ANSWERS)[0].startswith(before[0].split(',')[0])
+        assert page.run('return location.search') == '?dragon.benches=12'
+        assert page.run('return document.getElementById("scene-file").getAttribute("href")').endswith('benches=12')
+        page.run(SET.replace('arguments[0]', '"value-dragon.width_m"').replace('arguments[1]', '"-2"'))
+        page.wait('return document.querySelector(".wrong p")?.textContent.includes("more than 0")')
+        assert page.run('return document.getElementById("facts").textContent').startswith('12 benches')
+        page.click('reset')
+        page.wait('return document.getElementById("facts").textContent.startsWith("20 benches")')
+        page.wait('return document.querySelectorAll("#answers progress").length === 0')
+        assert page.run(ANSWERS) == before
+        page.open_view(f'{server.url}?dragon.width_m=-1')       # an address with an impossible value
+        assert 'more than 0' in page.run('return document.querySelector(".wrong p").textContent')
+        for width, height, dark in ((390, 844, False), (1400, 860, True)):
+            page.look(width, height, dark)
+            assert page.run('return document.scrollingElement.scrollWidth <= window.innerWidth')
+        assert [line for line in page.log() if 'favicon' not in line[1]] == []
