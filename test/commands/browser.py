@@ -17,6 +17,7 @@ from pathlib import Path
 CHROMIUM = next((path for name in ('chromium', 'chromium-browser', 'google-chrome') if (path := shutil.which(name))),
                 None)
 DRIVER = shutil.which('chromedriver')
+ABSENT = 'no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver'
 _FLAGS = ('--headless', '--no-sandbox', '--disable-gpu', '--disable-quic', '--no-first-run', '--disable-sync',
           '--disable-background-networking', '--disable-component-update', '--window-size=1400,860')
 _LONGEST_S = 60.0

@@ -6,6 +6,7 @@ import re
 import signal
 import zipfile
 
+import browser
 import numpy as np
 import pytest
 
@@ -298,3 +299,25 @@ def test_budgets_are_held_by_the_bytes_that_come_out_whatever_a_workbook_claims(
     path.write_bytes(data)
     with pytest.raises(InputError):
         read_book(path)
+
+
+@pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
+def test_a_report_on_a_phone_scrolls_down_alone(tmp_path):
+    for team in ('red', 'blue'):
+        (tmp_path / 'class' / team).mkdir(parents=True)
+        book(tmp_path / 'class' / team / 'result1.xlsx', **{
+            '位置': [HEAD, *([name, *(-value for value in row)] for name, *row in PLACES)], '速度': [HEAD, *SPEEDS]})
+    report = tmp_path / 'report.html'
+    assert main(['grade', str(tmp_path / 'class'), '--output', str(report)]) == 0
+    wide = ('return [...document.querySelectorAll("*")].filter((one) => one.scrollWidth > one.clientWidth + 1 && '
+            'one.getClientRects().length && getComputedStyle(one).overflowX !== "visible").length + '
+            'Math.max(0, document.scrollingElement.scrollWidth - innerWidth)')
+    with browser.browser(tmp_path) as page:
+        page.look(390, 844)
+        for part in ('', '#team-2'):
+            page.open(report.as_uri() + part)
+            assert page.run(wide) == 0, part
+            heads = page.run('return [...document.querySelectorAll("td[data-head]")].map((one) => '
+                             'getComputedStyle(one, "::before").content)')
+            assert '"result1 positions"' in heads
+            assert page.run('return getComputedStyle(document.querySelector("thead")).display') == 'none'

@@ -33,9 +33,7 @@ from dragon_ros.messages.decode import read_marker_array, read_multi_array, read
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
 
-needs_browser = pytest.mark.skipif(
-    not (browser.CHROMIUM and browser.DRIVER),
-    reason='no chromium with chromedriver on this machine; on Debian: apt install chromium chromium-driver')
+needs_browser = pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
 
 
 @contextlib.contextmanager

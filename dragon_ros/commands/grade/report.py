@@ -24,7 +24,6 @@ _LINE_HIGH = 110
 _STYLE = Path(__file__).with_name('report.css')
 
 
-
 def page(teams: list[TeamGrade], whole: int, lang: str) -> str:
     """Return the page of all teams; ``whole`` is how many there would be without an interruption."""
     many = len(teams) != 1
@@ -54,13 +53,12 @@ def _said(key: str, lang: str, **parameters: object) -> str:
 
 def _overview(teams: list[TeamGrade], lang: str) -> Iterator[str]:
     columns = [(result, sheet) for result in RESULTS for sheet in SHEETS]
-    yield '<div class="wide"><table><thead><tr>'
-    yield f'<th>{_said("team", lang)}</th>'
-    yield ''.join(f'<th>{result}<br>{_said(sheet, lang)}</th>' for result, sheet in columns)
     given = {one.question for team in teams for one in team.answers}
     asked = [question for question in QUESTIONS if question in given]
-    yield ''.join(f'<th>{_said(f"short_{question}", lang)}</th>' for question in asked)
-    yield '</tr></thead><tbody>'
+    heads = [*(f'{result} {_said(sheet, lang)}' for result, sheet in columns),
+             *(_said(f'short_{question}', lang) for question in asked)]
+    yield '<div class="wide"><table><thead><tr>'
+    yield f'<th>{_said("team", lang)}</th>{"".join(f"<th>{head}</th>" for head in heads)}</tr></thead><tbody>'
     for number, team in enumerate(teams, 1):
         sheets = {(one.result, one.sheet): one for one in team.sheets}
         answers = {one.question: one for one in team.answers}
@@ -68,7 +66,7 @@ def _overview(teams: list[TeamGrade], lang: str) -> Iterator[str]:
         cells += [_pill(answers[one].verdict, lang) if one in answers else _pill('missing', lang) for one in asked]
         warning = f' <span class="problem" title="{escape("; ".join(team.problems))}">!</span>' if team.problems else ''
         yield (f'<tr><td class="name"><a href="#team-{number}">{escape(team.name)}</a>{warning}</td>'
-               + ''.join(f'<td>{cell}</td>' for cell in cells) + '</tr>')
+               + ''.join(map(_cell, heads, cells)) + '</tr>')
     yield '</tbody></table></div>'
 
 
@@ -79,6 +77,11 @@ def _pill_of(one: SheetGrade | None, lang: str) -> str:
     why = looks_like(one, lang)
     more = f'<small title="{escape(why)}">{one.worst:.2g}{f"; {escape(_cut(why))}" if why else ""}</small>'
     return _pill(one.verdict, lang) + ('' if one.verdict == 'right' else more)
+
+
+def _cell(head: str, content: str, kind: str = '') -> str:
+    """Return a cell; on a narrow screen it shows the head of its column, which is escaped."""
+    return f'<td{kind} data-head="{head}">{content}</td>'
 
 
 def _cut(text: str) -> str:
@@ -129,27 +132,30 @@ def _results(sheets: Iterable[SheetGrade], lang: str) -> Iterator[str]:
     for one in sheets:
         name = f'{one.result} {_said(one.sheet, lang)}'
         if one.worst is None:
-            yield f'<tr><td>{name}</td><td>{_pill("missing", lang)}</td><td colspan="{len(heads) - 2}"></td></tr>'
+            yield (f'<tr><td class="name">{name}</td><td>{_pill("missing", lang)}</td>'
+                   f'<td colspan="{len(heads) - 2}"></td></tr>')
             continue
         unit = 'm' if one.sheet == 'positions' else 'm/s'
-        shares = ''.join(f'<td class="n">{share:.2%}</td>' for share in one.within)
-        yield (f'<tr><td>{name}</td><td>{_pill(one.verdict, lang)}</td><td class="n">{one.cells} / {one.expected}</td>'
-               f'<td class="n">{one.worst:.3g} {unit}</td><td>{escape(place_of(one, lang))}</td>{shares}</tr>')
+        cells = [f'{one.cells} / {one.expected}', f'{one.worst:.3g} {unit}', escape(place_of(one, lang)),
+                 *(f'{share:.2%}' for share in one.within)]
+        shown = (_cell(heads[n], cell, ' class="n"' if n in numbers else '') for n, cell in enumerate(cells, 2))
+        yield f'<tr><td class="name">{name}</td><td>{_pill(one.verdict, lang)}</td>{"".join(shown)}</tr>'
         if one.findings:
             why = escape(looks_like(one, lang))
-            yield f'<tr><td></td><td colspan="{len(heads) - 1}"><p class="why">{why}</p></td></tr>'
+            yield f'<tr class="more"><td></td><td colspan="{len(heads) - 1}"><p class="why">{why}</p></td></tr>'
     yield '</tbody></table></div>'
 
 
 def _answers(answers: Iterable[AnswerGrade], lang: str) -> Iterator[str]:
     yield f'<h3>{_said("answers", lang)}</h3><div class="wide"><table><thead><tr><th></th><th></th>'
-    yield ''.join(f'<th class="n">{_said(key, lang)}</th>' for key in ('given', 'truth', 'error'))
-    yield f'<th>{_said("diagnosis", lang)}</th></tr></thead><tbody>'
+    heads = [_said(key, lang) for key in ('given', 'truth', 'error', 'diagnosis')]
+    yield ''.join(f'<th class="n">{head}</th>' for head in heads[:3])
+    yield f'<th>{heads[3]}</th></tr></thead><tbody>'
     for one in answers:
-        yield (f'<tr><td>{_said(one.question, lang)}</td><td>{_pill(one.verdict, lang)}</td>'
-               f'<td class="n">{one.given:.10g}</td><td class="n">{one.truth:.10g}</td>'
-               f'<td class="n">{one.error:.3g}</td>'
-               f'<td>{escape(looks_like(one, lang))}</td></tr>')
+        values = [f'{one.given:.10g}', f'{one.truth:.10g}', f'{one.error:.3g}']
+        shown = (_cell(head, value, ' class="n"') for head, value in zip(heads[:3], values, strict=True))
+        yield (f'<tr><td class="name">{_said(one.question, lang)}</td><td>{_pill(one.verdict, lang)}</td>'
+               f'{"".join(shown)}{_cell(heads[3], escape(looks_like(one, lang)))}</tr>')
     yield '</tbody></table></div>'
 
 
