@@ -63,9 +63,16 @@ class Parser(argparse.ArgumentParser):
         arguments, unknown = super().parse_known_args(args, namespace)
         if unknown and '_ARGCOMPLETE' not in os.environ:
             known = [name for action in self._actions for name in action.option_strings]
-            hint = did_you_mean(unknown[0], known, '')
+            hint = self._scene_hint(unknown[0], known) or did_you_mean(unknown[0], known, '')
             self.error(f'unrecognized arguments: {" ".join(unknown)}' + (f'; {hint}' if hint else ''))
         return arguments, unknown
+
+    @staticmethod
+    def _scene_hint(word: str, known: Sequence[str]) -> str:
+        """Return what to write for a scene that is given without its option."""
+        from dragon_ros.configuration import scene_names
+        scene = '--scene' in known and (word in scene_names() or word.endswith(('.yaml', '.yml')))
+        return f'write --scene {word}' if scene else ''
 
     def error(self, message: str) -> NoReturn:
         """Print the error and a pointer to --help, and exit with 2."""

@@ -18,8 +18,9 @@ def shown(value: object) -> str:
 def did_you_mean(word: object, known: Iterable[str], otherwise: str, alike: float = _NEAR) -> str:
     """Return a question with the name most similar to a word; ``otherwise`` if no name reaches the ratio ``alike``."""
     from difflib import get_close_matches  # rarely needed
-    near = get_close_matches(str(word), known, n=1, cutoff=alike)
-    return f'did you mean {near[0]}?' if near else otherwise
+    names = {name.lower(): name for name in known}
+    near = get_close_matches(str(word).lower(), names, n=1, cutoff=alike)
+    return f'did you mean {names[near[0]]}?' if near else otherwise
 
 
 class DragonError(Exception):

@@ -303,10 +303,10 @@ def test_budgets_are_held_by_the_bytes_that_come_out_whatever_a_workbook_claims(
 
 @pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
 def test_a_report_on_a_phone_scrolls_down_alone(tmp_path):
+    mirrored = [[name, *(-value for value in row)] for name, *row in PLACES]
     for team in ('red', 'blue'):
         (tmp_path / 'class' / team).mkdir(parents=True)
-        book(tmp_path / 'class' / team / 'result1.xlsx', **{
-            '位置': [HEAD, *([name, *(-value for value in row)] for name, *row in PLACES)], '速度': [HEAD, *SPEEDS]})
+        book(tmp_path / 'class' / team / 'result1.xlsx', positions=[HEAD, *mirrored], speeds=[HEAD, *SPEEDS])
     report = tmp_path / 'report.html'
     assert main(['grade', str(tmp_path / 'class'), '--output', str(report)]) == 0
     wide = ('return [...document.querySelectorAll("*")].filter((one) => one.scrollWidth > one.clientWidth + 1 && '

@@ -67,7 +67,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.kind != 'animation':
         for path in paths:
             if path.suffix.lower() not in figures.FORMATS:
-                raise InputError(f'--output {path}: a picture is {", ".join(figures.FORMATS)}')
+                raise InputError(f'--output {path}: is no picture; end it in {", ".join(figures.FORMATS)}')
     from dragon_ros.commands.sources import opened
     with opened(arguments) as source, figures.style():
         for path in _draw(arguments, source, paths):
