@@ -92,12 +92,12 @@ class Model:
         """The solver that places the handles: shift maps for blocks of equal links, or the march.
 
         Links are solved to the last digit for all tiers, which takes at most one more Newton step; tiers differ only in
-        the series of the maps. On a spiral they do not differ there either: its series are short, and close to a lock
-        any error grows along the chain.
+        series of the maps, where those of ``exact`` do not end or take longer. On a spiral they do not differ there
+        either: its series are short, and close to a lock any error grows along the chain.
         """
         lengths = {} if self.solver == 'march' else lengths_with_maps(self.links_m)
-        series_m = (EXACT if self.track.may_lock else self.tier).series_m
-        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, series_m)
+        tier = EXACT if self.track.may_lock else self.tier
+        maps = {link_m: ShiftMap(self.track, link_m, links, self.direction, tier)
                 for link_m, links in lengths.items()}
         return Placement(self.track, self.links_m, self.direction, maps)
 

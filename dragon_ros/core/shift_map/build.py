@@ -1,5 +1,4 @@
 """Building the table of a tile: where to cut the span, its images, row after row, and the series of what they met."""
-from collections.abc import Callable
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from math import ceil, floor, inf
@@ -13,6 +12,7 @@ from dragon_ros.core.numerics.chebyshev import in_parts, inverse_series, powers_
 from dragon_ros.core.numerics.double_double import plus, product
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.numerics.vectors import complex_of, dot
+from dragon_ros.core.tiers import EXACT, Tier
 from dragon_ros.core.tracks.composite import WIDEST_RAD, Place, Places, Track
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
@@ -25,6 +25,7 @@ NOISE = 4                  # what rounding may add to the last terms, in units o
 _SPAN_NODES = 16            # of a whole span on a spiral, which is as smooth as a line
 _SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in its last terms
 _HAIR = 1e-12               # of a distance along the track: places that far apart are one
+_FREE = 12_000              # multiplications of a tick's product: 0.3 of the time that the calls around it take
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,7 +36,7 @@ class Table:
     (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. ``slack`` (L, S) is how far |x| may be
     beyond 1 by rounding, ``inverse`` (L, S, K) the coefficients of u(x), the highest power first. Series by part:
     ``coordinates`` (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit
-    speed in row 0. From row r on ``terms[s, r]`` terms are enough, to ``error_m`` (R,).
+    speed in row 0. From row r on ``terms[s, r]`` terms are enough, to ``error_m`` (R,); the tier allows ``allowed_m``.
     """
 
     segment: Ints
@@ -48,6 +49,7 @@ class Table:
     motions: Floats
     terms: Ints
     error_m: Floats
+    allowed_m: Floats
 
     @property
     def rows(self) -> int:
@@ -120,16 +122,17 @@ class _RowSeries:
     origin: tuple[Floats, Floats]     # (R, S)
     leading: slice                    # rows in which leaders can be
     error_m: Floats                   # (R,): where series are cut
+    allowed_m: Floats                 # (R,): where the tier allows to cut them
     coordinates: Floats
     places: Floats
     motions: Floats
 
 
-def build(track: Track, link_m: float, stretch: Stretch, series_m: Callable[[Floats], Floats]) -> Table | None:
+def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | None:
     """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
 
-    ``series_m`` tells from how far out the places of each row (R,) are where the series of that row are cut. None where
-    no table serves: the links have no length, it would be too large, or series do not end.
+    The series of a coarser tier are those of ``exact`` too, unless they do not end, or a tick would take more than 1.3
+    times as long. None where no table serves: the links have no length, it would be too large, or series do not end.
     """
     if not link_m:
         return None
@@ -140,7 +143,13 @@ def build(track: Track, link_m: float, stretch: Stretch, series_m: Callable[[Flo
         if front_m <= low_m or 8 * 5 * NODES * count > _MOST_BYTES:
             return None
         parts = _parts(track, link_m, front, front_m - count * reach_m(min(track.bend, 1 / link_m), link_m))
-        return _built(track, link_m, parts, count, stretch, series_m) if parts else None
+        if not parts or 8 * 5 * NODES * len(parts) * count > _MOST_BYTES:
+            return None
+        pieces = [*zip(parts, _series(track, link_m, parts, count), strict=True)]
+        table = _built(track, link_m, pieces, count, stretch, (EXACT, tier))
+        if tier is EXACT or (table and int(np.max(table.terms)) * (2 * stretch.links + 2) <= _FREE):
+            return table
+        return _built(track, link_m, pieces, count, stretch, (tier, tier))
     except (TrackEndError, ChainLockError):
         return None
 
@@ -201,16 +210,20 @@ def _thirds(part: _SpanPart) -> list[_SpanPart]:
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
 
 
-def _built(track: Track, link_m: float, parts: list[_SpanPart], count: int, stretch: Stretch,
-           series_m: Callable[[Floats], Floats]) -> Table | None:
-    """Return the table, once all series end; parts whose do not are cut in three."""
-    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(part, None, inf) for part in parts]    # and what is left
+def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], count: int, stretch: Stretch,
+           tiers: tuple[Tier, Tier]) -> Table | None:
+    """Return the table, once all series end; parts whose do not are cut in three.
+
+    Series are cut at the digits of the first of ``tiers``; the second is the scene's.
+    """
+    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]    # and what is left
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
-        new = iter(_series(track, link_m, [part for part, one, _ in pieces if not one], count))
+        unknown = [part for part, one, _ in pieces if not one]
+        new = iter(_series(track, link_m, unknown, count) if unknown else ())
         pushed = [one or next(new) for _, one, _ in pieces]
-        rows = _together_in_rows(pushed, link_m, stretch, series_m)
+        rows = _together_in_rows(pushed, link_m, stretch, tiers)
         if rows.leading.start == rows.leading.stop:
             return None
         with np.errstate(all='ignore'):     # a part that is no longer than its rounding has no scale and no inverse
@@ -231,7 +244,8 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
     """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in some rows; each part keeps its own."""
     key = rows.start, rows.stop
     new = [n for n, one in enumerate(pushed) if key not in one.inverses]
-    found = inverse_series(x[new, :, rows].transpose(1, 0, 2).reshape(NODES, -1)).reshape(NODES, len(new), -1)
+    some = x[new, :, rows].transpose(1, 0, 2)
+    found = inverse_series(some.reshape(NODES, some[0].size)).reshape(some.shape)
     for n, one in zip(new, found.transpose(1, 0, 2), strict=True):
         pushed[n].inverses[key] = one
     return np.stack([one.inverses[key] for one in pushed])
@@ -257,7 +271,7 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
-                      series_m: Callable[[Floats], Floats]) -> _RowSeries:
+                      tiers: tuple[Tier, Tier]) -> _RowSeries:
     """Return the rows that all parts have."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
@@ -267,9 +281,10 @@ def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
     # A row near the origin is as exact as the dragon is large: about as a spiral of its length, one turn a link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
+    error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
     origin = np.stack([one.origin[:, :rows] for one in pushed], axis=-1)
     return _RowSeries(np.stack([one.segment[:rows] for one in pushed], axis=1), (origin[0], origin[1]), leading,
-                 series_m(size_m), np.stack([one.coordinates[:, :rows] for one in pushed]),
+                 error_m, allowed_m, np.stack([one.coordinates[:, :rows] for one in pushed]),
                  *(np.stack([getattr(one, name)[:, :rows].reshape(NODES, -1) for one in pushed])
                    for name in ('places', 'motions')))
 
@@ -421,7 +436,7 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
     x, p, v = (read_only(np.ascontiguousarray(series[:, :nodes])) for series in (x, rows.places, rows.motions))
     slack = NOISE / half[:, 0, leading].T
     return Table(rows.segment, read_only(np.stack((*centre, scale.T), axis=-1)), leading.start, read_only(slack),
-                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms, rows.error_m)
+                 read_only(powers.transpose(1, 0, 2).copy()), x, p, v, terms, rows.error_m, rows.allowed_m)
 
 
 def _enough(size: Floats) -> Ints:

@@ -136,7 +136,10 @@ def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, 
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Return the series of leaders at the nodes of some cells; a cell whose leaders' series do not end has no chart."""
+    """Return the series of leaders at the nodes of some cells; a cell whose leaders' series do not end has no chart.
+
+    Series that do not end at the table's digits may end at those of its tier.
+    """
     segment = leaders[0].reshape(-1, NODES)
     u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
     p, heading = track.poses(segment, u, lo)
@@ -146,17 +149,20 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     origin = u[:, centre], lo[:, centre]
     from_origin = (u - origin[0][:, None]) + (lo - origin[1][:, None])
     places, motions = map(series_of, (p, pace[..., None] * heading))
-    error_m = table.error_m[rows[cells // table.parts]]
-    half = np.hypot(places[:, 1, 0], places[:, 1, 1]) / error_m
+    half = np.hypot(places[:, 1, 0], places[:, 1, 1])
     one = np.all(segment == segment[:, :1], axis=1)
     # The leader's motion is what all speeds are relative to: a short link may not make it less exact than theirs.
-    size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2) / error_m[:, None]
+    size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
     with np.errstate(all='ignore'):     # a cell that is no longer than its rounding has no scale and no inverse
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
         inverse = np.zeros_like(x)
         inverse[:, one] = inverse_series(x[:, one])
         charts = (half * np.maximum(np.abs(inverse), np.abs(x))).T
-        served = one & (np.maximum(size, charts)[:, -2:].max(axis=1) <= NOISE)
+        last = np.maximum(size, charts)[:, -2:].max(axis=1)
+        row = rows[cells // table.parts]
+        error_m = np.where(last <= NOISE * table.error_m[row], table.error_m[row], table.allowed_m[row])
+        served = one & (last <= NOISE * error_m)
+        half, size, charts = half / error_m, size / error_m[:, None], charts / error_m[:, None]
     if not np.any(served):
         return None
     terms = _enough(size)

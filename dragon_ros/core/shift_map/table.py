@@ -28,6 +28,7 @@ from dragon_ros.core.numerics.double_double import DoubleDouble, plus
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.shift_map.build import Stretch, Table, build
 from dragon_ros.core.shift_map.lead_in import Chart, LeadIn, chart_of, lead_in, towards_leader
+from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
@@ -317,14 +318,13 @@ def links_of_tile(links: int, segments: int = 1) -> int:
 class ShiftMap:
     """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
 
-    ``series_m`` tells from how far out places are where their series are cut.
+    Its tables keep the digits of ``tier``.
     """
 
-    def __init__(self, track: Track, link_m: float, links: int, direction: int,
-                 series_m: Callable[[Floats], Floats]) -> None:
+    def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
         """Lay out the tiles; none is built yet."""
         self.track, self.link_m, self.links, self.direction = track, link_m, links, direction
-        self._series_m = series_m
+        self._tier = tier
         stretch = _STRETCH_LINKS if len(track.segments) == 1 else _STRETCH_JOINED
         self._stretches = links_of_tile(links, len(track.segments)) // stretch    # of a tile
         self.stretch_m, self._before_m = stretch * link_m, _BEFORE_LINKS * link_m
@@ -472,7 +472,7 @@ class ShiftMap:
         far_m = track.far_m(max(low_m, track.begin_m), min(high_m, track.end_m))
         if self.link_m <= _SHORTEST * far_m:
             return None
-        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._series_m)
+        table = build(track, self.link_m, Stretch(low_m, high_m, self.links, self.direction), self._tier)
         return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:

@@ -25,6 +25,7 @@ from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
 from dragon_ros.core.shift_map.build import Stretch, build
 from dragon_ros.core.shift_map.table import ShiftMap
 from dragon_ros.core.step import state
+from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, spiral_track, track_of
 from dragon_ros.core.tracks.segments import AHEAD, BEHIND
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
@@ -41,14 +42,9 @@ winds = st.builds(SpiralArc, st.floats(1.5, 3), st.floats(1, 3), st.floats(1, 3)
 tracks = st.lists(lines | arcs | winds, min_size=1, max_size=7)
 
 
-def cut_m(size_m):
-    """Return where the series of rows are cut, whatever their size."""
-    return np.full_like(size_m, 2e-14)
-
-
 def placement(track, links, direction):
     """Return a placement with shift maps of its own, none of whose tiles is built."""
-    maps = {link_m: ShiftMap(track, link_m, count, direction, cut_m)
+    maps = {link_m: ShiftMap(track, link_m, count, direction, EXACT)
             for link_m, count in lengths_with_maps(links).items()}
     return Placement(track, links, direction, maps)
 
@@ -239,9 +235,9 @@ def test_where_a_track_begins_the_last_links_are_marched_and_said_to_be():
 
 def test_links_that_have_no_length_or_are_too_many_have_no_table():
     track, stretch = track_of(STurn()), Stretch(-50.0, 50.0, 20, BEHIND)
-    assert build(track, 1.65, stretch, cut_m)
-    assert build(track, 0.0, stretch, cut_m) is None
-    assert build(track, 1e-4, stretch, cut_m) is None
+    assert build(track, 1.65, stretch, EXACT)
+    assert build(track, 0.0, stretch, EXACT) is None
+    assert build(track, 1e-4, stretch, EXACT) is None
 
 
 @pytest.mark.parametrize(('pitch_m', 'diameter_m', 'solver'), [
@@ -266,19 +262,15 @@ def test_a_dragon_of_few_benches_has_no_shift_map_on_a_turn_either():
 
 
 def test_a_tile_of_a_track_is_bounded_and_shows_what_it_takes():
-    nodes = {}
-    for accuracy in ('preview', 'exact'):
-        model = compile_scene(replace(TURNING, accuracy=accuracy)).model
-        link_m, = lengths_with_maps(model.links_m)
-        shift = ShiftMap(model.track, link_m, 222, BEHIND, model.tier.series_m)
-        shift.spot(model.track.place_at(-10.0))
-        table, = (one.table for one in shift.tiles)
-        nodes[accuracy] = table.nodes
-        assert table.memory_bytes < 1_300_000
-        assert table.parts == 4
-        assert 128 + 222 < table.rows < 128 + 222 + 20
-    assert nodes['exact'] <= 20
-    assert nodes['preview'] < 10
+    model = compile_scene(TURNING).model
+    link_m, = lengths_with_maps(model.links_m)
+    shift = ShiftMap(model.track, link_m, 222, BEHIND, model.tier)
+    shift.spot(model.track.place_at(-10.0))
+    table, = (one.table for one in shift.tiles)
+    assert table.memory_bytes < 1_300_000
+    assert table.nodes <= 20
+    assert table.parts == 4
+    assert 128 + 222 < table.rows < 128 + 222 + 20
 
 
 def test_far_more_handles_than_one_product_takes_join_without_a_seam():

@@ -10,6 +10,7 @@ from hypothesis import assume, given
 from hypothesis import strategies as st
 
 from dragon_ros.core.batches import states
+from dragon_ros.core.chain.chain import MarchedLink
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.forward import Block, forward_many
 from dragon_ros.core.chain.head_law import Head
@@ -17,7 +18,7 @@ from dragon_ros.core.errors import ChainLockError, FieldError
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.shift_map import build
-from dragon_ros.core.shift_map.blocks import Placement, lengths_with_maps
+from dragon_ros.core.shift_map.blocks import Placement, TabulatedLinks, lengths_with_maps
 from dragon_ros.core.shift_map.table import Entrance, ShiftMap
 from dragon_ros.core.step import state, tick
 from dragon_ros.core.tracks.composite import Place
@@ -42,7 +43,7 @@ def tile(scene, t_s):
     """Return the one tile of a scene that a state needs, in a shift map of its own."""
     (link_m, links), = lengths_with_maps(scene.dragon.link_lengths_m).items()
     model = compile_scene(scene).model
-    shift = ShiftMap(model.track, link_m, links, model.direction, model.tier.series_m)
+    shift = ShiftMap(model.track, link_m, links, model.direction, model.tier)
     Placement(model.track, model.links_m, model.direction, {link_m: shift}).place(
         model.leader.place(scene.head.travelled_m(t_s)))
     one, = shift.tiles
@@ -143,13 +144,6 @@ def test_any_dragon_on_the_table_is_where_the_march_puts_it(pitch, turns, benche
     np.testing.assert_allclose(one.p, other.p, rtol=0, atol=0.5 * compile_scene(scene).promise_m * faster)
 
 
-def test_across_joints_more_digits_take_more_nodes():
-    turn = Scene(track=STurn())
-    nodes = [tile(replace(turn, accuracy=tier), 0.0).table.nodes for tier in ('preview', 'standard', 'fine', 'exact')]
-    assert nodes == sorted(nodes)
-    assert 2 * nodes[0] < nodes[-1]
-
-
 @pytest.mark.parametrize('accuracy', ['preview', 'standard', 'fine'])
 @pytest.mark.parametrize(('track', 't_s'), [(Spiral(), 400.0), (Spiral(), 0.0), (Spiral(0.55, 60.0), 0.0)])
 def test_on_one_spiral_every_tier_has_the_bits_of_the_exact_one(accuracy, track, t_s):
@@ -232,6 +226,37 @@ def test_far_out_fewer_terms_are_summed_and_no_digit_is_lost():
                                atol=1e-12)
 
 
+def at_tiers(name, t_s):
+    """Return the chains of a hard case at an instant, at the tiers preview and exact."""
+    scene = next(case.scene for case in dances() if case.name == name)
+    return [state(replace(scene, accuracy=tier), t_s) for tier in ('preview', 'exact')]
+
+
+@pytest.mark.parametrize(('name', 't_s'), [('turning', 104.0), ('tight', 20.0), ('hairpin', 12.0), ('loop', 8.0)])
+def test_where_it_takes_little_longer_a_coarser_tier_has_the_digits_of_exact(name, t_s):
+    coarse, exact = at_tiers(name, t_s)
+    assert coarse.solver == 'table'
+    assert coarse.p.tobytes() == exact.p.tobytes()
+    assert coarse.velocities(1.0).tobytes() == exact.velocities(1.0).tobytes()
+
+
+@pytest.mark.parametrize('name', ['far-joined', 'hairpin', 'tight'])
+def test_where_no_series_of_exact_end_a_coarser_tier_has_a_table_all_the_same(name):
+    coarse, exact = at_tiers(name, {'far-joined': 20.0, 'hairpin': 8.0, 'tight': 22.0}[name])
+    assert 'march' in exact.solver or any(isinstance(part, MarchedLink) for part in exact.parts)
+    assert [type(part) for part in coarse.parts] == [TabulatedLinks]
+    assert 2e-12 < np.max(np.abs(coarse.p - exact.p)) < 1e-3
+
+
+@pytest.mark.parametrize(('benches', 'same'), [(250, True), (400, False)])
+def test_of_a_dragon_so_long_that_its_product_takes_longer_a_coarser_tier_has_fewer_terms(benches, same):
+    scene = Scene(dragon=Dragon(benches), track=STurn(before_m=10.0), run=Run(0, 100))
+    coarse, fine, exact = (int(np.max(tile(replace(scene, accuracy=tier), 30.0).table.terms))
+                           for tier in ('preview', 'fine', 'exact'))
+    assert (coarse == fine == exact) is same
+    assert same or coarse < fine < exact
+
+
 def kept(scene):
     """Return how many cells, with their series, are kept for single states of a scene."""
     return sum(len(entrance._cells) for shift in compile_scene(scene).model.placement.maps.values()
@@ -276,7 +301,7 @@ def test_a_mistake_in_looking_up_a_cell_is_not_taken_for_a_place_without_a_table
     dragon = Dragon(benches) if benches > 8 else Dragon(benches, 2.2)
     model = compile_scene(Scene(dragon=dragon)).model
     placement = Placement(model.track, model.links_m, model.direction, {
-        link_m: ShiftMap(model.track, link_m, benches, model.direction, model.tier.series_m)
+        link_m: ShiftMap(model.track, link_m, benches, model.direction, model.tier)
         for link_m in lengths_with_maps(model.links_m)})
     assert 'table' in placement.place(model.leader.place((0.0, 0.0))).solver
     monkeypatch.setattr(Entrance, '_cell', mistaken)
