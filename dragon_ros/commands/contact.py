@@ -20,7 +20,7 @@ if TYPE_CHECKING:       # --verify starts without the solver
 def main(argv: list[str]) -> int:
     """Print the first contact; return the exit code."""
     options = command_line.parser('contact', 'Find the first contact between two benches that are not neighbours '
-                                  'in the chain.',
+                                  'in the chain, or between a bench and an obstacle of the venue.',
                                   'contact --scene winding --format json')
     command_line.add_bag(options, 'take the scene of a bag, and what a led dragon has walked in it (no scene options)')
     command_line.add_scene_options(options)
@@ -121,14 +121,21 @@ def _verify(certificate_file: Path, effort: str | None, output: Path | None) -> 
 
 def values_of(found: 'Contact | NoContact') -> dict[str, Any]:
     """Return the result as plain values."""
+    from dragon_ros.core.geometry.contacts import OBSTACLE
     from dragon_ros.core.search.certificate import NoContact
     if isinstance(found, NoContact):
         end = found.end
         return {'t_s': None, 'end': end.reason, 't_end_s': end.t_s, 'link': end.link,
                 'certified': found.certificate.complete}
     seen = found.witness
-    features = {'bench': seen.owner, 'corner': seen.corner, 'other': seen.other, 'edge': seen.edge}
-    return {'t_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m), 'features': features,
+    features: dict[str, Any] = {'bench': seen.owner, 'corner': seen.corner, 'other': seen.other, 'edge': seen.edge}
+    obstacle = None
+    if found.obstacle:
+        features |= {key: None for key in ('bench', 'other') if features[key] == OBSTACLE}
+        obstacle = {'name': found.obstacle.name, 'edge_m': [list(end) for end in found.obstacle.edge_m],
+                    'corner_m': list(found.obstacle.corner_m) if found.obstacle.corner_m else None}
+    return {'t_s': found.t_s, 'benches': list(found.benches), 'obstacle': obstacle, 'point_m': list(found.point_m),
+            'features': features,
             'grazing_m': list(found.grazing_m) if found.grazing_m else None,
             'simultaneous': [list(pair) for pair in found.simultaneous], 'approach_m_s': found.approach_m_s,
             'uncertainty_s': found.uncertainty_s if isfinite(found.uncertainty_s) else None,
@@ -141,23 +148,32 @@ def _text(values: dict[str, Any]) -> str:
     if values['t_s'] is None:
         why = {'stop': 'the run stops', 'lock': f'the chain locks at link {values["link"]}', 'track': 'the track ends'}
         return f'no contact; {why[values["end"]]} at {values["t_end_s"]:.9f} s ({stats})'
-    (inner, outer), (x, y) = values['benches'], values['point_m']
+    x, y = values['point_m']
+    what = (f'bench {values["benches"][0]} and obstacle {values["obstacle"]["name"]!r}' if values['obstacle'] else
+            f'benches {values["benches"][0]} and {values["benches"][1]}')
     misses_shown = values.get('near_misses', [])
     misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
                      f'at {miss["t_s"]:.5f} s' for miss in misses_shown)
     if (count := values.get('near_misses_count', 0)) > len(misses_shown):
         misses += f'\n  and {count - len(misses_shown)} more near misses with larger gaps'
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
-    return (f'{kind} at {values["t_s"]:.12g} s: benches {inner} and {outer}, at ({x:.9f}, {y:.9f}) m ({stats})'
+    return (f'{kind} at {values["t_s"]:.12g} s: {what}, at ({x:.9f}, {y:.9f}) m ({stats})'
             f'{misses}')
 
 
 def _csv(values: dict[str, Any]) -> str:
-    inner, outer = values.get('benches', ('', ''))
+    inner, outer = (*values.get('benches', ('', '')), '')[:2]
     x, y = values.get('point_m', ('', ''))
-    cells = (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'))
+    obstacle = (values.get('obstacle') or {}).get('name')
+    cells = (values['t_s'], inner, outer, x, y, values.get('end'), values.get('t_end_s'), obstacle)
     row = ['' if cell is None else cell for cell in cells]
-    return 't_s,inner,outer,x_m,y_m,end,t_end_s\n' + ','.join(map(str, row))
+    return 't_s,inner,outer,x_m,y_m,end,t_end_s,obstacle\n' + ','.join(map(_cell, row))
+
+
+def _cell(value: Any) -> str:
+    """Return a cell of CSV; the name of an obstacle may have a comma."""
+    text = str(value)
+    return '"' + text.replace('"', '""') + '"' if set(text) & set(',"\n') else text
 
 
 _FORMATS: dict[str, Callable[[dict[str, Any]], str]] = {'text': _text, 'csv': _csv, 'json': json.dumps}

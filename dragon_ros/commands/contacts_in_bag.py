@@ -37,6 +37,7 @@ def first_contact_in(bag: BagReader, namespace: str, scene: Scene | None, trust:
     if not isinstance(found, Contact):
         return {'source': 'scene', 't_s': None}
     return {'source': 'scene', 't_s': found.t_s, 'benches': list(found.benches), 'point_m': list(found.point_m),
+            **({'obstacle': found.obstacle.name} if found.obstacle else {}),
             'in_bag': bool(bag.start_ns <= found.t_s * NS <= bag.end_ns)}
 
 

@@ -86,7 +86,7 @@ def _contact_m(scene: 'Scene', diameter_m: float) -> float | None:
     turn = STurn(_turn_of(scene).pitch_m, diameter_m * (1 + 1e-9), 1.0)
     run = Run(0.0, 2 * (turn.length_m + compile_scene(scene).model.length_m))
     with Progress('turn', 'states') as bar:
-        found = first_contact(replace(scene, track=turn, head=Head(), run=run), bar.update)
+        found = first_contact(replace(scene, track=turn, head=Head(), run=run, venue=None), bar.update)
     return found.t_s if isinstance(found, Contact) else None
 
 

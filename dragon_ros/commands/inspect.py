@@ -243,8 +243,9 @@ def _contact_line(found: dict[str, Any]) -> str:
     if found['t_s'] is None:
         return f'  no contact ({source})'
     where = '' if found['in_bag'] else ', which is not in this bag'
-    return (f'  first contact: benches {found["benches"][0]} and {found["benches"][1]} at {found["t_s"]:.9f} s{where} '
-            f'({source})')
+    what = (f'bench {found["benches"][0]} and obstacle {found["obstacle"]!r}' if found.get('obstacle') else
+            f'benches {found["benches"][0]} and {found["benches"][1]}')
+    return f'  first contact: {what} at {found["t_s"]:.9f} s{where} ({source})'
 
 
 def _clearance_lines(found: dict[str, Any]) -> list[str]:

@@ -51,14 +51,23 @@ class Moment:
 class Touch:
     """A first contact: when, between which benches (inner first), where, and which corner meets which edge.
 
-    ``decimals`` are those of the point that are right: fewer if it was interpolated from ticks.
+    Where a bench touches an obstacle, ``benches`` has that one alone, and ``obstacle`` is the name. ``decimals`` are
+    those of the point that are right: fewer if it was interpolated from ticks.
     """
 
     t_s: float
-    benches: tuple[int, int]
+    benches: tuple[int, ...]
     point_m: tuple[float, float]
     witness: 'Witness'
     decimals: int = 6
+    obstacle: str | None = None
+
+    @property
+    def words(self) -> str:
+        """What touches."""
+        if self.obstacle is not None:
+            return f'bench {self.benches[0]} touches {self.obstacle}'
+        return f'benches {self.benches[0]} and {self.benches[1]} touch'
 
 
 class Source(Protocol):
@@ -142,7 +151,10 @@ class SceneSource:
         """Return the first contact of the run, exactly."""
         from dragon_ros.core.search.certificate import Contact
         found = self.searched(progress)
-        return Touch(found.t_s, found.benches, found.point_m, found.witness) if isinstance(found, Contact) else None
+        if not isinstance(found, Contact):
+            return None
+        name = found.obstacle.name if found.obstacle else None
+        return Touch(found.t_s, found.benches, found.point_m, found.witness, obstacle=name)
 
 
 def moment(source: Source, t_s: float) -> Moment:

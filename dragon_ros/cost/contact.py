@@ -48,6 +48,5 @@ def measure(scene: Scene, budget_s: float) -> Search:
 
 def _said(found: Contact | NoContact) -> str:
     if isinstance(found, Contact):
-        inner, outer = found.benches
-        return f'contact at {found.t_s:.12g} s, benches {inner} and {outer}'
+        return f'contact at {found.t_s:.12g} s, {found.between}'
     return f'no contact; {_ENDS[found.end.reason]} at {found.end.t_s:.9f} s'

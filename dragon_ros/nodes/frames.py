@@ -80,8 +80,7 @@ class Frames:
     def ending(self) -> str:
         """Return the reason why there is no next frame, as text."""
         if self._contact:
-            inner, outer = self._contact.benches
-            return f'the run ends in the contact of benches {inner} and {outer} at {self._contact.t_s:.9f} s'
+            return f'the run ends in the contact of {self._contact.between} at {self._contact.t_s:.9f} s'
         end = compile_scene(self._scene).end
         why = {'stop': 'the run ends', 'lock': f'the chain locks at link {end.link}', 'track': 'the track ends'}
         return f'{why[end.reason]} at {end.t_s:.6f} s after {self.count} ticks'

@@ -23,6 +23,9 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     It has what is claimed and where to cut; the bounds of the intervals are the solver's own, and nobody needs them.
     """
     proof = found.certificate
+    if scene.venue is not None:
+        raise InputError('--certificate: certificates are of benches alone, and this scene has a venue; leave it out '
+                         '(--set venue=null)')
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
@@ -31,7 +34,8 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
 
 def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
     """Return what a certificate claims of a run, without its scene and intervals; None where there is none."""
-    return _contact(found) if found.certificate.complete else None
+    obstacle = isinstance(found, Contact) and found.obstacle
+    return _contact(found) if found.certificate.complete and not obstacle else None
 
 
 def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:

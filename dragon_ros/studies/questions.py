@@ -45,22 +45,24 @@ class Asked:
 
 @dataclass(frozen=True)
 class FirstContact:
-    """The first contact of the run: time, benches, point, and how the run ends if there is none."""
+    """The first contact of the run: time, benches or bench and obstacle, point; how the run ends if there is none."""
 
     columns: ClassVar[dict[str, type]] = {
         'contact': bool, 'contact_t_s': float, 'contact_low_s': float, 'contact_high_s': float, 'contact_inner': int,
-        'contact_outer': int, 'contact_x_m': float, 'contact_y_m': float, 'contact_approach_m_s': float,
-        'contact_grazing': bool, 'contact_proved': bool, 'run_end_s': float, 'run_end': str}
+        'contact_outer': int, 'contact_obstacle': str, 'contact_x_m': float, 'contact_y_m': float,
+        'contact_approach_m_s': float, 'contact_grazing': bool, 'contact_proved': bool, 'run_end_s': float,
+        'run_end': str}
 
     def answer(self, asked: Asked) -> Values:
         """Answer. The bounds of the time follow from the position error; the proof excludes earlier contacts."""
         found, proved = asked.contact, asked.contact.certificate.complete
         if isinstance(found, NoContact):
             return {'contact': False, 'contact_proved': proved, 'run_end_s': found.end.t_s, 'run_end': found.end.reason}
-        (x_m, y_m), (inner, outer) = found.point_m, found.benches
+        (x_m, y_m), obstacle = found.point_m, found.obstacle
+        other: Values = {'contact_obstacle': obstacle.name} if obstacle else {'contact_outer': found.benches[1]}
         grazing = found.grazing_m is not None
         return {'contact': True, 'contact_t_s': found.t_s, 'contact_low_s': found.t_s - found.uncertainty_s,
-                'contact_high_s': found.t_s + found.uncertainty_s, 'contact_inner': inner, 'contact_outer': outer,
+                'contact_high_s': found.t_s + found.uncertainty_s, 'contact_inner': found.benches[0], **other,
                 'contact_x_m': x_m, 'contact_y_m': y_m, 'contact_approach_m_s': found.approach_m_s,
                 'contact_grazing': grazing, 'contact_proved': proved and not grazing}
 

@@ -92,7 +92,7 @@ def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractM
         part.unlink(missing_ok=True)
 
 
-def _show_touch(benches: Any, one: Moment, touching: tuple[int, int]) -> None:
+def _show_touch(benches: Any, one: Moment, touching: tuple[int, ...]) -> None:
     """Colour the benches in contact; the head keeps its colour."""
     colours = benches.get_facecolor()
     if len(colours) == len(one.benches.centre):

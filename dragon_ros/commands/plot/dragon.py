@@ -14,6 +14,7 @@ from dragon_ros.cli import figures
 from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, POINT, QUIET, TOUCHED, TRACK
 from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.geometry.contacts import OBSTACLE as NO_BENCH
 from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 
@@ -59,13 +60,22 @@ def contact_picture(source: Source, touch: Touch) -> Figure:
     for part in whole.get_children():
         if isinstance(part, ConnectionPatch):       # before Matplotlib 3.10 a layout made room for these lines
             part.set_in_layout(False)
-    inner, outer = touch.benches
-    witness = touch.witness
     whole.set_title(figures.titled(source.name, f'first contact at {touch.t_s:.6f} s', inches[0]))
-    close.set_title(f"bench {witness.owner}'s {witness.corner} corner meets bench {witness.other}'s {witness.edge} edge"
-                    if witness.owner in (inner, outer) else f'benches {inner} and {outer} touch')
+    close.set_title(_meeting(touch))
     _legend(figure, source.track is not None, True)
     return figure
+
+
+def _meeting(touch: Touch) -> str:
+    """Return which corner meets which edge, in words."""
+    seen = touch.witness
+    if touch.obstacle is not None:
+        if seen.owner == NO_BENCH:
+            return f"a corner of {touch.obstacle} meets bench {seen.other}'s {seen.edge} edge"
+        return f"bench {seen.owner}'s {seen.corner} corner meets {touch.obstacle}"
+    if seen.owner in touch.benches:
+        return f"bench {seen.owner}'s {seen.corner} corner meets bench {seen.other}'s {seen.edge} edge"
+    return touch.words
 
 
 def panel(seen: Floats, longest_in: float) -> tuple[Floats, Floats]:

@@ -51,8 +51,7 @@ def _mark(axes: Axes, touch: Touch, fully: bool) -> None:
     """Mark the contact, with words on the side that has more room."""
     axes.plot(touch.t_s, 0.0, marker='o', markersize=7, color=HEAD, markeredgecolor=POINT, markeredgewidth=0.7,
               zorder=5, clip_on=False)
-    inner, outer = touch.benches
-    text = f'benches {inner} and {outer} touch\nat {touch.t_s:.6f} s' if fully else f'contact at {touch.t_s:.2f} s'
+    text = f'{touch.words}\nat {touch.t_s:.6f} s' if fully else f'contact at {touch.t_s:.2f} s'
     side = 1 if touch.t_s < np.mean(axes.get_xlim()) else -1
     axes.annotate(text, (touch.t_s, 0.0), xytext=(24 * side, -30), textcoords='offset points',
                   ha='left' if side > 0 else 'right', va='center',

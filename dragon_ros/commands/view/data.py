@@ -75,7 +75,8 @@ class ViewData:
         """Return the first contact, for JSON; None if there is none. It is searched when it is first asked for."""
         with self._lock:
             touch = self._first_touch(check)
-        return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m}
+        return None if touch is None else {'t_s': touch.t_s, 'benches': touch.benches, 'point_m': touch.point_m,
+                                           'words': touch.words}
 
     def clearance(self, check: Check = _wanted) -> dict[str, Any]:
         """Return clearance over time, for JSON."""

@@ -29,6 +29,21 @@ class Contacts:
     point_m: Floats
 
 
+OBSTACLE = -1       # the owner of an edge or a corner of an obstacle, in place of the number of a bench
+
+
+@dataclass(frozen=True)
+class ObstacleTouch:
+    """What a bench touches of an obstacle: the ends of the edge, and the corner that meets an edge of the bench.
+
+    ``corner_m`` is None where a corner of the bench meets the edge.
+    """
+
+    name: str
+    edge_m: tuple[tuple[float, float], tuple[float, float]]
+    corner_m: tuple[float, float] | None
+
+
 @dataclass(frozen=True)
 class Observation:
     """The observation of one tick: time, handles (N+1, 2) in m, bench rectangles, and the name of their frame."""

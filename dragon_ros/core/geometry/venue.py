@@ -4,15 +4,16 @@ An edge is a rectangle of zero width, so ``signed_distance`` gives its gap to a 
 minus the shortest move that separates them. A bench that starts outside an obstacle and never meets one of its edges
 stays outside, and one that starts within the inside and never meets its edges stays within: edges alone decide.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import TYPE_CHECKING, NamedTuple
 from weakref import ref
 
 import numpy as np
 
+from dragon_ros.core.geometry.contacts import OBSTACLE, ObstacleTouch
 from dragon_ros.core.geometry.rectangles import Benches
-from dragon_ros.core.geometry.signed_distance import seen_from, signed_gap
+from dragon_ros.core.geometry.signed_distance import Witness, seen_from, signed_gap, witness
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints, read_only
 from dragon_ros.core.venue import INSIDE, LineObstacle, Points, PolygonObstacle, Venue
 
@@ -65,6 +66,24 @@ class Surroundings:
         """Their directions (E,)."""
         way = self.stop - self.start
         return _kept(way / np.abs(way))
+
+    def rectangle(self, benches: Benches, bench: int, edge: int) -> Benches:
+        """Return a bench, and an edge as a rectangle of no width."""
+        middle, axis = (np.array([[one[edge].real, one[edge].imag]]) for one in (self.middle, self.axis))
+        one = slice(bench, bench + 1)
+        return Benches(np.concatenate((benches.centre[one], middle)), np.concatenate((benches.axis[one], axis)),
+                       np.append(benches.half_length[one], self.half_m[edge]), np.append(benches.half_width[one], 0.0))
+
+    def touch(self, benches: Benches, bench: int, edge: int) -> tuple[ObstacleTouch, Witness]:
+        """Return what a bench touches of an edge, and the witness, in which the obstacle has the number OBSTACLE."""
+        seen = witness(self.rectangle(benches, bench, edge), 0, 1)
+        start, stop = ((float(end[edge].real), float(end[edge].imag)) for end in (self.start, self.stop))
+        numbers = [bench, OBSTACLE]
+        own = seen.owner == 1       # a corner of the edge; its axis goes from start to stop
+        corner = (stop if seen.corner.startswith('front') else start) if own else None
+        seen = replace(seen, owner=numbers[seen.owner], other=numbers[seen.other],
+                       corner='corner' if own else seen.corner, edge=seen.edge if own else 'edge')
+        return ObstacleTouch(self.names[self.owner[edge]], (start, stop), corner), seen
 
     @cached_property
     def far_m(self) -> float:

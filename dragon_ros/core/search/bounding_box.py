@@ -136,7 +136,7 @@ def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
     low, high = low[begins], high[ends]
     track = ranges.track
     out: Floats = np.stack((np.maximum(low, np.minimum(high, track.end_of_first_m) - track.lap_m), high))
-    for turn in _turning_m(track, float(ranges.scene.dragon.link_lengths_m[benches[0]])):
+    for turn in turning_m(track, float(ranges.scene.dragon.link_lengths_m[benches[0]])):
         inside = (out[0] < turn) & (turn < out[1])
         cut = np.array([[turn] * int(np.sum(inside)), out[1, inside]])
         out[1, inside] = turn
@@ -144,7 +144,7 @@ def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
     return out
 
 
-def _turning_m(track: Track, link_m: float) -> list[float]:
+def turning_m(track: Track, link_m: float) -> list[float]:
     """Return the distances of a link's front handle along the track at which its rear handle turns back."""
     if not (track.may_lock and track.from_afar):
         return []

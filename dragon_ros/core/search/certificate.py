@@ -1,6 +1,7 @@
 """What is found of a first contact: when and between which benches, or that there is none, and what proves it."""
 from dataclasses import dataclass
 
+from dragon_ros.core.geometry.contacts import ObstacleTouch
 from dragon_ros.core.geometry.signed_distance import Witness
 from dragon_ros.core.model import End
 
@@ -30,6 +31,8 @@ class Interval:
 class Certificate:
     """What proves that nothing touched: intervals that cover the run up to the contact, or up to its end.
 
+    They speak of pairs of benches; what is cleared of obstacles is not kept.
+
     ``complete`` is False where they end short of the contact by more than a nanometre of the leader's way, and by more
     than positions may err, or where nobody can say that the benches overlap so far after it: they meet so slowly.
     """
@@ -50,20 +53,30 @@ class Certificate:
 class Contact:
     """A first contact: when, between which benches (the inner first), which corner and edge, and how sure.
 
+    Where a bench touches an obstacle, ``benches`` has that one alone and ``obstacle`` says what it touches.
     ``grazing_m`` are bounds on the smallest gap where it is zero to within what positions may err, so that nobody can
-    say if they touch, else None. ``simultaneous`` has the other pairs that touch within the uncertainty, which is the
-    position error of the exact tier over the approach speed. ``states`` counts the states evaluated.
+    say if they touch, else None. ``simultaneous`` has the other pairs, of benches or of a bench and an
+    obstacle's name, that touch within the uncertainty, which is the position error of the exact tier over the approach
+    speed. ``states`` counts the states evaluated.
     """
 
     t_s: float
-    benches: tuple[int, int]
+    benches: tuple[int, ...]
     witness: Witness
     grazing_m: tuple[float, float] | None
-    simultaneous: tuple[tuple[int, int], ...]
+    simultaneous: tuple[tuple[int, int | str], ...]
     approach_m_s: float
     uncertainty_s: float
     states: int
     certificate: Certificate
+    obstacle: ObstacleTouch | None = None
+
+    @property
+    def between(self) -> str:
+        """What touches, in words."""
+        if self.obstacle:
+            return f'bench {self.benches[0]} and obstacle {self.obstacle.name!r}'
+        return f'benches {self.benches[0]} and {self.benches[1]}'
 
     @property
     def point_m(self) -> tuple[float, float]:

@@ -166,6 +166,9 @@ def family_of(scene: Scene, within: Mapping[str, float]) -> Family:
 def _covered(scene: Scene) -> tuple[Dragon, Spiral]:
     """Return dragon and track of a scene. Raises FieldError where families are not covered."""
     dragon, track, law = scene.dragon, scene.track, scene.head
+    if scene.venue is not None:
+        raise FieldError('venue', scene.venue, 'a family is proved among benches alone',
+                         'leave the venue out (--set venue=null) to ask for that')
     if not isinstance(dragon, Dragon):
         raise FieldError('dragon.groups', f'{dragon.benches} mixed benches', 'families are of benches that are equal '
                          'behind the head', 'make them equal, and give a tolerance for what differs')

@@ -2,7 +2,8 @@
 
 The leader's range of travel is searched in each sense that it goes. Pairs whose inner bench lies on a first spiral are
 cleared by ``leading_benches``, over the track once for all benches that are alike; all others by ``WholeChain``, state
-after state. Whatever cannot be cleared first is solved for the zero of the gap, and all is cleared up to there.
+after state. The obstacles of a venue are cleared by ``obstacle_contact``, over the track once for all benches of one
+length. Whatever cannot be cleared first is solved for the zero of the gap, and all is cleared up to there.
 """
 from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
@@ -13,7 +14,9 @@ from typing import Protocol
 import numpy as np
 
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.geometry.signed_distance import witness
+from dragon_ros.core.geometry.contacts import ObstacleTouch
+from dragon_ros.core.geometry.rectangles import Benches
+from dragon_ros.core.geometry.signed_distance import Witness, witness
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.scene import Scene
@@ -70,12 +73,12 @@ def first_contact(scene: Scene, progress: Callable[[int], object] = lambda state
     """Return the first contact of the scene's run, at the exact tier, or how the run ended without one.
 
     ``progress(states)`` is called with every number of states just evaluated. Raises FieldError, with the time to stop
-    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search),
-    and for a scene with a venue, whose obstacles are not searched.
+    at, where there is none before a place beyond which none can be ruled out (docs/contact.md, limits of the search).
+    In a venue the first touch of an obstacle counts too; FieldError where the dragon starts in one, or not inside.
     """
     if scene.venue is not None:
-        raise FieldError('venue', scene.venue, 'the first contact is searched among benches alone, not with obstacles',
-                         'leave the venue out (--set venue=null) to ask for that of the benches')
+        from dragon_ros.core.search.venue import check_sides
+        check_sides(scene)
     travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
     searches = {sense: _ContactSearch(SearchDomain(scene, travel, sense, progress)) for sense in travel.senses or [1]}
     hits = {sense: hit for sense, search in searches.items() if (hit := search.first())}
@@ -108,7 +111,7 @@ class _ContactSearch:
 
     def __init__(self, domain: SearchDomain, parts: list[BenchPairs] | None = None) -> None:
         self._domain, self._complete = domain, True
-        self._parts = parts_of(domain) if parts is None else parts
+        self._parts = _all_parts(domain) if parts is None else parts
 
     @property
     def states(self) -> int:
@@ -172,9 +175,23 @@ class _ContactSearch:
         speed = claim.slope * domain.speed_m_s(claim.t_s)
         unsure = EXACT.promise_for_m(domain.simulation.size_m) / speed if speed > 0 else inf
         times = {place: domain.time_s(place) for place, _ in later}
-        others = tuple(other for place, other in later if times[place] - claim.t_s <= unsure)
-        return Contact(claim.t_s, pair, witness(domain.benches(gone_m), *pair), grazing_m, others, speed, unsure,
-                       domain.states, self.certificate())
+        met = [pair, *(other for place, other in later if times[place] - claim.t_s <= unsure)]
+        names = [*dict.fromkeys(self._named(each) for each in met)]
+        obstacle, seen = self._seen(pair, domain.benches(gone_m))
+        return Contact(claim.t_s, pair[:1] if obstacle else pair, seen, grazing_m, tuple(names[1:]), speed, unsure,
+                       domain.states, self.certificate(), obstacle)
+
+    def _named(self, pair: Pair) -> tuple[int, int | str]:
+        """Return a pair with the name of its obstacle in place of an edge."""
+        edge, around = self._domain.edge_of(pair), self._domain.around
+        return pair if edge is None or around is None else (pair[0], around.names[around.owner[edge]])
+
+    def _seen(self, pair: Pair, benches: Benches) -> tuple[ObstacleTouch | None, Witness]:
+        """Return what a pair touches of an obstacle, None of two benches; and corner and edge."""
+        edge, around = self._domain.edge_of(pair), self._domain.around
+        if edge is None or around is None:
+            return None, witness(benches, *pair)
+        return around.touch(benches, pair[0], edge)
 
     def _touching(self, bracket: Bracket) -> tuple['_Claim', list[tuple[float, Pair]], tuple[float, float] | None]:
         """Return the first contact in a bracket, where others begin to touch, and None; or a grazing, and its bounds.
@@ -286,13 +303,18 @@ class _Claim:
         return self.domain.coarse(self.pair, self._told_m)
 
     @cached_property
+    def _rounding_m(self) -> float:
+        """What rounding alone may change the gap by."""
+        return self.domain.rounding_of(self.pair)
+
+    @cached_property
     def slack_m(self) -> float:
         """How much of the leader's way positions and times may be off."""
         domain = self.domain
         step = max(_BEFORE_M * domain.unit, _LAST_PLACES * ulp(self.t_s) * domain.speed_m_s(self.t_s))
-        slack = max(step, 2 * domain.rounding_m / self.slope) if self.slope > 0 else step
+        slack = max(step, 2 * self._rounding_m / self.slope) if self.slope > 0 else step
         error_m = _TOLD_APART * EXACT.promise_m * self._coarse
-        if abs(domain.gap(self.pair, self._told_m)) + domain.rounding_m < 2 * (error_m + step):
+        if abs(domain.gap(self.pair, self._told_m)) + self._rounding_m < 2 * (error_m + step):
             slack = max(slack, error_m / self._steepest)
         return min(slack, _WIDEST_M * domain.unit * self._coarse)
 
@@ -308,7 +330,7 @@ class _Claim:
         if min(domain.left_m(self._told_m, sense) for sense in (-1, 1)) <= step_m:
             return inf
         early, late = (domain.gap(self.pair, self._told_m + sense * step_m) for sense in (-1, 1))
-        return (abs(early - late) + 2 * domain.rounding_m) / (2 * step_m)
+        return (abs(early - late) + 2 * self._rounding_m) / (2 * step_m)
 
     @cached_property
     def onwards_m(self) -> float:
@@ -319,7 +341,7 @@ class _Claim:
     def overlaps(self) -> bool:
         """Whether the pair overlaps for certain a slack on, or where the leader turns back before."""
         after_m = min(self.slack_m, self.onwards_m)
-        return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self.domain.rounding_m
+        return self.domain.gap(self.pair, self._told_m + self.domain.sense * after_m) < -self._rounding_m
 
     def touches(self, cleared_m: float, as_asked: bool) -> bool:
         """Return whether a contact is proved if all is clear up to a place, ``as_asked`` or not so far."""
@@ -327,7 +349,7 @@ class _Claim:
 
     def grazes(self, cleared_m: float) -> bool:
         """Return whether a grazing is proved if all is clear up to a place."""
-        away_m = abs(self.domain.gap(self.pair, self._told_m)) + self.domain.rounding_m
+        away_m = abs(self.domain.gap(self.pair, self._told_m)) + self._rounding_m
         return away_m < self.near_m and self._within(cleared_m, self.near_m)
 
     def _within(self, cleared_m: float, slack_m: float) -> bool:
@@ -340,8 +362,16 @@ def _together(proofs: Iterable[Certificate]) -> Certificate:
     return Certificate(tuple(each for proof in kept for each in proof.intervals), all(proof.complete for proof in kept))
 
 
+def _all_parts(domain: SearchDomain) -> list[BenchPairs]:
+    """Return the parts that a domain is cleared in: its obstacles, if it has any, and the pairs of benches."""
+    if domain.scene.venue is None:
+        return parts_of(domain)
+    from dragon_ros.core.search.obstacle_contact import Obstacles
+    return [Obstacles(domain), *parts_of(domain)]
+
+
 def parts_of(domain: SearchDomain) -> list[BenchPairs]:
-    """Return the parts that a domain is cleared in: the head and the body on a first spiral, and the whole chain."""
+    """Return the parts that pairs of benches are cleared in: head and body on a first spiral, and the whole chain."""
     parts = list[BenchPairs]()
     if domain.track.from_afar:
         head, *body = classes_of(domain)

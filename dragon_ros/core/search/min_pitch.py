@@ -213,7 +213,8 @@ def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: f
         low_m, high_m = _bisected(runs.contact, high_m, largest_m, within_m)
     touch = runs.contact(low_m)
     assert touch
-    return MinPitch(low_m, high_m, touch.benches, runs.radius_m(low_m, touch.t_s), largest_m, runs.states, False)
+    inner, outer = touch.benches
+    return MinPitch(low_m, high_m, (inner, outer), runs.radius_m(low_m, touch.t_s), largest_m, runs.states, False)
 
 
 def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, within_m: float) -> tuple[float, float]:

@@ -12,6 +12,7 @@ from itertools import pairwise
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many
+from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.broad_phase import candidates, swept_pairs
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
@@ -85,8 +86,11 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
     """Return the near misses before the contact (or end) with gaps below ``below_m``; times are right to about 1e-5 s.
 
     A place that the leader passes more than once gives one each time. ``progress(states)`` is called with every number
-    of states just evaluated.
+    of states just evaluated. Raises FieldError for a scene with a venue, whose obstacles are not looked at.
     """
+    if scene.venue is not None:
+        raise FieldError('venue', scene.venue, 'near misses are those among benches alone', 'leave the venue out '
+                         '(--set venue=null) to ask for these; design fit tells the smallest gaps to obstacles')
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
     dips, count = list[_Dip](), 0

@@ -3,13 +3,16 @@
 Where all handles are depends on how far the leader has gone and not on when, so contact is looked for over places; each
 new place is further on or further back than all before. A place of the domain is the distance that the leader has gone,
 in metres. Distances along the track tell the places of handles on it.
+
+What may touch is a pair: two benches, or a bench and an edge of the venue's obstacles. Edges are numbered behind the
+benches, and are rectangles of no width.
 """
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 from math import floor, inf, log2, ulp
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, Optional
 
 import numpy as np
 
@@ -17,7 +20,7 @@ from dragon_ros.core.chain.chain import Chain, marched, marched_many, stack
 from dragon_ros.core.chain.commanded import HeadLaw
 from dragon_ros.core.chain.head_law import Head
 from dragon_ros.core.errors import InputError
-from dragon_ros.core.geometry.broad_phase import candidates
+from dragon_ros.core.geometry.broad_phase import candidates, default_reach_m
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.model import compile_scene
@@ -27,6 +30,9 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place
 from dragon_ros.core.tracks.segments import BEHIND
+
+if TYPE_CHECKING:       # scenes without a venue import none of it
+    from dragon_ros.core.geometry.venue import Surroundings
 
 _LOCK_RAD = 1e-9        # of 1 + polar angle, before the model's own end at a lock or at the centre: speeds are infinite
 _FLOATS = 1e-13         # of the largest coordinate: what the exact tier promises far out, and keeps near the centre too
@@ -155,6 +161,14 @@ class SearchDomain:
         assert afar
         return float(_LOCK_RAD * (1 + theta) * afar.curve.b_m * np.hypot(1.0, theta))
 
+    @cached_property
+    def around(self) -> Optional['Surroundings']:
+        """The edges of the venue's obstacles, if the scene has a venue."""
+        if self.scene.venue is None:
+            return None
+        from dragon_ros.core.geometry.venue import surroundings_of
+        return surroundings_of(self.scene.venue)
+
     def count(self, states: int) -> None:
         """Count sampled states."""
         self.states += states
@@ -208,16 +222,36 @@ class SearchDomain:
         chain = self.chain(gone_m)
         benches = benches_of(chain, self.dragon, axes_of(chain))
         i, j = candidates(chain.p, benches)
-        return np.stack((i, j), axis=1), gaps(benches, i, j)
+        pairs, gap_m = np.stack((i, j), axis=1), gaps(benches, i, j)
+        if self.around is None:
+            return pairs, gap_m
+        bench, edge = self.around.near(benches, default_reach_m(benches))
+        return (np.concatenate((pairs, np.stack((bench, edge + self.dragon.benches), axis=1))),
+                np.concatenate((gap_m, self.around.gaps(benches, bench, edge))))
+
+    def edge_of(self, pair: tuple[int, int]) -> int | None:
+        """Return the edge of a pair; None of two benches."""
+        return pair[1] - self.dragon.benches if pair[1] >= self.dragon.benches else None
+
+    def rounding_of(self, pair: tuple[int, int]) -> float:
+        """Return what rounding alone may change the gap of a pair by."""
+        edge = self.edge_of(pair)
+        if edge is None or self.around is None:
+            return self.rounding_m
+        return max(self.rounding_m, _FLOATS * float(np.abs((self.around.start[edge], self.around.stop[edge])).max()))
 
     def gap(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return the gap of a pair at a place; no more handles are placed than from the leader to the pair."""
-        first, last = (0, pair[1] + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
+        edge = self.edge_of(pair)
+        last_bench = pair[0] if edge is not None else pair[1]
+        first, last = (0, last_bench + 1) if self.leader.direction == BEHIND else (pair[0], self.dragon.benches)
         chain = marched(self.track, self.dragon.link_lengths_m[first:last], self.leader.place((gone_m, 0.0)),
                          self.leader.direction)
         half_length = 0.5 * self.dragon.bench_lengths_m[first:last]
         centre = 0.5 * (chain.p[:-1] + chain.p[1:])
         benches = Benches(centre, axes_of(chain), half_length, np.full(half_length.size, 0.5 * self.dragon.width_m))
+        if edge is not None and self.around is not None:
+            return float(self.around.gaps(benches, np.array([pair[0] - first]), np.array([edge]))[0])
         return float(gaps(benches, *(np.array([bench - first]) for bench in pair))[0])
 
     def root(self, pair: tuple[int, int], bracket: Bracket) -> float:
@@ -242,8 +276,8 @@ class SearchDomain:
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how many times as coarse as near the origin floats are where the head starts, or a pair is."""
-        benches, two = self.benches(gone_m), list(pair)
+        """Return how many times as coarse as near the origin floats are where the head starts, or a pair's benches are."""
+        benches, two = self.benches(gone_m), [bench for bench in pair if bench < self.dragon.benches]
         arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
         reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
         return max(1.0, max(float(np.hypot(*self.chain(0.0).p[0])), reach_m) * _FLOATS / EXACT.promise_m)

@@ -1,12 +1,7 @@
 """How near the benches of a run come to each obstacle of a venue, between bounds, by branch and bound.
 
 Where a bench lies depends on its length and on where its front handle is, so cells are intervals of the track that the
-front handles of benches of one length go through, each with one edge of an obstacle. The gap of a bench to an edge is
-the largest separation along any direction. So each of two bounds holds from one end of an interval to the other, and
-the larger one counts. *By going:* no point of the bench goes further than its farthest corner, M, so the gap is at
-least half of the sum of its values at the ends less M. *By a direction d*, the best one at an end: a corner's
-coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it goes by V at most and is nowhere below
-the mean of its values at the ends less V / 2; the least of the corners' counts, less the largest of the edge's ends.
+front handles of benches of one length go through, each with one edge of an obstacle (``obstacle_bounds``).
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -20,15 +15,9 @@ from dragon_ros.core.geometry.venue import Surroundings, surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.bounding_box import (
-    BenchStates,
-    HandleRanges,
-    SweptBench,
-    bench_of,
-    by_length,
-    intervals_of,
-)
+from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, bench_of, by_length, intervals_of
 from dragon_ros.core.search.driver import Boxes, divisible, run
+from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.venue import check_sides
 from dragon_ros.core.tiers import EXACT
 
@@ -128,11 +117,12 @@ class _Nearing:
         self.best: Floats = np.full(count, np.inf)
         self.low: Floats = np.full(count, np.inf)
         self.where = [(0, 0.0)] * count
-        self._kind, self._bench = 0, SweptBench.__new__(SweptBench)
+        self._kind = 0
+        self._bounds: ObstacleBounds = ObstacleBounds.__new__(ObstacleBounds)
 
     def run(self, bench: SweptBench, intervals: Floats, kind: int) -> None:
         """Search intervals (2, M) of the way of one kind of bench."""
-        self._bench, self._kind = bench, kind
+        self._bounds, self._kind = ObstacleBounds(bench, self._around), kind
         run(self, self._roots(Boxes(*intervals[:, None])))
 
     def _roots(self, boxes: Boxes) -> _Cells:
@@ -144,10 +134,10 @@ class _Nearing:
         boxes = boxes.cut(int(min(max(1, np.ceil(longest / _FIRST_M)), max(1, _MOST_FIRST // boxes.size))))
         places, index = np.unique(np.stack((boxes.low[0], boxes.high[0])), return_inverse=True)
         index = index.reshape(2, -1)
-        states = self._bench.states(places)
-        middle = np.mean(_corners(states), axis=1)
-        way = np.max(self._ways(states.rows(index[0]), states.rows(index[1])), axis=1)
-        arm = float(np.hypot(self._bench.half_length_m, self._bench.half_width_m))
+        states = self._bounds.bench.states(places)
+        middle = np.mean(corners_of(states), axis=1)
+        way = np.max(self._bounds.ways(states.rows(index[0]), states.rows(index[1])), axis=1)
+        arm = float(np.hypot(*self._bounds.half_m))
         count, edges = boxes.size, self._around.owner.size
         every = max(1, _PAIRS_AT_ONCE // edges)
         parts = [np.arange(first, min(first + every, count)) for first in range(0, count, every)]
@@ -169,11 +159,6 @@ class _Nearing:
         out: Floats = np.hypot(np.maximum(np.abs(seen.real) - around.half_m, 0.0), seen.imag)
         return out
 
-    def _ways(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return how far the corners (M, 4) go at most between states; infinite where that is not known."""
-        ways: Floats = self._bench.slopes(a, b)[1][..., 0]
-        return ways
-
     def ahead(self, cells: _Cells) -> Array:
         """Return all: their bounds are not known before they are judged."""
         return np.ones(cells.size, dtype=bool)
@@ -186,22 +171,17 @@ class _Nearing:
     def judge(self, cells: _Cells) -> _Cells:
         """Bound the gaps of cells, put aside those that hold nothing smaller, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
-        index, states, owner = index.reshape(2, -1), self._bench.states(places), self._around.owner[cells.edge]
+        index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]
         self.looks += cells.size
         self._tell(cells.size)
         ends = [states.rows(rows) for rows in index]
-        gaps = [self._gaps(one, cells.edge) for one in ends]
+        gaps = self._bounds.gaps(ends[0], cells.edge), self._bounds.gaps(ends[1], cells.edge)
         for row, gap_m in zip(cells.ends, gaps, strict=True):
             self._note(gap_m, row, owner)
-        low = self._bounds(ends, gaps, cells.edge)
+        low = self._bounds.bounds(ends[0], ends[1], gaps, cells.edge)
         more = (low < self.best[owner] - self._within_m) & divisible(*cells.ends) & (self.looks < _MOST)
         np.minimum.at(self.low, owner[~more], low[~more])
         return cells.some(more).cut()
-
-    def _gaps(self, states: BenchStates, edge: Ints) -> Floats:
-        corners, half = _corners(states), (self._bench.half_length_m, self._bench.half_width_m)
-        axis = (corners[:, 0] - corners[:, 1]) / (2 * half[0])
-        return self._around.gaps_of(np.mean(corners, axis=1), axis, half, edge)
 
     def _note(self, gap_m: Floats, places: Floats, owner: Ints) -> None:
         """Keep the smallest gaps to obstacles, and where they are."""
@@ -210,47 +190,6 @@ class _Nearing:
         met = np.flatnonzero((gap_m == self.best[owner]) & (gap_m < before[owner]))
         for n in met.tolist():
             self.where[owner[n]] = self._kind, float(places[n])
-
-    def _bounds(self, ends: list[BenchStates], gaps: list[Floats], edge: Ints) -> Floats:
-        """Return lower bounds of gaps between states a and b: by going, and by the best directions at both."""
-        a, b = ends
-        slope, crude = self._bench.slopes(a, b)
-        with np.errstate(all='ignore'):
-            way, h = crude[..., 0], np.abs(b.link.along_m - a.link.along_m)[:, :1]
-            low = 0.5 * (gaps[0] + gaps[1] - np.max(way, axis=1))
-            middle, rad = slope.mid[..., 0] + 1j * slope.mid[..., 2], slope.rad[..., 0] + slope.rad[..., 2]
-            for state in ends:
-                d = self._directions(_corners(state), edge)
-                goes = np.fmin(way, (np.abs((np.conj(d)[:, None] * middle).real) + rad) * h)
-                values = sum(((np.conj(d)[:, None] * _corners(one)).real for one in ends), -goes)
-                beyond = [(np.conj(d) * end[edge]).real for end in (self._around.start, self._around.stop)]
-                low = np.fmax(low, 0.5 * np.min(values, axis=1) - np.maximum(*beyond))
-        return np.where(np.isnan(low), -np.inf, low)
-
-    def _directions(self, corners: Complexes, edge: Ints) -> Complexes:
-        """Return for each bench and edge the direction, of some, along which they are furthest apart."""
-        around, half = self._around, (self._bench.half_length_m, self._bench.half_width_m)
-        start, stop, along = around.start[edge], around.stop[edge], around.axis[edge]
-        centre, axis = np.mean(corners, axis=1), (corners[:, 0] - corners[:, 1]) / (2 * half[0])
-        seen = (corners - around.middle[edge][:, None]) * np.conj(along)[:, None]
-        foot = np.clip(seen.real, -around.half_m[edge][:, None], around.half_m[edge][:, None])
-        ways = [*((seen - foot) * along[:, None]).T, 1j * along, -1j * along, axis, -axis, 1j * axis, -1j * axis]
-        for end in (start, stop):
-            z = (end - centre) * np.conj(axis)
-            ways.append((np.clip(z.real, -half[0], half[0]) + 1j * np.clip(z.imag, -half[1], half[1]) - z) * axis)
-        d = np.stack(ways)
-        d = d / np.maximum(np.abs(d), 1e-300)
-        apart = np.min((np.conj(d)[..., None] * corners).real, axis=-1) - np.maximum(
-            (np.conj(d) * start).real, (np.conj(d) * stop).real)
-        best: Complexes = d[np.argmax(np.where(np.abs(d) > 0.5, apart, -np.inf), axis=0), np.arange(edge.size)]
-        best /= np.abs(best)
-        return best
-
-
-def _corners(states: BenchStates) -> Complexes:
-    """Return the corners (M, 4)."""
-    out: Complexes = states.value[..., 0] + 1j * states.value[..., 2]
-    return out
 
 
 def _gap(ranges: HandleRanges, kinds: list[Ints], search: _Nearing, number: int) -> ObstacleGap:

@@ -4,64 +4,34 @@ from dataclasses import replace
 import numpy as np
 import pytest
 import shapely
+from venues import SCENES, corners_at, edges_of, random_venue
 
-from dragon_ros.core.batches import states
-from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
-from dragon_ros.core.chain.head_law import Head, Profile
+from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
-from dragon_ros.core.search.venue_fit import _Nearing, venue_fit
-from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, STurn
+from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
+from dragon_ros.core.search.venue_fit import venue_fit
+from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
 from dragon_ros.scenes.load import load_scene
 
-STREET = Composite((Line(12.0), Arc(4.0, 90.0), Line(6.0), Arc(4.0, -90.0), Line(12.0)), 4.0)
-MIXED = Mixed((Group(3.41), Group(2.2, 3), Group(1.5, 2)))
-SCENES = {
-    'street': Scene(Dragon(8), STREET, run=Run(stop_s=20.0)),
-    'mixed street by the tail': Scene(MIXED, STREET, Head(1.0, 'tail'), Run(stop_s=9.0)),
-    'back and forth': Scene(Dragon(6), STREET, Profile(((0.0, 2.0), (8.0, -1.0), (16.0, 1.0))), Run(2.0, 18.0)),
-    'turn': Scene(Dragon(10), STurn(before_m=3.0), run=Run(stop_s=18.0)),
-    'spiral': Scene(Dragon(12), Spiral(0.55, 5.0), run=Run(stop_s=60.0)),
-    'mixed spiral': Scene(MIXED, Spiral(0.7, 4.0), Profile(((0.0, 1.0), (30.0, -0.5))), Run(stop_s=40.0)),
-    'links of no length': Scene(Dragon(4, 0.6, 0.5, 0.2, 0.25), STREET, run=Run(stop_s=16.0))}
 STEP_S = 0.02
-
-
-def venue(scene, seed):
-    """Return obstacles near where the dragon goes, some in its way."""
-    rng = np.random.default_rng(seed)
-    run = compile_scene(scene)
-    line, obstacles, start = run.track_line(0.05), [], shapely.Point(sampled(scene, 9.0)[0, 0].mean(axis=0))
-    for n in range(7):
-        x, y = line[rng.integers(len(line))] + rng.normal(0, 2.5, 2)
-        angle, size = np.sort(rng.uniform(0, 2 * np.pi, 5)), rng.uniform(0.1, 2.0)
-        points = tuple((float(x + size * np.cos(one)), float(y + size * np.sin(one))) for one in angle)
-        if n % 3 == 0 or shapely.Polygon(points).covers(start):
-            obstacles.append(LineObstacle(f'{n}', points))
-        else:
-            obstacles.append(PolygonObstacle(f'{n}', points))
-    return Venue(tuple(obstacles), ((-60.0, -60.0), (60.0, -60.0), (60.0, 60.0), (-60.0, 60.0)))
 
 
 def sampled(scene, step_s):
     """Return the corners of all benches (T, N, 4, 2) at many instants."""
     end_s = compile_scene(scene).end.t_s
-    times = np.linspace(scene.run.start_s, end_s, 2 + int((end_s - scene.run.start_s) / step_s)).tolist()
-    chain = states(scene, times)
-    return benches_of(chain, scene.dragon, axes_of(chain)).corners
+    return corners_at(scene, np.linspace(scene.run.start_s, end_s, 2 + int((end_s - scene.run.start_s) / step_s)))
 
 
 def checked(scene, seed, step_s=STEP_S):
-    scene = replace(scene, venue=venue(scene, seed))
+    scene = replace(scene, venue=random_venue(scene, seed))
     found = venue_fit(scene)
     polygons = shapely.polygons(sampled(scene, step_s).reshape(-1, 4, 2))
-    lines = {one.name: shapely.LineString([*one.points_m, *one.points_m[:isinstance(one, PolygonObstacle)]])
-             for one in scene.venue.obstacles} | {'inside': shapely.LinearRing(scene.venue.inside)}
+    lines = edges_of(scene.venue)
     assert {one.name for one in found.gaps} == set(lines)
     for one in found.gaps:
         brute = float(np.min(shapely.distance(polygons, lines[one.name])))
@@ -86,21 +56,20 @@ def test_gaps_are_those_of_shapely_in_many_venues(request):
 def test_bounds_hold_between_the_ends_of_cells():
     """Each is below all sampled gaps in between; without half of what corners go it would not be."""
     for name, scene in SCENES.items():
-        around, ranges = surroundings_of(venue(scene, 3)), HandleRanges(scene)
+        around, ranges = surroundings_of(random_venue(scene, 3)), HandleRanges(scene)
         for benches in by_length(scene.dragon.bench_lengths_m):
-            search = _Nearing(around, 1e-6, lambda looks: None)
-            search._bench = bench_of(ranges, int(benches[0]))
+            bounds = ObstacleBounds(bench_of(ranges, int(benches[0])), around)
             low, high = intervals_of(ranges, benches)[:, 0]
             places = np.linspace(low, high, 25)
             edge = np.repeat(np.arange(around.owner.size), 24)
             index = np.tile(np.arange(24), around.owner.size)
-            at = search._bench.states(places)
+            at = bounds.bench.states(places)
             ends = [at.rows(index), at.rows(index + 1)]
-            bound = search._bounds(ends, [search._gaps(one, edge) for one in ends], edge)
+            bound = bounds.bounds(*ends, (bounds.gaps(ends[0], edge), bounds.gaps(ends[1], edge)), edge)
             least = np.full(edge.size, np.inf)
             for share in np.linspace(0, 1, 15):
-                between = search._bench.states(places[:-1] + share * np.diff(places))
-                least = np.minimum(least, search._gaps(between.rows(index), edge))
+                between = bounds.bench.states(places[:-1] + share * np.diff(places))
+                least = np.minimum(least, bounds.gaps(between.rows(index), edge))
             assert np.all(bound <= least + 1e-11), name
 
 

@@ -338,7 +338,7 @@ function offerPaces() {
 
 function describeContact() {
   const late = contact && contact.t_s > run.times_s.at(-1) ? ', after the end of what is shown' : '';
-  const words = contact ? `benches ${contact.benches.join(' and ')} touch at ${contact.t_s.toFixed(6)} s${late}` : 'no benches touch';
+  const words = contact ? `${contact.words} at ${contact.t_s.toFixed(6)} s${late}` : 'no benches touch';
   element('facts').textContent += `; ${words}`;
   element('contact').hidden = !contact;
 }

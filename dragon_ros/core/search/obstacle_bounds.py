@@ -1,0 +1,129 @@
+"""Lower bounds of the gap of a bench to an edge of an obstacle while the bench goes from one place to another.
+
+Where a bench lies depends on its length and on where its front handle is, so an interval of the track stands for all
+benches of one length that go through it. Of two bounds the larger one counts. Both hold from one end of an interval to
+the other, if the rear handle goes one way. *By going:* no point of the bench goes further than its farthest corner, M,
+so the gap is at least half of the sum of its values at the ends less M. *By a direction d*, the best one at an end: a
+corner's coordinate along d has its derivative in the ball of ``SweptBench.slopes``, so it goes by V at most and is
+nowhere below the mean of its values at the ends less V / 2; the least of the corners' counts, less the largest of the
+edge's ends. V shrinks to what the corner goes along d, with the square of the interval.
+"""
+from dataclasses import dataclass
+
+import numpy as np
+
+from dragon_ros.core.geometry.signed_distance import rounding_m
+from dragon_ros.core.geometry.venue import Surroundings
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints
+from dragon_ros.core.search.bounding_box import BenchStates, SweptBench
+
+_APART_M = 1e-9     # of the sizes: nearer points have no direction; axes of the bench and the edge are tried
+
+
+@dataclass(frozen=True)
+class ObstacleBounds:
+    """A bench that goes along a track, and the edges of a venue: gaps at places, and bounds between two of them.
+
+    ``error_m`` is what positions may err by; the bounds hold for benches that are so far off.
+    """
+
+    bench: SweptBench
+    around: Surroundings
+    error_m: float = 0.0
+
+    @property
+    def half_m(self) -> tuple[float, float]:
+        """Half the length and half the width of the bench."""
+        return self.bench.half_length_m, self.bench.half_width_m
+
+    def gaps(self, states: BenchStates, edge: Ints) -> Floats:
+        """Return the signed gaps of benches (M,) to edges (M,)."""
+        centre, axis = self._seats(corners_of(states))
+        return self.around.gaps_of(centre, axis, self.half_m, edge)
+
+    def ways(self, a: BenchStates, b: BenchStates) -> Floats:
+        """Return how far the corners (M, 4) go at most between states; infinite where that is not known."""
+        ways: Floats = self.bench.slopes(a, b)[1][..., 0]
+        return ways
+
+    def bounds(self, a: BenchStates, b: BenchStates, gaps: tuple[Floats, Floats], edge: Ints) -> Floats:
+        """Return lower bounds of the gaps to edges between states a and b, at which they are known."""
+        slope, crude = self.bench.slopes(a, b)
+        corners = corners_of(a), corners_of(b)
+        with np.errstate(all='ignore'):
+            way, h = crude[..., 0], np.abs(b.link.along_m - a.link.along_m)[:, :1]
+            low = 0.5 * (gaps[0] + gaps[1] - np.max(way, axis=1))
+            middle, rad = slope.mid[..., 0] + 1j * slope.mid[..., 2], slope.rad[..., 0] + slope.rad[..., 2]
+            rad = rad + self._unsure
+            for one, gap_m in zip(corners, gaps, strict=True):
+                d = self._directions(one, gap_m, edge)
+                back = np.conj(d)[:, None]
+                goes = np.fmin(way, (np.abs((back * middle).real) + rad) * h)
+                values = (back * (corners[0] + corners[1])).real - goes
+                beyond = [(np.conj(d) * end[edge]).real for end in (self.around.start, self.around.stop)]
+                low = np.fmax(low, 0.5 * np.min(values, axis=1) - np.maximum(*beyond))
+            low -= self.rounding_m(edge)
+        return np.where(np.isnan(low), -np.inf, low)
+
+    def rounding_m(self, edge: Ints) -> Floats:
+        """Return the largest error of gaps to edges for rounding alone."""
+        far_m = np.maximum(np.abs(self.around.start[edge]), np.abs(self.around.stop[edge]))
+        out: Floats = np.asarray(rounding_m(far_m, far_m + sum(self.half_m)))
+        return out
+
+    @property
+    def _unsure(self) -> float:
+        """What the derivatives of the corners' coordinates may err by, since the places of handles do."""
+        link, bench = self.bench.link_m, self.bench
+        lever = 2 + (bench.half_length_m + bench.half_width_m) * (1 / link if link else bench.track.bend)
+        return 8 * self.error_m * (bench.track.bend + (1 / link if link else 0.0)) * lever
+
+    def _seats(self, corners: Complexes) -> tuple[Complexes, Complexes]:
+        """Return the middles and axes of benches."""
+        front, rear, rear_right = corners[:, 0], corners[:, 1], corners[:, 2]
+        axis: Complexes = (front - rear) / (2 * self.bench.half_length_m)
+        return 0.5 * (front + rear_right), axis
+
+    def _directions(self, corners: Complexes, gap_m: Floats, edge: Ints) -> Complexes:
+        """Return for each bench and edge the direction along which they are furthest apart, or nearly so."""
+        apart = gap_m > _APART_M * sum(self.half_m)
+        out = np.empty(edge.size, dtype=np.complex128)
+        if np.any(apart):
+            out[apart] = self._to_bench(corners[apart], edge[apart])
+        if not np.all(apart):
+            out[~apart] = self._along_axes(corners[~apart], edge[~apart])
+        return out
+
+    def _to_bench(self, corners: Complexes, edge: Ints) -> Complexes:
+        """Return the directions from the nearest point of edges to that of benches, which are apart."""
+        around, half, (centre, axis) = self.around, self.half_m, self._seats(corners)
+        seen = (corners - around.middle[edge][:, None]) * np.conj(around.axis[edge])[:, None]
+        long = around.half_m[edge][:, None]
+        to_edge = (seen - np.clip(seen.real, -long, long)) * around.axis[edge][:, None]
+        to_ends = []
+        for end in (around.start, around.stop):
+            z = (end[edge] - centre) * np.conj(axis)
+            inside = np.clip(z.real, -half[0], half[0]) + 1j * np.clip(z.imag, -half[1], half[1])
+            to_ends.append((inside - z) * axis)
+        ways = np.concatenate((to_edge, np.stack(to_ends, axis=1)), axis=1)
+        size = np.abs(ways)
+        nearest = np.argmin(size, axis=1)[:, None]
+        out: Complexes = (np.take_along_axis(ways, nearest, 1) / np.take_along_axis(size, nearest, 1))[:, 0]
+        return out
+
+    def _along_axes(self, corners: Complexes, edge: Ints) -> Complexes:
+        """Return those of the axes of benches and edges along which they are furthest apart, or overlap least."""
+        around, (_, axis) = self.around, self._seats(corners)
+        across = 1j * around.axis[edge]
+        ways = np.stack((across, -across, axis, -axis, 1j * axis, -1j * axis))
+        ways /= np.abs(ways)
+        beyond = [(np.conj(ways) * end[edge]).real for end in (around.start, around.stop)]
+        apart = np.min((np.conj(ways)[..., None] * corners).real, axis=-1) - np.maximum(*beyond)
+        out: Complexes = ways[np.argmax(apart, axis=0), np.arange(edge.size)]
+        return out
+
+
+def corners_of(states: BenchStates) -> Complexes:
+    """Return the corners (M, 4) of benches."""
+    out: Complexes = states.value[..., 0] + 1j * states.value[..., 2]
+    return out

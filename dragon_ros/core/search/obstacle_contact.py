@@ -1,0 +1,209 @@
+"""What benches meet of a venue while the leader goes on: cleared over the track, once for all benches of one length.
+
+Where a bench lies depends on its length and on where its front handle is. So an obstacle blocks places of the track for
+each length, and the first bench of a length to get to a blocked place is the one that starts next to it. Each bench
+therefore has a window: what its front handle goes through, up to where the next bench of its length has started, which
+goes through the rest before it. Each window is cleared by itself, up to the first place that cannot be cleared
+(``driver``, with the bounds of ``obstacle_bounds``); the leader gets to one of these first. Where handles turn back,
+near the centre of a spiral, the leader's way is taken in phases in which each of them goes one way.
+"""
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, fields
+from itertools import pairwise
+from typing import Any
+
+import numpy as np
+
+from dragon_ros.core.geometry.venue import surroundings_of
+from dragon_ros.core.numerics.types import Floats, Ints, distinct
+from dragon_ros.core.search.bounding_box import BenchStates, SweptBench, by_length, turning_m
+from dragon_ros.core.search.certificate import Interval
+from dragon_ros.core.search.driver import Judgement, clear
+from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
+from dragon_ros.core.search.search_domain import Bracket, SearchDomain
+
+_TOLERANCE = 4          # times the position error: a bench may be off, at two states
+_SPACING = 0.5          # of the longest bench, between the first places
+_MOST_PLACES = 50_000   # of one window to begin with, for the memory
+_FINEST = 1e-3, 1e-8    # of a metre, or of the longest bench if it is shorter: next to a contact, and to a grazing
+_SHORTEST = 0.1         # of what a gap must exceed: steps to a contact, where gaps are some times that, are longer
+_FAR = 0.05             # of the longest bench: edges that stay further away than this are not looked at
+_PARTS = 3              # into which an interval is cut
+_LONG = 6.0             # times the longest bench: over a longer way the bound is not worth its many edges
+
+
+@dataclass(frozen=True)
+class _Samples:
+    """Benches with their front handles at places (M,) of the track."""
+
+    places: Floats
+    states: BenchStates
+
+    def rows(self, index: Ints) -> '_Samples':
+        """Return some of them."""
+        return _Samples(self.places[index], self.states.rows(index))
+
+
+class _SweptIntervals:
+    """Intervals of the track, for ``clear``: the edges that come near a bench on one are found by their boxes."""
+
+    def __init__(self, bounds: ObstacleBounds, tolerance_m: float, longest_m: float,
+                 count: Callable[[int], None]) -> None:
+        self.tolerance_m, self._bounds, self._longest_m, self._count = tolerance_m, bounds, longest_m, count
+
+    def sample(self, places: Floats, _: Ints) -> _Samples:
+        """Return samples."""
+        self._count(places.size)
+        return _Samples(places, self._bounds.bench.states(places))
+
+    def joined(self, parts: list[_Samples]) -> _Samples:
+        """Return several samples as one."""
+        return _Samples(np.concatenate([part.places for part in parts]), _joined([part.states for part in parts]))
+
+    def begin(self, samples: _Samples, pairs: Ints, window: Ints) -> None:
+        """Take the roots: each interval looks for edges by itself."""
+
+    def judge(self, a: _Samples, b: _Samples, group: Ints) -> Judgement:
+        """Bound the gaps of benches to edges; what stays further away than ``_FAR`` is not looked at."""
+        far_m, bounds = _FAR * self._longest_m + 2 * self.tolerance_m, self._bounds
+        way_m = np.max(bounds.ways(a.states, b.states), axis=1)
+        short = np.flatnonzero(way_m <= _LONG * self._longest_m)
+        bound_m = np.where(way_m <= _LONG * self._longest_m, far_m, -np.inf)
+        touching = np.zeros((2, group.size), dtype=bool)
+        if short.size:
+            row, edge = self._near(a.states.rows(short), b.states.rows(short), 0.5 * way_m[short] + far_m)
+            row = short[row]
+            ends = a.states.rows(row), b.states.rows(row)
+            gaps = bounds.gaps(ends[0], edge), bounds.gaps(ends[1], edge)
+            np.minimum.at(bound_m, row, bounds.bounds(*ends, gaps, edge))
+            for end, gap_m in enumerate(gaps):
+                touching[end, row[gap_m <= 0]] = True
+        return Judgement(bound_m, touching, np.full(group.size, _PARTS), group)
+
+    def _near(self, a: BenchStates, b: BenchStates, reach_m: Floats) -> tuple[Ints, Ints]:
+        """Return intervals, and edges that a bench may come near to on them."""
+        corners = np.concatenate((corners_of(a), corners_of(b)), axis=1)
+        ends = [op(part, axis=1) for op in (np.min, np.max) for part in (corners.real, corners.imag)]
+        low, high = np.stack(ends[:2], axis=1) - reach_m[:, None], np.stack(ends[2:], axis=1) + reach_m[:, None]
+        return self._bounds.around.in_boxes(low, high)
+
+    def lengths_m(self, start: Floats, stop: Floats) -> Floats:
+        """Return the ways of the front handle."""
+        return np.abs(stop - start)
+
+
+def _joined(parts: list[Any]) -> Any:
+    """Return states, and the states in them, one after the other."""
+    first = parts[0]
+    if isinstance(first, np.ndarray):
+        return np.concatenate(parts)
+    return type(first)(*(_joined([getattr(part, each.name) for part in parts]) for each in fields(first)))
+
+
+@dataclass(frozen=True)
+class Window:
+    """Places (monotone) that the front handle of a bench goes through before any other bench of its length does."""
+
+    bench: int
+    places: Floats
+
+
+class Obstacles:
+    """All benches of a domain with all obstacles: what is cleared, and where that ends."""
+
+    def __init__(self, domain: SearchDomain) -> None:
+        """Take a domain whose scene has a venue."""
+        assert domain.scene.venue
+        self._domain, self.tolerance_m = domain, _TOLERANCE * domain.error_m
+        self._around = surroundings_of(domain.scene.venue)
+        self._longest_m = float(np.max(domain.dragon.bench_lengths_m))
+        self._finest_m = tuple(one * min(1.0, self._longest_m) for one in _FINEST)
+        self._hit: Bracket | None = None
+
+    def clear(self, stop_m: float) -> Bracket | None:
+        """Clear up to a place of the leader; return the first bracket of places that is not clear."""
+        self._hit = self._first(stop_m, self._finest_m)
+        return self._hit
+
+    def prove(self, stop_m: float) -> Bracket | None:
+        """Clear up to an earlier place than was asked for before; return the first bracket that is not clear."""
+        if self._hit:
+            self._hit = self._first(stop_m, (*self._finest_m, _SHORTEST * self.tolerance_m))
+        return self._hit
+
+    def intervals(self) -> Iterator[Interval]:
+        """Yield none: a checker finds out by itself where obstacles are near."""
+        return iter(())
+
+    def _first(self, stop_m: float, finest_m: tuple[float, ...]) -> Bracket | None:
+        """Return the first bracket of the leader's places that is not clear, phase by phase."""
+        hit: Bracket | None = None
+        for start, stop in phases(self._domain, stop_m):
+            for benches in by_length(self._domain.dragon.bench_lengths_m):
+                if benches.size:
+                    hit = self._first_of(benches, (start, hit.other_m if hit else stop), finest_m) or hit
+            if hit:
+                return hit
+        return None
+
+    def _first_of(self, benches: Ints, phase: tuple[float, float], finest_m: tuple[float, ...]) -> Bracket | None:
+        """Return the first bracket in a phase that is not clear of benches of one length."""
+        domain, bench = self._domain, swept_bench(self._domain, int(benches[0]))
+        windows = windows_of(domain, benches, phase, _SPACING * self._longest_m)
+        if not windows:
+            return None
+        bounds = ObstacleBounds(bench, self._around, domain.error_m)
+        space = _SweptIntervals(bounds, self.tolerance_m, self._longest_m, domain.count)
+        cleared = clear(space, [window.places for window in windows], finest_m)
+        hits = [(window.bench, one.hit) for window, one in zip(windows, cleared, strict=True) if one.hit]
+        return self._earliest(hits, phase)
+
+    def _earliest(self, hits: list[tuple[int, tuple[float, float, float]]], phase: tuple[float, float]
+                  ) -> Bracket | None:
+        """Return the bracket that the leader comes to first, given those of the front handles of some benches."""
+        domain, first = self._domain, None
+        while hits:
+            bench, (clear_m, other_m, bound_m) = hits[0]
+            one, two = (domain.gone_at(bench, along_m, phase) for along_m in (clear_m, other_m))
+            if first is None or domain.sense * two < domain.sense * first.other_m:
+                first = Bracket(one, two, bound_m)
+            here, there = domain.along_m(phase[0]), domain.along_m(first.other_m)
+            hits = [(b, hit) for b, hit in hits[1:] if abs(hit[1] - here[b]) < abs(there[b] - here[b])]
+        return first
+
+
+def phases(domain: SearchDomain, stop_m: float) -> list[tuple[float, float]]:
+    """Return the parts of the leader's way up to a place in which every handle goes one way, in its order."""
+    start_m = domain.start_m
+    turns = domain.leader.turning_m(start_m, stop_m, 2)[::1 if start_m < stop_m else -1]
+    return [] if start_m == stop_m else [*pairwise(dict.fromkeys([start_m, *turns, stop_m]))]
+
+
+def swept_bench(domain: SearchDomain, number: int) -> SweptBench:
+    """Return the bench of a number as one that goes along the track."""
+    dragon = domain.dragon
+    return SweptBench(domain.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
+                      0.5 * dragon.width_m)
+
+
+def windows_of(domain: SearchDomain, benches: Ints, phase: tuple[float, float], spacing_m: float) -> list[Window]:
+    """Return what the front handles of benches of one length go through in a phase, each place once.
+
+    A bench is left what one of its length that is ahead of it has not gone through before it.
+    """
+    here, there = (domain.along_m(end)[benches] for end in phase)
+    turns = turning_m(domain.track, float(domain.dragon.link_lengths_m[benches[0]]))
+    out = list[Window]()
+    for n, bench in enumerate(benches.tolist()):
+        start, stop, sense = float(here[n]), float(there[n]), 1.0 if there[n] > here[n] else -1.0
+        ahead = n - 1 if sense > 0 else n + 1       # distances along the track fall from the head to the tail
+        if 0 <= ahead < benches.size and sense * (there[ahead] - here[ahead]) > 0:
+            stop = sense * min(sense * stop, sense * float(here[ahead]))
+        if start == stop:
+            continue
+        count = 2 + int(abs(stop - start) / spacing_m)
+        places: Floats = np.linspace(start, stop, min(count, _MOST_PLACES))
+        inside = [turn for turn in turns if min(start, stop) < turn < max(start, stop)]
+        places = distinct(np.concatenate((places, inside)))
+        out.append(Window(bench, places if sense > 0 else places[::-1]))
+    return out

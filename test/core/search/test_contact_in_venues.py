@@ -1,0 +1,186 @@
+"""The first contact in a venue, against shapely at many places of the leader: which comes first, and when."""
+import json
+import subprocess
+import sys
+from dataclasses import replace
+
+import numpy as np
+import pytest
+import shapely
+from venues import MORE, SCENES, corners_at, edges_of, times_of, touched_at, with_venue
+
+from dragon_ros.commands.contact import main, values_of
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.head_law import Profile
+from dragon_ros.core.errors import FieldError
+from dragon_ros.core.geometry.contacts import OBSTACLE
+from dragon_ros.core.model import compile_scene
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search.bounding_box import by_length
+from dragon_ros.core.search.certificate import Contact, NoContact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
+from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of
+from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
+from dragon_ros.core.tracks.spec import Composite, Line
+from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
+
+TELL = 1e-9         # s: what shapely may call a touch is so near to the contact
+ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
+TENT = PolygonObstacle('tent', ((-9.0, -9.0), (99.0, -9.0), (99.0, 9.0), (-9.0, 9.0)))
+TRACK = 'track={kind: joined, pieces: [{kind: line, length_m: 200}], start_m: 20}'
+WALL = LineObstacle('wall', ((60.0, -2.0), (60.0, 2.0)))
+
+
+def compare(scene, step_m):
+    """Compare the first contact with what shapely sees, so many metres of the leader's way apart."""
+    found = first_contact(scene)
+    touched_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
+    times = times_of(scene, step_m, touched_s - TELL) if touched_s - TELL > scene.run.start_s else []
+    assert not np.any(touched_at(scene, times)) if len(times) else True
+    if isinstance(found, NoContact) or found.grazing_m:
+        return found
+    at = shapely.polygons(corners_at(scene, [found.t_s])[0])
+    other = edges_of(scene.venue)[found.obstacle.name] if found.obstacle else at[found.benches[1]]
+    if touched_s > scene.run.start_s:
+        assert shapely.distance(at[found.benches[0]], other) < 1e-10
+        assert shapely.distance(shapely.Point(found.point_m), at[found.benches[0]]) < 1e-10
+        assert shapely.distance(shapely.Point(found.point_m), other) < 1e-10
+    return found
+
+
+@pytest.mark.parametrize('name', SCENES | MORE)
+def test_the_first_contact_is_the_one_that_shapely_sees(name):
+    kinds = {str(type(compare(with_venue((SCENES | MORE)[name], seed), 0.05))) for seed in (1, 2)}
+    assert kinds
+
+
+def test_the_first_contact_is_the_one_that_shapely_sees_every_millimetre(request):
+    """With --long in 200 venues: 20 for each of ten scenes."""
+    every = SCENES | MORE if request.config.getoption('--long', default=False) else {'street': SCENES['street']}
+    found = [compare(with_venue(scene, seed), 1e-3 if len(every) > 1 else 0.01)
+             for scene in every.values() for seed in range(10, 30 if len(every) > 1 else 12)]
+    assert any(isinstance(one, Contact) and one.obstacle and one.t_s > 0 for one in found)
+    assert any(isinstance(one, NoContact) for one in found) or len(every) == 1
+
+
+def test_a_wall_across_the_track_is_met_by_the_head_where_it_is():
+    found = first_contact(replace(ALONG, venue=Venue((WALL,))))
+    front_m = 20.0 + 0.275      # of the head, beyond its front handle
+    assert found.t_s == pytest.approx(60.0 - front_m, abs=1e-11)
+    assert (found.benches, found.obstacle.name, found.obstacle.corner_m) == ((0,), 'wall', None)
+    assert found.obstacle.edge_m == WALL.points_m
+    assert (found.witness.owner, found.witness.corner[:5], found.witness.other) == (0, 'front', OBSTACLE)
+    assert found.certificate.complete
+    assert found.between == "bench 0 and obstacle 'wall'"
+
+
+def test_a_corner_that_pokes_at_a_bench_is_named_as_the_obstacle_s():
+    post = PolygonObstacle('post', ((60.0, 0.0), (62.0, -1.0), (62.0, 1.0)))
+    found = first_contact(replace(ALONG, venue=Venue((post,))))
+    assert found.obstacle.corner_m == (60.0, 0.0)
+    assert (found.witness.owner, found.witness.other, found.witness.edge) == (OBSTACLE, 0, 'front')
+    assert [name for _, name in found.simultaneous] == []       # both edges at that corner are of one obstacle
+
+
+def test_the_tail_meets_first_what_lies_behind_it_when_the_dragon_goes_back():
+    back = replace(ALONG, head=Profile(((0.0, -1.0),)), run=Run(stop_s=10.0))
+    found = first_contact(replace(back, venue=Venue((LineObstacle('behind', ((5.0, -1.0), (5.0, 1.0))),))))
+    links_m = 2.86 + 4 * 1.65
+    assert found.benches == (4,)
+    assert found.t_s == pytest.approx(20.0 - links_m - 0.275 - 5.0, abs=1e-11)
+
+
+def test_leaving_the_inside_is_a_contact_and_so_is_one_at_the_start():
+    inside = ((-5.0, -1.0), (50.0, -1.0), (50.0, 1.0), (-5.0, 1.0))
+    found = first_contact(replace(ALONG, venue=Venue(inside=inside)))
+    assert (found.benches, found.obstacle.name) == ((0,), 'inside')
+    assert found.t_s == pytest.approx(50.0 - 20.275, abs=1e-11)
+    nailed = Venue((LineObstacle('nail', ((15.0, 0.0), (15.0, 1.0))),))
+    found = first_contact(replace(ALONG, venue=nailed))
+    assert (found.t_s, found.obstacle.name) == (0.0, 'nail')
+    with pytest.raises(FieldError, match='tent.*covers the dragon'):
+        first_contact(replace(ALONG, venue=Venue((TENT,))))
+
+
+@pytest.mark.parametrize(('away_m', 'touches'), [(1e-9, False), (-1e-9, True)])
+def test_a_wall_alongside_a_nanometre_away_is_not_touched(away_m, touches):
+    """It is parallel to the track: half a width of a bench is 0.15 m."""
+    wall = LineObstacle('wall', ((40.0, 0.15 + away_m), (45.0, 0.15 + away_m)))
+    found = first_contact(replace(ALONG, venue=Venue((wall,))))
+    assert isinstance(found, Contact if touches else NoContact)
+    assert found.certificate.complete
+
+
+def test_a_slow_kiss_of_an_arc_and_a_wall_grazes_or_touches_as_its_gap_says():
+    """On the outside of a bend the head's corner goes furthest out at one place: a wall there is met at a tangent."""
+    scene = SCENES['street']
+    corners = corners_at(scene, times_of(scene, 0.001))
+    far = float(np.max(corners[..., 0]))
+    for off_m, kind in ((1e-4, NoContact), (-1e-4, Contact)):
+        wall = LineObstacle('wall', ((far + off_m, -20.0), (far + off_m, 20.0)))
+        compared = compare(replace(scene, venue=Venue((wall,))), 0.01)
+        assert isinstance(compared, kind)
+        assert compared.certificate.complete
+
+
+@pytest.mark.parametrize('name', SCENES)
+def test_windows_hold_every_place_of_every_bench_once(name):
+    """What the front handles of one length go through is what their windows hold, phase by phase."""
+    scene = with_venue(SCENES[name], 1)
+    travel = RangeOfTravel(scene.head, scene.run.start_s, compile_scene(scene).end.t_s)
+    for sense in travel.senses:
+        domain = SearchDomain(scene, travel, sense, lambda states: None)
+        for phase in phases(domain, domain.stop_m):
+            for benches in by_length(scene.dragon.bench_lengths_m):
+                windows = windows_of(domain, benches, phase, 0.8)
+                for gone_m in np.linspace(*phase, 7):
+                    for along_m in domain.along_m(float(gone_m))[benches].tolist():
+                        assert any(window.places.min() - 1e-9 <= along_m <= window.places.max() + 1e-9
+                                   for window in windows) or not windows
+                lengths = sum(np.ptp(window.places) for window in windows)
+                places = np.concatenate([window.places for window in windows])
+                assert lengths <= np.ptp(places) + 1e-9 or len(windows) > 1
+
+
+def test_bounds_leave_room_for_what_positions_and_roundings_may_err():
+    """They hold for benches that are off by the error: each bound falls by more than that times the lever does."""
+    scene = with_venue(SCENES['street'], 3)
+    domain = SearchDomain(scene, RangeOfTravel(scene.head, 0.0, 20.0), 1, lambda states: None)
+    bench, edge = swept_bench(domain, 1), np.arange(domain.around.owner.size)
+    states = bench.states(np.array([10.0, 10.4]))
+    ends = states.rows(np.zeros(edge.size, dtype=int)), states.rows(np.ones(edge.size, dtype=int))
+    exact, unsure = (ObstacleBounds(bench, domain.around, error) for error in (0.0, 1e-6))
+    gaps = exact.gaps(ends[0], edge), exact.gaps(ends[1], edge)
+    fell = exact.bounds(*ends, gaps, edge) - unsure.bounds(*ends, gaps, edge)
+    assert np.all(fell >= 0.0)
+    assert np.max(fell) > 1e-7
+    assert np.all(exact.rounding_m(edge) > 0)
+
+
+def test_without_a_venue_nothing_of_venues_is_imported():
+    code = ('import sys; from dragon_ros.core.scene import Run, Scene; '
+            'from dragon_ros.core.search.first_contact import first_contact; first_contact(Scene(run=Run(400, 410))); '
+            'print([name for name in sys.modules if "obstacle" in name or name.endswith("geometry.venue")])')
+    done = subprocess.run([sys.executable, '-c', code], capture_output=True, text=True, check=True)
+    assert done.stdout.strip() == '[]'
+
+
+def test_the_command_names_the_obstacle_in_every_format(capsys):
+    scene = ['--set', 'dragon.benches=5', '--set', TRACK,
+             '--set', 'venue={obstacles: [{kind: line, name: "wall, old", points_m: [[60, -2], [60, 2]]}]}']
+    assert main(scene) == 0
+    assert "first contact at 39.725 s: bench 0 and obstacle 'wall, old', at (60" in capsys.readouterr().out
+    assert main([*scene, '--format', 'csv']) == 0
+    head, row = capsys.readouterr().out.splitlines()
+    assert head == 't_s,inner,outer,x_m,y_m,end,t_end_s,obstacle'
+    assert row.endswith(',,,"wall, old"')
+    assert row.split(',')[1:3] == ['0', '']
+    assert main([*scene, '--format', 'json']) == 0
+    values = json.loads(capsys.readouterr().out)
+    assert values['obstacle'] == {'name': 'wall, old', 'edge_m': [[60.0, -2.0], [60.0, 2.0]], 'corner_m': None}
+    assert (values['benches'], values['features']['other'], values['certified']) == ([0], None, True)
+
+
+def test_of_two_benches_there_is_no_obstacle():
+    assert values_of(first_contact(Scene(run=Run(405, 413))))['obstacle'] is None
