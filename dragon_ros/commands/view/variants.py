@@ -208,9 +208,8 @@ def _contact(variant: Variant, check: Check) -> Answer:
     sure = 'proved' if found.certificate.complete else ''
     if isinstance(found, NoContact):
         return Answer(f'no benches touch in this run, which ends at {variant.data.times_s[-1]:.6g} s', sure)
-    inner, outer = found.benches
     word = 'grazing, ' if found.grazing_m else ''
-    return Answer(f'{word}{found.t_s:.9f} s, benches {inner} and {outer}', sure)
+    return Answer(f'{word}{found.t_s:.9f} s, {found.between}', sure)
 
 
 def _clearance(variant: Variant, check: Check) -> Answer:

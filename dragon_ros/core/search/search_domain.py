@@ -276,7 +276,7 @@ class SearchDomain:
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
 
     def coarse(self, pair: tuple[int, int], gone_m: float) -> float:
-        """Return how many times as coarse as near the origin floats are where the head starts, or a pair's benches are."""
+        """Return how many times as coarse as near the origin floats are where the head starts, or a pair is."""
         benches, two = self.benches(gone_m), [bench for bench in pair if bench < self.dragon.benches]
         arm_m = np.hypot(benches.half_length[two], benches.half_width[two])
         reach_m = float(np.max(np.hypot(*benches.centre[two].T) + arm_m))
