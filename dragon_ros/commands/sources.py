@@ -274,7 +274,7 @@ class BagSource:
     def ticks_s(self, start_s: float, stop_s: float, most: int) -> Floats:
         """Return at most ``most`` ticks between two times, evenly spaced."""
         first = int(np.searchsorted(self._times_s, start_s - _HAIR_S))
-        last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S)) - 1
+        last = int(np.searchsorted(self._times_s, stop_s + _HAIR_S, 'right')) - 1
         out: Floats = self._times_s[thinned(first, last, most)]
         return out
 

@@ -35,7 +35,9 @@ def test_a_bag_of_the_model_equals_the_model(tmp_path, write_bag):
 def test_a_lost_a_doubled_and_a_strange_tick_are_each_found(tmp_path, write_bag):
     ticks = [k for k in range(26) if k != 7] + [9]
     with BagReader(write_bag(tmp_path / 'a.mcap', ticks)) as bag:
-        faults = [f for f in compare_with_model(bag, SCENE).faults if 'handles' in f]
+        found = compare_with_model(bag, SCENE)
+        faults = [f for f in found.faults if 'handles' in f]
+        assert (found.equal, found.fault_count - found.missing_count) == (3 * 24, 3 * 2)    # each of 78 is counted
         assert faults == ['tick 7: handles is missing', 'tick 9: handles is there 2 times']
     with BagReader(write_bag(tmp_path / 'b.mcap')) as bag:
         other = compare_with_model(bag, Scene(run=Run(412, 412.4)))

@@ -13,7 +13,7 @@ from dragon_ros.commands.plot.animation import AnimatedFigure, animate
 from dragon_ros.commands.plot.command import options
 from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture
 from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
-from dragon_ros.commands.sources import SceneSource, clearances, decimals_of, dragon_in, moment, window
+from dragon_ros.commands.sources import BagSource, SceneSource, clearances, decimals_of, dragon_in, moment, window
 from dragon_ros.core.batches import ticks
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.geometry.contacts import Observation
@@ -78,6 +78,18 @@ def test_a_bag_shows_what_its_scene_shows(scene, bag):
         times, gaps = clearances(recorded, recorded.ticks_s(*every), iter)
         assert len(times) == compile_scene(scene).last_tick + 1
         assert gaps == pytest.approx(clearances(model, model.ticks_s(*every), iter)[1], abs=1e-9)
+
+
+def test_a_bag_stamped_with_wall_time_shows_its_last_tick_too(tmp_path, scene):
+    now_s = 1_800_000_000       # where doubles are 2.4e-7 s apart
+    data = bytes(encoders(scene)['handles'](tick(scene, 0)))
+    with BagWriter(tmp_path / 'a.mcap') as bag:
+        bag.add_channel('/dragon/handles', channels()['handles'])
+        for t_s in (now_s, now_s + 1):
+            bag.write('/dragon/handles', data[:4] + t_s.to_bytes(4, 'little') + data[8:], t_s * 10**9, 1)
+    with BagReader(tmp_path / 'a.mcap') as opened:
+        source = BagSource(opened, '/dragon')
+        assert source.ticks_s(*source.span_s, 10).tolist() == [now_s, now_s + 1]
 
 
 def test_a_bag_shows_the_track_of_its_scene_and_none_without_one(tmp_path, scene, bag, short):

@@ -116,7 +116,7 @@ def mix(folder: Path) -> Target:
     def run(data: bytes) -> None:
         path = folder / 'mix.mcap'
         path.write_bytes(mixes.built(data))
-        mixes.hold(path, folder / 'saved.mcap')
+        mixes.hold(path, folder)
     return Target(mixes.seeds(), run, tuple(bytes((what, argument)) for what in range(32) for argument in (0, 9, 77)))
 
 

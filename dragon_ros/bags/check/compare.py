@@ -84,17 +84,17 @@ class Comparison:
     seen: Counter[str] = field(default_factory=Counter)
     _last: dict[str, tuple[str, int, int, int]] = field(default_factory=dict)
 
-    def note(self, name: str, k: int, what: str) -> None:
-        """Count a fault of a tick; consecutive ticks with the same fault share a line."""
-        self._note(name, k, k, what)
+    def note(self, name: str, k: int, what: str, messages: int = 1) -> None:
+        """Count the messages of a fault in a tick; consecutive ticks with the same fault share a line."""
+        self._note(name, k, k, what, messages)
 
     def missing(self, name: str, first: int, last: int) -> None:
         """Count the missing messages of ticks ``first`` to ``last``, without a limit on their number."""
         self.missing_count += last - first + 1
-        self._note(name, first, last, 'is missing')
+        self._note(name, first, last, 'is missing', last - first + 1)
 
-    def _note(self, name: str, first: int, last: int, what: str) -> None:
-        self.fault_count += last - first + 1
+    def _note(self, name: str, first: int, last: int, what: str, messages: int) -> None:
+        self.fault_count += messages
         before = self._last.get(name)
         if before and before[0] == what and before[2] == first - 1:
             first, line = before[1], before[3]
@@ -318,7 +318,7 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
     elif not found:
         result.missing(name, k, k)
     elif len(found) > 1:
-        result.note(name, k, f'is there {len(found)} times')
+        result.note(name, k, f'is there {len(found)} times', len(found))
     elif (off_m := _off_m(name, wanted, found[0], frame, scene, result)) <= _allowed_m(frame, scene):
         result.close += 1
         result.worst_m = max(result.worst_m, off_m)
