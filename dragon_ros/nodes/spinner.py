@@ -2,12 +2,21 @@
 
 For each wait, an executor of rclpy collects all entities of a node in Python: its topics, two QoS events per topic, and
 the services of its parameters. That costs more than handling a message of a dragon.
+
+A middleware that is built for an old C library, as in the ROS wheels, waits until a time of the system clock: if that
+clock is set back by two hours, a wait of a tenth of a second lasts two hours. So a thread ends waits that are overdue
+by the steady clock, and the middleware's own thread, which discovers nodes and repeats lost messages, is woken.
 """
+import os
+import select
+import threading
 import time
 from contextlib import ExitStack
 
+from rcl_interfaces.msg import ParameterEvent
 from rclpy.exceptions import InvalidHandle
 from rclpy.executors import SingleThreadedExecutor, TimeoutException
+from rclpy.guard_condition import GuardCondition
 from rclpy.impl.implementation_singleton import rclpy_implementation
 from rclpy.node import Node
 from rclpy.timer import Timer
@@ -18,6 +27,8 @@ _WAIT_NS = 100_000_000      # longest time until a signal is noticed
 _LOOK_S = 0.25              # longest time until QoS events and new topics are noticed
 _AT_ONCE = 8                # most callbacks of rclpy's executor before messages and timers are served again
 _EMPTY_WAITS = 3            # an empty wait may have consumed a wake-up, so wait again
+_OVERDUE_S = 0.2            # duration of a wait after which it is ended
+_SET_BACK_S = 0.05          # change of the system clock after which the middleware is woken
 
 
 class Spinner:
@@ -28,6 +39,7 @@ class Spinner:
         self._node, self._executor = node, SingleThreadedExecutor()
         self._executor.add_node(node)
         self._look_at_s, self._held = 0.0, ExitStack()
+        self._overdue, self._ahead_s = _Overdue(node), _ahead_s()
 
     def once(self) -> None:
         """Serve everything that is ready or becomes ready within a tenth of a second."""
@@ -43,6 +55,7 @@ class Spinner:
 
     def close(self) -> None:
         """Release the node."""
+        self._overdue.close()
         self._held.close()
         self._executor.shutdown()
 
@@ -59,6 +72,7 @@ class Spinner:
 
     def _look(self) -> None:
         """Collect the entities to wait for until the next look; destroyed ones are kept until then."""
+        self._follow_clock()
         node = self._node
         self._takers = dict(raw_subscription.takers(node))
         self._timers = tuple(node.timers)
@@ -69,9 +83,16 @@ class Spinner:
                        *(timer.handle for timer in self._timers)):
             self._held.enter_context(handle)
         self._wait_set = rclpy_implementation.WaitSet(
-            len(self._subscriptions), 0, len(self._timers), len(self._clients), len(self._services), 0,
+            len(self._subscriptions), 1, len(self._timers), len(self._clients), len(self._services), 0,
             node.context.handle)
         self._look_at_s = time.monotonic() + _LOOK_S
+
+    def _follow_clock(self) -> None:
+        """If the system clock was set back, wake the middleware: its timed events are looked at when one is added."""
+        before_s, self._ahead_s = self._ahead_s, _ahead_s()
+        if self._ahead_s < before_s - _SET_BACK_S:
+            added = Node.create_publisher(self._node, ParameterEvent, '/parameter_events', 1)
+            self._node.destroy_publisher(added)
 
     def _wait(self) -> bool:
         """Wait, and serve the timers and raw messages that are ready. Return whether rclpy must serve something."""
@@ -85,7 +106,9 @@ class Spinner:
             wait_set.add_service(service)
         for client in self._clients:
             wait_set.add_client(client)
-        wait_set.wait(_WAIT_NS)
+        with self._overdue as condition:
+            wait_set.add_guard_condition(condition)
+            wait_set.wait(_WAIT_NS)
         messages = wait_set.get_ready_entities('subscription')
         others = bool(wait_set.get_ready_entities('service') or wait_set.get_ready_entities('client'))
         if wait_set.get_ready_entities('timer'):
@@ -98,6 +121,50 @@ class Spinner:
             else:
                 take()
         return others
+
+
+def _ahead_s() -> float:
+    """Return how far the system clock is ahead of the steady clock."""
+    return time.time() - time.monotonic()
+
+
+class _Overdue:
+    """Ends a wait that is overdue, by a thread that measures it with the steady clock: ``with self as condition``.
+
+    The thread sleeps in ``poll``, whose timeout is relative. Waits of Python's locks may follow the system clock too.
+    """
+
+    def __init__(self, node: Node) -> None:
+        """Start the thread."""
+        self._condition = GuardCondition(None, None, node.context)
+        self._since_s: float | None = None
+        self._closed, self._closing = os.pipe()
+        self._thread = threading.Thread(target=self._watch, name='overdue', daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> object:
+        """Return the condition to wait for, besides others; the wait begins now."""
+        self._since_s = time.monotonic()
+        return self._condition.handle
+
+    def __exit__(self, *_: object) -> None:
+        """The wait has ended."""
+        self._since_s = None
+
+    def close(self) -> None:
+        """End the thread."""
+        os.close(self._closing)
+        self._thread.join()
+        os.close(self._closed)
+        self._condition.destroy()
+
+    def _watch(self) -> None:
+        closing = select.poll()
+        closing.register(self._closed)
+        while not closing.poll(_OVERDUE_S * 500):
+            since_s = self._since_s
+            if since_s is not None and time.monotonic() - since_s > _OVERDUE_S:
+                self._condition.trigger()
 
 
 def _call(timer: Timer) -> None:

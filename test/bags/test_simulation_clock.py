@@ -1,3 +1,5 @@
+import pytest
+
 from dragon_ros.bags.record.simulation_clock import SimulationClock
 from dragon_ros.core.limits import HELD_BYTES
 
@@ -99,3 +101,75 @@ def test_without_any_tick_what_is_latched_is_of_the_first_of_the_run_and_the_res
     clock.unstamped('clearance', b'', 6, 1)
     clock.flush(first_ns=100)
     assert (out, clock.unpaired) == ([(b'no', 100)], {'clearance': 1})
+
+
+BACK_NS = 7200 * 10**9
+PERIOD_NS = 20_000_000
+
+
+def published(ticks, set_back):
+    """Return what a sim publishes, in order: (topic, tick, source time); ``set_back`` has what is before each jump."""
+    now, out = 10**18, []
+    for k in range(ticks):
+        for topic in ('handles', 'v'):
+            now += set_back.get((topic, k), 0)
+            out.append((topic, k, now))
+            now += 50_000
+        now += PERIOD_NS
+    return out
+
+
+def ticks_of(clock, out, rows):
+    for topic, k, source_ns in rows:
+        if topic == 'handles':
+            clock.mark(source_ns, 1000 + k, k + 1)
+        else:
+            clock.unstamped(topic, b'%d' % k, source_ns, k + 1)
+    clock.flush()
+    return {int(data): t_ns - 1000 for data, t_ns in out}
+
+
+@pytest.mark.parametrize('by_ns', [-BACK_NS, BACK_NS, -2 * 10**9, -5 * PERIOD_NS // 2], ids=[
+    'back', 'on', '2 s', '50 ms'])
+@pytest.mark.parametrize('late', ['in order', 'handles late', 'v late'])
+@pytest.mark.parametrize('where', ['handles', 'v'])
+def test_a_system_clock_that_is_set_moves_no_message_to_another_tick(by_ns, late, where):
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    rows = published(3000, {(where, 7): by_ns, ('handles', 40): -by_ns, ('v', 1900): by_ns})
+    if late != 'in order':      # topics overtake each other by some ticks
+        slow = 'handles' if late == 'handles late' else 'v'
+        rows = [rows[n] for n in sorted(range(len(rows)), key=lambda n: n + 5.5 * (rows[n][0] == slow))]
+    found = ticks_of(clock, out, rows)
+    assert (found, clock.unpaired, clock.left_out) == ({k: k for k in range(3000)}, {}, 0)
+
+
+def test_a_rare_message_after_the_clock_was_set_back_has_the_tick_before_it():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    clock.unstamped('rare', b'first', 10**18 - 5, 1)
+    for k, source_ns in enumerate((10**18, 10**18 + 20, 10**18 - BACK_NS, 10**18 - BACK_NS + 20)):
+        clock.mark(source_ns, 1000 + k, k + 1)
+    clock.unstamped('rare', b'in transit', 10**18 + 25, 2)
+    clock.unstamped('rare', b'after', 10**18 - BACK_NS + 10, 1)
+    assert out == [(b'in transit', 1001), (b'after', 1002)]
+
+
+def test_a_rare_message_long_after_the_clock_was_set_back_by_little_has_the_tick_before_it():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    clock.unstamped('rare', b'first', 10**18 - 5, 1)
+    for k in range(300):
+        clock.mark(10**18 + PERIOD_NS * k - (PERIOD_NS + 9 if k >= 100 else 0), 1000 + k, k + 1)
+    clock.unstamped('rare', b'after', 10**18 + PERIOD_NS * 249, 1)
+    assert out == [(b'after', 1250)]
+
+
+def test_source_times_that_jump_for_one_topic_alone_hold_a_bounded_number():
+    out = []
+    clock = SimulationClock(lambda *row: out.append(row[1:3]))
+    for k in range(5000):
+        clock.mark(10**18 + PERIOD_NS * k, 1000 + k, k + 1)
+        clock.unstamped('v', b'', 10**18 + PERIOD_NS * k - (BACK_NS if k == 9 else 0) + 50, k + 1)
+        assert len(clock._held) <= 1000
+    assert len(out) + clock.unpaired['v'] >= 4000

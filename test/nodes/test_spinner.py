@@ -3,7 +3,7 @@ import gc
 import threading
 import time
 import weakref
-from contextlib import contextmanager
+from contextlib import closing, contextmanager
 from functools import partial
 
 import pytest
@@ -19,6 +19,7 @@ from std_msgs.msg import Float64  # noqa: E402
 from std_srvs.srv import Trigger  # noqa: E402
 
 from dragon_ros.nodes import raw_subscription, shell  # noqa: E402
+from dragon_ros.nodes import spinner as spinner_module  # noqa: E402
 from dragon_ros.nodes.spinner import Spinner  # noqa: E402
 
 PATIENCE_S = 60.0
@@ -152,6 +153,36 @@ def test_a_cancelled_timer_rests_until_it_is_reset_with_another_period(served):
             assert len(calls) == count
             timer.timer_period_ns = 0
             timer.reset()
+
+
+def test_a_wait_that_lasts_for_hours_because_the_system_clock_was_set_back_is_ended(domain, monkeypatch):
+    monkeypatch.setattr(spinner_module, '_WAIT_NS', 7200 * 10**9)      # as long as the middleware then waits
+    rclpy.init()
+    node, late = rclpy.create_node('waiting'), []
+    with closing(Spinner(node)) as spinner:
+        spinner.once()      # only looks what there is to wait for
+        rescue = threading.Timer(PATIENCE_S, lambda: (late.append(True), spinner._overdue._condition.trigger()))
+        rescue.start()
+        spinner.once()
+        rescue.cancel()
+    node.destroy_node()
+    rclpy.shutdown()
+    assert not late
+
+
+@pytest.mark.parametrize(('by_s', 'woken'), [(-7200.0, 1), (-0.1, 1), (7200.0, 0), (-0.01, 0)])
+def test_the_middleware_is_woken_once_if_the_system_clock_was_set_back(domain, monkeypatch, by_s, woken):
+    rclpy.init()
+    node, added = rclpy.create_node('awake'), []
+    create, real = rclpy.node.Node.create_publisher, time.time
+    with closing(Spinner(node)) as spinner:
+        monkeypatch.setattr(rclpy.node.Node, 'create_publisher', lambda *given: (added.append(1), create(*given))[1])
+        monkeypatch.setattr(time, 'time', lambda: real() + by_s)
+        for _ in range(3):
+            spinner._look()
+    node.destroy_node()
+    rclpy.shutdown()
+    assert len(added) == woken
 
 
 def test_an_incompatible_publisher_is_reported(served, other_node):

@@ -4,6 +4,10 @@ A message with a stamp is logged at that time. A message without one belongs to 
 stamped message before it. Source times decide this order, since topics overtake each other in transit. The stamped
 message of a sim is the handles (velocities follow); of a monitor, which lags behind the sim, the stamped clearance. A
 message that cannot be paired is left out and counted.
+
+Source times are times of the system clock, which may be set back during a run: then the next message of a topic has an
+earlier source time than the one before. So messages are ordered by a moment: how often the clock was set back before,
+and the source time.
 """
 import time
 from bisect import bisect_right
@@ -15,10 +19,12 @@ from dragon_ros.core.limits import HELD_BYTES
 
 Write = Callable[[str, bytes, int, int, int], None]
 _KEEP = 1000
+_SURELY_NS = 10**9      # of a source time before the last one: no delay in transit explains it
+_Moment = tuple[int, int]       # how often the clock was set back before, and the source time in ns
 
 
 class _Held(NamedTuple):
-    source_ns: int
+    moment: _Moment
     topic: str
     data: bytes
     sequence: int
@@ -30,7 +36,19 @@ class _Held(NamedTuple):
 class _Mark(NamedTuple):
     t_ns: int
     sequence: int
-    source_ns: int
+    moment: _Moment
+
+
+class _Sent(NamedTuple):
+    """The last message of a topic."""
+
+    moment: _Moment
+    sequence: int
+
+    def is_before_setting_back(self, source_ns: int, sequence: int) -> bool:
+        """Return whether the clock was set back between this message and the next one of its publisher."""
+        earlier_ns = self.moment[1] - source_ns
+        return earlier_ns > (0 if sequence in (self.sequence + 1, 1) else _SURELY_NS)
 
 
 class SimulationClock:
@@ -39,8 +57,10 @@ class SimulationClock:
     def __init__(self, write: Write) -> None:
         """``write(topic, data, t_ns, sequence, source_ns)`` receives every message once."""
         self._write = write
-        self._sources: list[int] = []
+        self._moments: list[_Moment] = []       # of the marks, in order
         self._marks: list[_Mark] = []
+        self._set_back, self._turn_ns = 0, (0, 0)       # how often, and source times before and after the last time
+        self._sent: dict[str, _Sent] = {}
         self._held: list[_Held] = []
         self._held_bytes = 0
         self._last: dict[str, _Mark] = {}       # by topic, the tick of its last message
@@ -50,13 +70,17 @@ class SimulationClock:
 
     def mark(self, source_ns: int, t_ns: int, sequence: int = 0) -> None:
         """Record that the stamped message of the tick at ``t_ns`` was published at ``source_ns``, with this number."""
-        at = bisect_right(self._sources, source_ns)
-        self._sources.insert(at, source_ns)
-        self._marks.insert(at, _Mark(t_ns, sequence, source_ns))
+        last = self._marks[-1] if self._marks else None
+        if last and _Sent(last.moment, last.sequence).is_before_setting_back(source_ns, sequence):
+            self._set_back, self._turn_ns = self._set_back + 1, (last.moment[1], source_ns)
+        moment = self._set_back, source_ns
+        at = bisect_right(self._moments, moment)
+        self._moments.insert(at, moment)
+        self._marks.insert(at, _Mark(t_ns, sequence, moment))
         self.first_ns = t_ns if self.first_ns is None else self.first_ns
         if len(self._marks) > 2 * _KEEP:
-            del self._sources[:_KEEP], self._marks[:_KEEP]
-        self._release(lambda held: held.source_ns < self._sources[-1])
+            del self._moments[:_KEEP], self._marks[:_KEEP]
+        self._release(lambda held: held.moment < self._moments[-1])
 
     def unstamped(self, topic: str, data: bytes, source_ns: int, sequence: int, latched: bool = False,
                   exact: bool = True) -> None:
@@ -65,14 +89,47 @@ class SimulationClock:
         Of messages before the first tick only latched ones are kept, and logged at that tick. A message that is not
         ``exact`` belongs to no tick and is logged at the last tick before it.
         """
-        self._held.append(_Held(source_ns, topic, data, sequence, latched, exact, time.monotonic()))
+        moment = self._moment_of(topic, source_ns, sequence, exact)
+        self._held.append(_Held(moment, topic, data, sequence, latched, exact, time.monotonic()))
         self._held_bytes += len(data)
-        while not self._marks and (len(self._held) > _KEEP or self._held_bytes > HELD_BYTES):
-            # The wait for a run may be long.
-            left = self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
-            self._held_bytes -= len(left.data)
-            self.left_out += 1
-        self._release(lambda held: bool(self._sources) and held.source_ns < self._sources[-1])
+        while len(self._held) > _KEEP or self._held_bytes > HELD_BYTES:
+            self._give_up()
+        self._release(lambda held: bool(self._moments) and held.moment < self._moments[-1])
+
+    def _moment_of(self, topic: str, source_ns: int, sequence: int, exact: bool) -> _Moment:
+        """Return the moment of a message without a stamp.
+
+        If the clock was set back, the next message of a topic can tell it before the next stamped one does.
+        """
+        last = self._sent.get(topic)
+        times = last.moment[0] if last else 0
+        if last and self._marks and exact and last.is_before_setting_back(source_ns, sequence):
+            times = min(times, self._set_back) + 1
+        if times < self._set_back and self._is_after_turn(source_ns):
+            times = self._set_back
+        self._sent[topic] = _Sent((times, source_ns), sequence)
+        return times, source_ns
+
+    def _is_after_turn(self, source_ns: int) -> bool:
+        """Return whether a source time must be from after the clock was last set back, not from a message in transit.
+
+        For up to a second after the clock was set back by less than that, a rare message may belong to either side.
+        """
+        before_ns, after_ns = self._turn_ns
+        if before_ns - after_ns < _SURELY_NS:
+            return source_ns > before_ns + _SURELY_NS
+        return abs(source_ns - after_ns) <= abs(source_ns - before_ns)
+
+    def _give_up(self) -> None:
+        """Take a message from those that wait too long: for a run that begins late, or for a tick that never came."""
+        if self._marks:
+            first, self._held = self._held[0], self._held[1:]
+            self._sent.pop(first.topic)
+            self._log(first)
+            return
+        left = self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
+        self._held_bytes -= len(left.data)
+        self.left_out += 1
 
     def flush(self, age_s: float = 0.0, first_ns: int | None = None) -> None:
         """Log messages that have waited for at least ``age_s``: without a newer tick they belong to the last one.
@@ -87,17 +144,21 @@ class SimulationClock:
         """Log the held messages whose tick is known, and count those without one."""
         waiting, self._held = self._held, []
         for held in waiting:
-            if not known(held):
+            if known(held):
+                self._log(held, first_ns)
+            else:
                 self._held.append(held)
-                continue
-            self._held_bytes -= len(held.data)
-            t_ns = self._time_of(held, first_ns)
-            if t_ns is not None:
-                self._write(held.topic, held.data, t_ns, held.sequence, held.source_ns)
+
+    def _log(self, held: _Held, first_ns: int | None = None) -> None:
+        """Log a message that is no longer held, or count it if its tick is unknown."""
+        self._held_bytes -= len(held.data)
+        t_ns = self._time_of(held, first_ns)
+        if t_ns is not None:
+            self._write(held.topic, held.data, t_ns, held.sequence, held.moment[1])
 
     def _time_of(self, held: _Held, first_ns: int | None) -> int | None:
         """Return the time of a message; if it has none, count it and return None."""
-        at = bisect_right(self._sources, held.source_ns) - 1
+        at = bisect_right(self._moments, held.moment) - 1
         if at < 0:
             return self._early_time_of(held, first_ns)
         mark = self._marks[at]
@@ -110,7 +171,7 @@ class SimulationClock:
     def _early_time_of(self, held: _Held, first_ns: int | None) -> int | None:
         """Return the time of a message from before the first tick."""
         if held.latched or not (held.exact or self._marks):
-            return self._marks[0].t_ns if self._marks else held.source_ns if first_ns is None else first_ns
+            return self._marks[0].t_ns if self._marks else held.moment[1] if first_ns is None else first_ns
         if self._marks:
             self.left_out += 1
         else:
