@@ -76,6 +76,8 @@ def simulate(argv: list[str]) -> int:
     options.add_argument('--rate', type=float, metavar='HZ', help='ticks for each second (as the scene says)')
     options.add_argument('--compression', choices=COMPRESSIONS, default='zstd', help='of the bag (%(default)s)')
     options.add_argument('--namespace', default='/dragon', help='of the topics (%(default)s)')
+    options.add_argument('--workers', type=int, metavar='N',
+                         help='processes that compute (one for each core); the bag is the same with any number')
     arguments = options.parse_args(argv)
     from dragon_ros.commands.simulate import run
     return command_line.guarded('simulate', partial(run, arguments))

@@ -2,11 +2,14 @@
 import sys
 import time
 from argparse import Namespace
+from contextlib import closing
 from dataclasses import replace
 from threading import Event
 
+from dragon_ros.bags.write.mcap import CHUNK_BYTES, MESSAGE_BYTES, MESSAGE_HEAD_BYTES, PackedChunk, Packer
 from dragon_ros.bags.write.writer import BagOptions, BagWriter, prompt_switches
 from dragon_ros.cli import command_line
+from dragon_ros.cli.pool import in_order, workers_of
 from dragon_ros.cli.progress import Progress
 from dragon_ros.cli.signals import stopped_by_signals
 from dragon_ros.core.batches import ticks
@@ -20,12 +23,12 @@ from dragon_ros.messages.once import once
 from dragon_ros.scenes import provenance
 
 _FRAME_ID = 'dragon'
-_SHOW = 100                 # ticks between two updates of the progress bar
+_WORTH_BYTES = 64 * 2**20    # of all messages: less is written before processes have started
 
 
 def run(arguments: Namespace) -> int:
     """Write the bag; return the exit code."""
-    scene = command_line.scene_from(arguments)
+    scene, workers = command_line.scene_from(arguments), workers_of(arguments.workers)
     if arguments.rate is not None:
         scene = replace(scene, run=replace(scene.run, rate_hz=arguments.rate))
     count, began = compile_scene(scene).last_tick + 1, time.perf_counter()
@@ -33,7 +36,7 @@ def run(arguments: Namespace) -> int:
     writer = BagWriter(arguments.output, arguments.force, BagOptions(arguments.compression))
     with prompt_switches(), stopped_by_signals() as stop, writer as bag:
         _introduce(scene, bag, arguments.namespace)
-        done = simulate(scene, bag, arguments.namespace, stop)
+        done = simulate(scene, bag, arguments.namespace, stop, workers)
     simulated_s = (scene.run.time_ns(max(0, done - 1)) - scene.run.start_ns) / NS
     elapsed_s = time.perf_counter() - began
     print(f'{arguments.output}: {done} of {count} ticks, {simulated_s:g} s in {elapsed_s:.1f} s '
@@ -52,18 +55,65 @@ def _introduce(scene: Scene, bag: BagWriter, namespace: str) -> None:
         bag.add_channel(f'{namespace}/{name}', channels()[name])
     for name, data in latched.items():
         bag.write(f'{namespace}/{name}', data, scene.run.start_ns, 1)
+    bag.flush()
 
 
-def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event) -> int:
-    """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written."""
-    topics = [(f'{namespace}/{name}', encode) for name, encode in encoders(scene, _FRAME_ID).items()]
-    count = compile_scene(scene).last_tick + 1
+def simulate(scene: Scene, bag: BagWriter, namespace: str, stop: Event, workers: int = 1) -> int:
+    """Write the messages of every tick of the run until ``stop`` is set; return how many ticks were written.
+
+    Chunks begin at ticks that the size of the first tick decides, so a bag has the same bytes with any number of
+    workers. A single one is this process, which compresses on a thread; several are processes.
+    """
+    names = list(encoders(scene, _FRAME_ID))
+    numbers = [bag.channel_of(f'{namespace}/{name}') for name in names]
+    count, size = compile_scene(scene).last_tick + 1, _tick_bytes(scene)
+    each = max(1, CHUNK_BYTES // size)
+    parts = [(first, min(first + each, count)) for first in range(0, count, each)]
     with Progress('simulate', 'ticks', count) as bar:
-        for k, frame in enumerate(ticks(scene, 0, count)):
+        if workers == 1 or count * size < _WORTH_BYTES or size > MESSAGE_BYTES:
+            return _in_this_process(scene, bag, [f'{namespace}/{name}' for name in names], parts, stop, bar)
+        done = 0
+        made = in_order(_Simulated, (scene, numbers, bag.options.compression), parts, workers)
+        with closing(made):
+            for (_, end), chunks in zip(parts, made, strict=True):
+                for chunk in chunks:
+                    bag.write_chunk(chunk)
+                done = end
+                bar.reach(done)
+                if stop.is_set():
+                    break
+    return done
+
+
+def _tick_bytes(scene: Scene) -> int:
+    """Return the bytes of the first tick's messages in a chunk."""
+    frame = tick(scene, 0)
+    return sum(MESSAGE_HEAD_BYTES + len(encode(frame)) for encode in encoders(scene, _FRAME_ID).values())
+
+
+def _in_this_process(scene: Scene, bag: BagWriter, topics: list[str], parts: list[tuple[int, int]], stop: Event,
+                     bar: Progress) -> int:
+    encoded = list(zip(topics, encoders(scene, _FRAME_ID).values(), strict=True))
+    for first, end in parts:
+        for k, frame in enumerate(ticks(scene, first, end), first):
             if stop.is_set():
                 return k
-            for topic, encode in topics:
+            for topic, encode in encoded:
                 bag.write(topic, encode(frame), frame.t_ns, k + 1)
-            if not k % _SHOW:
-                bar.reach(k)
-    return count
+        bag.end_chunk()
+        bar.reach(end)
+    return parts[-1][1]
+
+
+class _Simulated:
+    """Ticks of a scene as packed chunks: what a process of ``simulate`` does."""
+
+    def __init__(self, scene: Scene, numbers: list[int], compression: str) -> None:
+        self._scene, self._packer = scene, Packer(compression)
+        self._encoders = list(zip(numbers, encoders(scene, _FRAME_ID).values(), strict=True))
+
+    def __call__(self, part: tuple[int, int]) -> list[PackedChunk]:
+        """Return the chunks of the ticks from the first up to the end."""
+        return self._packer.pack((number, encode(frame), frame.t_ns, k)
+                                 for k, frame in enumerate(ticks(self._scene, *part), part[0] + 1)
+                                 for number, encode in self._encoders)

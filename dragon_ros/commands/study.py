@@ -18,8 +18,6 @@ if TYPE_CHECKING:
     from dragon_ros.studies.cluster import State
     from dragon_ros.studies.dataset import DataSet
 
-_MOST_WORKERS = 1024
-
 
 def main(argv: list[str]) -> int:
     """Compute or draw a study; return the exit code (1 where a signal ended it; the same command goes on then)."""
@@ -81,10 +79,9 @@ def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
 
 def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'State']) -> int:
     """Compute what is missing, with a progress bar; return the exit code."""
+    from dragon_ros.cli.pool import workers_of
     from dragon_ros.studies import dataset
-    workers = arguments.workers
-    if workers is not None:
-        whole('--workers', workers, low=1, high=_MOST_WORKERS)
+    workers = None if arguments.workers is None else workers_of(arguments.workers)
     with stopped_by_signals() as stop, dataset.writing(data.folder, data.study) as kept:
         there = kept.count
         if there:

@@ -9,7 +9,7 @@ import os
 import struct
 import zlib
 from collections import Counter, defaultdict
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from concurrent.futures import Future, ThreadPoolExecutor
 from contextlib import suppress
 from fcntl import LOCK_EX, LOCK_NB, flock
@@ -36,6 +36,7 @@ _CHUNK_HEAD, _INDEX_HEAD, _INDEX_ENTRY = 49, 15, 16     # bytes of Chunk (withou
 CHUNK_BYTES = 2**20
 _BUFFER_BYTES = 2 * CHUNK_BYTES
 _MESSAGE = struct.Struct('<BQHIQQ')      # opcode, length, channel, sequence, log time, publish time; then the data
+MESSAGE_HEAD_BYTES = _MESSAGE.size
 MESSAGE_BYTES = limits.CHUNK_BYTES - _MESSAGE.size      # largest data of a message: no larger chunk is read
 MAGIC = b'\x89MCAP0\r\n'
 _Bytes = bytes | memoryview
@@ -196,6 +197,15 @@ class OpenChunk:
         _MESSAGE.pack_into(self._buffer, start, Opcode.MESSAGE, 22 + len(data), channel, sequence, t_ns, publish_ns)
         self._buffer[first:self.size] = data
 
+    def takes(self, size: int) -> bool:
+        """Return whether a message of this size fits; a chunk that was too large for any reader would not be read."""
+        return self.size + _MESSAGE.size + size <= limits.CHUNK_BYTES
+
+    @property
+    def is_full(self) -> bool:
+        """Whether it is large enough to be ended."""
+        return self.size >= CHUNK_BYTES
+
     def times_ns(self) -> tuple[int, int]:
         """Return the first and the last log time."""
         times = [t_ns for entries in self.index.values() for t_ns, _ in entries]
@@ -230,6 +240,57 @@ def around(chunk: records.Chunk, size: int, messages: dict[int, list[tuple[int, 
     head = head[:1] + struct.pack('<Q', len(head) - 9 + size) + head[9:-8] + struct.pack('<Q', size)
     return head, record_bytes(*(records.MessageIndex(channel_id=channel, records=entries)
                                 for channel, entries in messages.items()))
+
+
+class PackedChunk(NamedTuple):
+    """A compressed chunk with the bytes around it, raw bytes, first and last log time, and (channel, messages)."""
+
+    head: bytes
+    data: _Bytes
+    tail: bytes
+    raw_size: int
+    times_ns: tuple[int, int]
+    counts: tuple[tuple[int, int], ...]
+
+
+def packed(done: OpenChunk, compression: str, compress: Callable[[memoryview], _Bytes]) -> PackedChunk:
+    """Return a chunk as it is written, by its compression's name in MCAP and function."""
+    data, times_ns = compress(done.data), done.times_ns()
+    chunk = records.Chunk(compression=compression, data=b'', message_start_time=times_ns[0],
+                          message_end_time=times_ns[1], uncompressed_crc=zlib.crc32(done.data),
+                          uncompressed_size=done.size)
+    head, tail = around(chunk, len(data), done.index)
+    return PackedChunk(head, data, tail, done.size, times_ns, done.counts())
+
+
+class Packer:
+    """Packs messages into chunks that end where those of a McapWriter do."""
+
+    def __init__(self, compression: str) -> None:
+        """Take the compression, as BagOptions names it."""
+        self._compression, self._compress = mcap_name(compression), compressor(compression)
+        self._open = OpenChunk()
+
+    def pack(self, messages: Iterable[tuple[int, bytes, int, int]]) -> list[PackedChunk]:
+        """Return the chunks of messages, each a channel, its data, its time in ns and its number."""
+        chunks = []
+        for channel, data, t_ns, sequence in messages:
+            if self._open.size and not self._open.takes(len(data)):
+                chunks.append(self._ended())
+            self._open.add(channel, data, t_ns, sequence, t_ns)
+            if self._open.is_full:
+                chunks.append(self._ended())
+        return [*chunks, self._ended()] if self._open.size else chunks
+
+    def _ended(self) -> PackedChunk:
+        done = packed(self._open, self._compression, self._compress)
+        self._open.clear()
+        return done._replace(data=bytes(done.data))     # without compression it is the buffer that comes next
+
+
+def mcap_name(compression: str) -> str:
+    """Return how MCAP names a compression."""
+    return '' if compression == 'none' else compression
 
 
 def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: Parts, compression: str,
@@ -284,7 +345,7 @@ class McapWriter:
                  threaded: bool = True) -> None:
         """Create the file. Raises MissingError if it cannot be written or would overwrite another."""
         self.path = path
-        self._compression = '' if compression == 'none' else compression
+        self._compression = mcap_name(compression)
         self._compress = compressor(compression)
         self._file = _create(path, overwrite)
         self._cache = PageCache(self._file.fileno())
@@ -333,11 +394,16 @@ class McapWriter:
 
     def add_message(self, channel: int, data: bytes, t_ns: int, sequence: int, publish_ns: int) -> None:
         """Add one message of at most MESSAGE_BYTES to the open chunk; a full chunk is written."""
-        if self._open.size + _MESSAGE.size + len(data) > limits.CHUNK_BYTES:
-            self._end_chunk()
+        if not self._open.takes(len(data)):
+            self.end_chunk()
         self._open.add(channel, data, t_ns, sequence, publish_ns)
-        if self._open.size >= CHUNK_BYTES:
-            self._end_chunk()
+        if self._open.is_full:
+            self.end_chunk()
+
+    def add_chunk(self, chunk: PackedChunk) -> None:
+        """Write a chunk that was packed elsewhere, after the open one."""
+        self.flush()
+        self._write_packed(chunk)
 
     def add_metadata(self, name: str, values: dict[str, str]) -> None:
         """Append a metadata record."""
@@ -358,10 +424,10 @@ class McapWriter:
 
     def flush(self) -> None:
         """Write the open chunk and wait until it is in the file."""
-        self._end_chunk()
+        self.end_chunk()
         self._settle()
 
-    def _end_chunk(self) -> None:
+    def end_chunk(self) -> None:
         """Hand the open chunk over for writing unless it is empty."""
         if self._open.size:
             self._settle()
@@ -379,14 +445,12 @@ class McapWriter:
             raise
 
     def _write_chunk(self, done: OpenChunk) -> None:
-        """Write a chunk in few calls on large buffers: each releases the interpreter lock and waits to retake it."""
-        data, times_ns = self._compress(done.data), done.times_ns()
-        chunk = records.Chunk(compression=self._compression, data=b'', message_start_time=times_ns[0],
-                              message_end_time=times_ns[1], uncompressed_crc=zlib.crc32(done.data),
-                              uncompressed_size=done.size)
-        head, tail = around(chunk, len(data), done.index)
-        start = self._append([head, data, tail])
-        self.parts.add(Stored(start, len(data), done.size, *times_ns, done.counts()))
+        self._write_packed(packed(done, self._compression, self._compress))
+
+    def _write_packed(self, chunk: PackedChunk) -> None:
+        """Write a chunk in one call on large buffers: each releases the interpreter lock and waits to retake it."""
+        start = self._append([chunk.head, chunk.data, chunk.tail])
+        self.parts.add(Stored(start, len(chunk.data), chunk.raw_size, *chunk.times_ns, chunk.counts))
         if self._fsync:
             self._sync()
         self._check_there()

@@ -17,7 +17,7 @@ import yaml
 
 from dragon_ros.bags.write import COMPRESSIONS
 from dragon_ros.bags.write.bag_folder import BagFolder
-from dragon_ros.bags.write.mcap import MESSAGE_BYTES, McapWriter, statistics
+from dragon_ros.bags.write.mcap import MESSAGE_BYTES, McapWriter, PackedChunk, statistics
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import DiskError, FieldError, InputError, MissingError
 from dragon_ros.messages.channels import Channel
@@ -139,10 +139,26 @@ class BagWriter:
             return
         if self._limited:
             self._make_room(len(data), t_ns)
+        self._file.add_message(self.channel_of(topic), data, t_ns, sequence, t_ns if publish_ns is None else publish_ns)
+        self.counts[topic] += 1
+
+    def channel_of(self, topic: str) -> int:
+        """Return the number of a topic's channel in this file; it is written if this is the first use of the topic."""
         if topic not in self._ids:
             self._announce(topic)
-        self._file.add_message(self._ids[topic], data, t_ns, sequence, t_ns if publish_ns is None else publish_ns)
-        self.counts[topic] += 1
+        return self._ids[topic]
+
+    def write_chunk(self, chunk: PackedChunk) -> None:
+        """Append a chunk that was packed elsewhere, with the channels of ``channel_of``; of bags that do not split."""
+        assert not self._limited
+        self._open_file().add_chunk(chunk)
+        topics = {channel: topic for topic, channel in self._ids.items()}
+        for channel, messages in chunk.counts:
+            self.counts[topics[channel]] += messages
+
+    def end_chunk(self) -> None:
+        """Let the next message begin a chunk."""
+        self._open_file().end_chunk()
 
     def flush(self) -> None:
         """Flush all messages written so far to the file, so that a killed process loses none of them."""
