@@ -6,6 +6,7 @@ import shutil
 import subprocess
 import sys
 import zipfile
+from functools import cache
 from importlib.util import find_spec
 from pathlib import Path
 from xml.etree import ElementTree
@@ -47,30 +48,37 @@ LIBRARIES = {'core': {'numpy', 'shapely'}, 'version': set(), 'configuration': se
 BESIDE = {'hard_cases': {'hard_cases'}, 'benchmarks': {'benchmarks', 'hard_cases'}}
 
 
-def imports(path):
+@cache
+def read(path):
+    """Return the modules that a file imports, and the names of the package in its imports and strings.
+
+    Imports for types and inside functions count too, and so do strings, such as the argument of ``import_module``. The
+    bare name of the package does not: it is also the name of a folder, a record and a logger.
+    """
+    imported, found = [], set()
     for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.Import):
-            yield from (name.name for name in node.names)
-        elif isinstance(node, ast.ImportFrom):
+        if isinstance(node, ast.ImportFrom):
             assert node.level == 0, f'{path}: relative import'
-            yield node.module
+            imported.append(node.module)
+            found |= {node.module, *(f'{node.module}.{name.name}' for name in node.names)}
+        elif isinstance(node, ast.Import):
+            imported += (name.name for name in node.names)
+        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and '.' in node.value:
+            found.add(node.value)
+    return imported, {name for name in (*imported, *found) if name.startswith('dragon_ros.')}
+
+
+def imports(path):
+    return read(path)[0]
 
 
 def named(path):
-    """Return what a module names of the package, wherever: in imports, those for types and in functions among them.
+    return read(path)[1]
 
-    So are strings, such as those that ``import_module`` is given; the package's own name alone is also a folder's, a
-    record's and a logger's.
-    """
-    found = set()
-    for node in ast.walk(ast.parse(path.read_text())):
-        if isinstance(node, ast.ImportFrom):
-            found |= {node.module, *(f'{node.module}.{name.name}' for name in node.names)}
-        elif isinstance(node, ast.Import):
-            found |= {name.name for name in node.names}
-        elif isinstance(node, ast.Constant) and isinstance(node.value, str) and '.' in node.value:
-            found.add(node.value)
-    return {name for name in found if name.startswith('dragon_ros.')}
+
+def libraries(path):
+    """Return the top-level names of what a file imports."""
+    return {name.split('.')[0] for name in imports(path)}
 
 
 def upward(room, path):
@@ -102,33 +110,33 @@ def modules(folder, rooms):
 MODULES = modules(PACKAGE, ROOMS)
 
 
-@pytest.mark.parametrize(('room', 'path'), MODULES, ids=lambda v: getattr(v, 'name', v))
-def test_imports_point_down(room, path):
-    assert upward(room, path) == set()
-    for name in imports(path):
-        top, *rest = name.split('.')
-        if top == 'dragon_ros' and rest:
-            assert rest[0] in (room, *ROOMS[room]), f'{path.name} imports {name}'
-        elif top != 'dragon_ros' and room in LIBRARIES:
-            assert top in LIBRARIES[room] or top in sys.stdlib_module_names, f'{path.name} imports {name}'
+@pytest.mark.parametrize('room', ROOMS)
+def test_imports_point_down(room):
+    for path in (path for owner, path in MODULES if owner == room):
+        assert upward(room, path) == set(), path
+        for name in imports(path):
+            top, *rest = name.split('.')
+            if top == 'dragon_ros' and rest:
+                assert rest[0] in (room, *ROOMS[room]), f'{path} imports {name}'
+            elif top != 'dragon_ros' and room in LIBRARIES:
+                assert top in LIBRARIES[room] or top in sys.stdlib_module_names, f'{path} imports {name}'
 
 
-@pytest.mark.parametrize('path', sorted(PACKAGE.rglob('*.py')), ids=lambda path: path.name)
-def test_the_package_imports_nothing_that_an_install_lacks(path):
-    assert not {name.split('.')[0] for name in imports(path)} & {*BESIDE, 'test', 'mpmath'}
+def test_the_package_imports_nothing_that_an_install_lacks():
+    lacking = {*BESIDE, 'test', 'mpmath'}
+    assert {path: used for path in PACKAGE.rglob('*.py') if (used := libraries(path) & lacking)} == {}
 
 
-@pytest.mark.parametrize('path', [path for folder in BESIDE for path in sorted((ROOT / folder).glob('*.py'))],
-                         ids=lambda path: f'{path.parent.name}-{path.name}')
-def test_hard_cases_import_nothing_of_the_benchmarks_and_both_nothing_of_the_tests(path):
-    tests = {each.stem for each in (ROOT / 'test').rglob('*.py')}
-    used = {name.split('.')[0] for name in imports(path)}
-    assert used & {*BESIDE, *tests} <= BESIDE[path.parent.name]
+@pytest.mark.parametrize('folder', BESIDE)
+def test_hard_cases_import_nothing_of_the_benchmarks_and_both_nothing_of_the_tests(folder):
+    others = {*BESIDE, *(path.stem for path in (ROOT / 'test').rglob('*.py'))} - BESIDE[folder]
+    assert {path: used for path in (ROOT / folder).glob('*.py') if (used := libraries(path) & others)} == {}
 
 
-@pytest.mark.parametrize(('room', 'path'), modules(PACKAGE / 'core', CORE_ROOMS), ids=lambda v: getattr(v, 'name', v))
-def test_imports_point_down_inside_the_core(room, path):
-    assert upward_in_core(room, path) == set()
+@pytest.mark.parametrize('room', CORE_ROOMS)
+def test_imports_point_down_inside_the_core(room):
+    for _, path in modules(PACKAGE / 'core', [room]):
+        assert upward_in_core(room, path) == set(), path
 
 
 def test_every_room_is_in_the_table():
@@ -145,26 +153,30 @@ PLANTED = ['import {}', 'from {} import anything', 'def later():\n    import {}'
            'from importlib import import_module\nimport_module(f"{}.{{name}}")']
 
 
-@pytest.mark.parametrize('how', PLANTED)
+def not_found(folder, other, upward_of):
+    """Return the forms of an import of a module, each planted in a file, of which nothing is found."""
+    files = {folder / f'planted_{number}.py': how.format(f'dragon_ros.{other}') for number, how in enumerate(PLANTED)}
+    for path, code in files.items():
+        path.write_text(code)
+    return [code for path, code in files.items() if not upward_of(path)]
+
+
 @pytest.mark.parametrize(('room', 'other'), [
     ('flags', 'geometry.signed_distance'), ('tracks', 'chain.chain'), ('chain', 'shift_map.table'),
     ('shift_map', 'model'), ('scene', 'model'), ('scene', 'chain.chain'), ('scene', 'tracks.spiral'),
     ('frame', 'effects.noise'), ('geometry', 'frame'), ('enclosures', 'model'), ('model', 'search.first_contact'),
     ('effects', 'step'), ('step', 'batches'), ('search', 'step'), ('errors', 'checks'), ('paper', 'shift_map.blocks'),
     ('tiers', 'chain.chain'), ('limits', 'errors')])
-def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, how, room, other):
-    (tmp_path / 'planted.py').write_text(how.format(f'dragon_ros.core.{other}'))
-    assert upward_in_core(room, tmp_path / 'planted.py')
+def test_a_planted_upward_import_inside_the_core_is_found(tmp_path, room, other):
+    assert not_found(tmp_path, f'core.{other}', lambda path: upward_in_core(room, path)) == []
 
 
-@pytest.mark.parametrize('how', PLANTED)
 @pytest.mark.parametrize(('room', 'other'), [
     ('core', 'scenes.load'), ('scenes', 'messages.cdr'), ('messages', 'bags.read.reader'), ('bags', 'cli.figures'),
     ('cli', 'commands.table'), ('commands', 'nodes.sim'), ('nodes', 'commands.table'), ('nodes', 'studies.study'),
     ('studies', 'commands.study'), ('cost', 'nodes.sim'), ('verify', 'core.errors'), ('api', 'nodes.sim')])
-def test_a_planted_upward_import_is_found(tmp_path, how, room, other):
-    (tmp_path / 'planted.py').write_text(how.format(f'dragon_ros.{other}'))
-    assert upward(room, tmp_path / 'planted.py')
+def test_a_planted_upward_import_is_found(tmp_path, room, other):
+    assert not_found(tmp_path, other, lambda path: upward(room, path)) == []
 
 
 def test_what_the_core_may_import_has_no_circle():
@@ -207,8 +219,7 @@ def test_there_is_no_import_cycle():
 
 @pytest.mark.parametrize(('library', 'module'), [('argcomplete', 'completion.py'), ('matplotlib', 'figures.py')])
 def test_only_one_module_below_the_commands_imports_a_library_of_the_screen(library, module):
-    users = {path.name for room, path in MODULES if room in BELOW_NODES
-             if any(name.split('.')[0] == library for name in imports(path))}
+    users = {path.name for room, path in MODULES if room in BELOW_NODES and library in libraries(path)}
     assert users == {module}
 
 
