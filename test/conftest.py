@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, Phase, settings
 
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
-    parser.addoption('--long', action='store_true', help='also run what takes many processes (test/studies)')
+    parser.addoption('--long', action='store_true', help='also run all that is marked as long: further cases, clusters')
 
 
 # Libraries that an ordinary ROS 2 install need not have (rosdep has no key for three of them), and the helper modules
@@ -54,7 +54,11 @@ LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blind
            'test_handles_without_benches_are_counted_and_logged', 'test_every_command_of_a_document_runs')
 
 
-def pytest_collection_modifyitems(items):
+def pytest_collection_modifyitems(config, items):
+    if not config.getoption('--long'):
+        left_out = [item for item in items if item.get_closest_marker('long')]
+        config.hook.pytest_deselected(items=left_out)
+        items[:] = [item for item in items if item not in set(left_out)]
     items.sort(key=lambda item: not item.name.startswith(LONGEST))
 
 
@@ -64,11 +68,11 @@ def pytest_xdist_auto_num_workers():
     return (3 * len(os.sched_getaffinity(0)) + 1) // 2
 
 
-settings.register_profile('repeatable', derandomize=True, deadline=None, database=None,
+settings.register_profile('repeatable', derandomize=True, deadline=None, database=None, max_examples=40,
                           suppress_health_check=[HealthCheck.too_slow])
 # With other versions of libraries the same properties hold of the same code: a few examples show that they run.
 settings.register_profile('brief', settings.get_profile('repeatable'), max_examples=10)
-# By hand, and after changes of what a property is about: ten times as many as in each run of the tests.
+# By hand, and after changes of what a property is about: 25 times as many as in each run of the tests.
 settings.register_profile('thorough', settings.get_profile('repeatable'), max_examples=1000)
 # For mutants (test/mutants), of which the first example that fails says enough.
 settings.register_profile('first', settings.get_profile('repeatable'), report_multiple_bugs=False,

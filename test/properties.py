@@ -1,10 +1,11 @@
 """What properties share: how many examples each is tried with (fewer in the profile ``brief``), and random tracks."""
+import pytest
 from hypothesis import settings
 from hypothesis import strategies as st
 
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
 
-USUAL = 100         # examples of a property that says nothing
+USUAL = 100         # examples of a property that says nothing, in the profile that counts of others are given for
 PIECES = st.lists(st.one_of(
     st.builds(Line, st.floats(0.1, 9)),
     st.builds(lambda radius, angle, left: Arc(radius, angle if left else -angle), st.floats(1.8, 9), st.floats(5, 300),
@@ -13,6 +14,14 @@ PIECES = st.lists(st.one_of(
     min_size=1, max_size=6).map(lambda segments: Composite(tuple(segments)))
 TRACKS = st.one_of(st.builds(Spiral, st.floats(0.3, 4), st.floats(0.5, 6)), PIECES,
                    st.builds(STurn, st.floats(1, 2), st.floats(9, 14), st.floats(0.5, 2), st.floats(-30, 30)))
+
+
+def thinned(cases, kept):
+    """Return the parameters of a test; those that ``kept`` is false for run with ``--long`` alone."""
+    out = [case if kept(case) else pytest.param(*(case if isinstance(case, tuple) else (case,)), marks=pytest.mark.long)
+           for case in cases]
+    assert any(kept(case) for case in cases)
+    return out
 
 
 def examples(count: int) -> settings:

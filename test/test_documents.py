@@ -52,11 +52,17 @@ SUBSTITUTES = {
                                        'a shorter run, and a certificate that is checked sooner'),
     './dragon study pitch_map --output': ('study --help', 'it takes minutes; test/commands/test_study_command.py has '
                                           'smaller ones'),
+    './dragon study widths.yaml': ('study --help', 'it starts workers; the program below it runs this study'),
     './dragon study tolerances': ('study --help', 'it takes hours; test/studies runs smaller ones'),
     'dask': (None, 'runs until Ctrl-C; test/studies/test_cluster.py has both'),
     './dragon cost --scene': ('cost --scene turning --set dragon.benches=12 --set run.stop_s=2 --budget 0.01 --output '
                               'costs.png', 'the same in small'),
     './dragon cost': ('cost --help', 'it measures for minutes; test/benchmarks measures each page in small'),
+    './dragon plan --scene walled.yaml --output walled.pdf': (
+        'plan --scene walled.yaml --set dragon.benches=12 --output walled.pdf --title "The street"', 'in small'),
+    './dragon plan --scene walled.yaml --output area.geojson': (
+        'plan --scene walled.yaml --set dragon.benches=12 --output area.geojson', 'in small'),
+    './dragon plan --scene s': ('plan --help', 'as above; test/commands/test_plan.py draws one of them'),
     './dragon plot animation --start': ('plot animation --start 412.3 --stop 412.5 --pace 2 --output run.html',
                                         'the same in small'),
     './dragon plot animation --stop': ('plot animation --start 412 --stop 412.48 --pace 2 --fps 8 --dpi 30 '

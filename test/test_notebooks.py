@@ -1,6 +1,8 @@
 """The notebooks of docs/notebooks run from top to bottom, and are kept without their outputs."""
+import warnings
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 from dragon_ros.cli.dds_domain import free_domain, local_environment
@@ -14,7 +16,22 @@ def by_name(path):
 
 
 @pytest.mark.parametrize('path', NOTEBOOKS, ids=by_name)
-def test_a_notebook_runs_from_top_to_bottom_without_a_word_on_stderr(path, tmp_path, monkeypatch):
+def test_the_cells_of_a_notebook_run_from_top_to_bottom_without_a_word_on_stderr(path, tmp_path, monkeypatch, capfd):
+    nbformat, plt = pytest.importorskip('nbformat'), pytest.importorskip('matplotlib.pyplot')
+    monkeypatch.chdir(tmp_path)
+    names = {'__name__': '__main__'}
+    with np.errstate(all='warn'), warnings.catch_warnings():
+        warnings.filterwarnings('ignore', 'FigureCanvasAgg is non-interactive')
+        for cell in nbformat.read(path, as_version=4).cells:
+            if cell.cell_type == 'code':
+                exec(compile(cell.source, path.name, 'exec'), names)
+    plt.close('all')
+    assert capfd.readouterr().err == ''
+
+
+@pytest.mark.long
+@pytest.mark.parametrize('path', NOTEBOOKS, ids=by_name)
+def test_a_notebook_runs_in_a_kernel_without_a_word_on_stderr(path, tmp_path, monkeypatch):
     nbformat, nbclient = pytest.importorskip('nbformat'), pytest.importorskip('nbclient')
     for name, value in {**local_environment(free_domain()), 'IPYTHONDIR': str(tmp_path / 'ipython')}.items():
         monkeypatch.setenv(name, value)

@@ -5,6 +5,7 @@ import subprocess
 import sys
 
 import pytest
+from properties import thinned
 
 from dragon_ros.cli import dds_domain
 from dragon_ros.cli.dds_domain import free_domain, give_up_domains
@@ -29,9 +30,9 @@ def chosen(times):
     return out
 
 
-@pytest.mark.parametrize('of', [0, 10, 11, 12, 24, 248], ids=[
-    'discovery', 'first participant', 'its data', 'second', 'eighth', 'last'])
-@pytest.mark.parametrize('address', ['127.0.0.1', ''])
+@pytest.mark.parametrize(('of', 'address'), thinned(
+    [(of, address) for of in (0, 10, 11, 12, 24, 248) for address in ('127.0.0.1', '')],    # discovery, participants
+    {(0, '127.0.0.1'), (10, ''), (11, '127.0.0.1'), (248, '127.0.0.1')}.__contains__))
 def test_a_domain_with_any_participant_is_not_free(of, address):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as participant:
         participant.bind((address, BASE + GAIN * DOMAIN + of))

@@ -12,9 +12,11 @@ from dragon_ros.commands.contest.paper_tables import cells
 CELLS = cells()
 
 
-@pytest.mark.parametrize('cell', CELLS, ids=lambda c: f'T{c.table}-{c.quantity}{c.handle}-{c.t_s:g}s')
-def test_the_recipe_reproduces_the_printed_cell(cell):
-    assert cell.reproduced == cell.printed
+@pytest.mark.parametrize('table', [1, 2, 3])
+def test_the_recipe_reproduces_every_printed_cell(table):
+    ours = [cell for cell in CELLS if cell.table == table]
+    assert ours
+    assert [cell for cell in ours if cell.reproduced != cell.printed] == []
 
 
 def test_every_printed_number_is_there():

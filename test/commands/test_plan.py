@@ -30,6 +30,11 @@ def benches(scene):
     return polygons(benches_of(chain, scene.dragon, axes_of(chain)).corners.reshape(-1, 4, 2))
 
 
+@pytest.fixture(scope='module')
+def plan(scene):
+    return Plan(scene, 'x')
+
+
 def run(capsys, *arguments):
     try:
         code = main(['plan', *map(str, arguments)])
@@ -45,15 +50,14 @@ def test_every_bench_at_every_time_lies_in_the_swept_area(scene, benches):
     assert not all(whole.buffer(-1e-3).contains(benches))
 
 
-def test_gaps_are_those_of_benches_placed_densely(scene, benches):
-    found = {gap.name: gap.gap_m for gap in Plan(scene, 'x').gaps}
+def test_gaps_are_those_of_benches_placed_densely(scene, benches, plan):
+    found = {gap.name: gap.gap_m for gap in plan.gaps}
     for one in scene.venue.obstacles:
         area = Polygon(one.points_m) if hasattr(one, 'holes_m') else LineString(one.points_m)
         assert found[one.name] == pytest.approx(float(np.min(distance(benches, area))), abs=2e-3)
 
 
-def test_gaps_are_those_of_the_search_with_their_ends_and_the_plan_says_so(scene):
-    plan = Plan(scene, 'x')
+def test_gaps_are_those_of_the_search_with_their_ends_and_the_plan_says_so(scene, plan):
     for gap, one in zip(plan.gaps, venue_fit(scene).gaps, strict=True):
         assert (gap.name, gap.gap_m, gap.gap_m - gap.within_m) == (one.name, one.high_m, pytest.approx(one.low_m))
         assert np.hypot(*np.diff(gap.ends_m, axis=0)[0]) == pytest.approx(one.high_m, abs=1e-9)
@@ -77,8 +81,7 @@ def test_the_room_on_a_line_is_the_width_and_grows_in_bends_as_the_chord_cuts_th
     assert room[1].max() == pytest.approx(inner, abs=2e-3)
 
 
-def test_head_and_tail_pass_marks_when_they_have_gone_there(scene):
-    plan = Plan(scene, 'x')
+def test_head_and_tail_pass_marks_when_they_have_gone_there(scene, plan):
     head, tail = plan.passes_s
     for mark, t_s in zip(plan.marks_m, head, strict=True):
         if not np.isnan(t_s):

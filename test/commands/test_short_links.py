@@ -4,6 +4,7 @@ import json
 import numpy as np
 import pytest
 from certificates import written
+from properties import thinned
 
 from dragon_ros.__main__ import main
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -55,7 +56,7 @@ def test_a_bag_with_a_short_link_holds_its_promise(link_m, tmp_path, capsys):
     assert main(['inspect', str(bag), '--check']) == 0
 
 
-@pytest.mark.parametrize('link_m', [1e-16, *REFUSED])
+@pytest.mark.parametrize('link_m', thinned([1e-16, *REFUSED], (1e-16, max(REFUSED)).__contains__))
 def test_a_link_without_a_direction_is_refused_with_its_cure(link_m, tmp_path, capsys):
     length_m = 2 * INSET_M + max(link_m, 2e-16)
     for build in (lambda: Dragon(20, length_m), lambda: Mixed((Group(2.2), Group(length_m), Group(2.2, 9)))):

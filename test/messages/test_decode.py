@@ -81,12 +81,12 @@ def flat(value):
 
 
 @pytest.mark.parametrize('name', TYPES)
-@pytest.mark.parametrize('seed', range(25))
-def test_any_message_of_the_real_serialiser_is_decoded(name, seed):
+def test_any_message_of_the_real_serialiser_is_decoded(name):
     serialization = pytest.importorskip('rclpy.serialization')
     from dragon_ros.nodes.shell import message_type
-    message = filled(message_type(name)(), np.random.default_rng(seed))
-    assert flat(decode(name, serialization.serialize_message(message))) == flat(plain(message))
+    for seed in range(25):
+        message = filled(message_type(name)(), np.random.default_rng(seed))
+        assert flat(decode(name, serialization.serialize_message(message))) == flat(plain(message)), seed
 
 
 def encoded(fields, values, order, out):
@@ -120,12 +120,12 @@ def other_order(name, data):
 
 
 @pytest.mark.parametrize('name', TYPES)
-@pytest.mark.parametrize('seed', range(5))
-def test_byte_order_and_padding_make_no_difference(name, seed):
+def test_byte_order_and_padding_make_no_difference(name):
     serialization = pytest.importorskip('rclpy.serialization')
     from dragon_ros.nodes.shell import message_type
-    data = serialization.serialize_message(filled(message_type(name)(), np.random.default_rng(seed)))
-    assert flat(decode(name, other_order(name, data))) == flat(decode(name, data))
+    for seed in range(5):
+        data = serialization.serialize_message(filled(message_type(name)(), np.random.default_rng(seed)))
+        assert flat(decode(name, other_order(name, data))) == flat(decode(name, data)), seed
 
 
 @pytest.mark.parametrize('style', ['cubes', 'triangles'])

@@ -1,6 +1,7 @@
-"""Write a study in a child that is killed before its n-th change of a file, for every n, and go on in another.
+"""Write a study in a child that is killed before its n-th change of a file, and go on in another, for every n.
 
-``python killed_writer.py FOLDER`` prints how many kills there were; it ends with an error if a row is lost or doubled.
+``python killed_writer.py FOLDER STEP`` takes each STEP-th n. It prints how many changes there are, and ends with an
+error if a row is lost or doubled.
 """
 import os
 import signal
@@ -73,10 +74,10 @@ def killed(number: int, folder: Path) -> None:
     write(folder)
 
 
-def main(folder: Path) -> None:
-    """Kill at every change."""
+def main(folder: Path, step: int) -> None:
+    """Kill at each ``step``-th change."""
     dataset.BLOCK = 8
-    for number in range(1, 1000):
+    for number in range(1, 1000, step):
         each = folder / str(number)
         code = ended(killed, number, each)
         if code == 0:
@@ -87,4 +88,4 @@ def main(folder: Path) -> None:
 
 
 if __name__ == '__main__':
-    main(Path(sys.argv[1]))
+    main(Path(sys.argv[1]), int(sys.argv[2]))

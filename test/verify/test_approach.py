@@ -5,6 +5,7 @@ import pytest
 from certificates import proved, refusal, written
 from flint import arb
 from motions import at, compiled
+from properties import thinned
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.chain.head_law import Head, Profile
@@ -51,7 +52,8 @@ def there_and_back(beyond_m):
     return Profile(knots), turn_s, again_s + (THERE_M - (2 * turn_s - back_s))
 
 
-@pytest.mark.parametrize('beyond_m', [1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3])
+@pytest.mark.parametrize('beyond_m', thinned([1e-12, 1e-11, 1e-10, 5e-10, 9e-10, 5e-9, 1e-3],
+                                             (1e-12, 9e-10, 5e-9).__contains__))
 @pytest.mark.parametrize('grazing', [False, True])
 def test_a_contact_that_the_leader_overshoots_is_not_proved_an_hour_later(beyond_m, grazing):
     head, turn_s, again_s = there_and_back(beyond_m)

@@ -147,7 +147,7 @@ LEG = st.floats(0.3, 30)
 
 
 @given(legs=st.lists(st.tuples(LEG, TURN), min_size=2, max_size=8))
-@examples(12)
+@examples(10)
 def test_any_line_is_either_walked_within_what_is_said_or_refused(legs):
     at, heading, corners = 0j, 0.0, [0j]
     for length_m, turn_deg in legs:

@@ -6,6 +6,7 @@ from random import Random
 
 import numpy as np
 import pytest
+from properties import thinned
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon
@@ -53,7 +54,7 @@ def scene_of(seed):
                  run=Run(0, LATEST_S))
 
 
-@pytest.mark.parametrize('part', range(4))
+@pytest.mark.parametrize('part', thinned(range(4), lambda part: part == 0))
 def test_on_any_joined_track_every_handle_is_where_sixty_digits_put_it(walk, part):
     compared = 0
     for seed in range(part * SCENES, (part + 1) * SCENES):
