@@ -28,7 +28,6 @@ def bag(tmp_path):
 
 def test_every_example_of_its_page_runs(bag, monkeypatch):
     monkeypatch.chdir(bag.parent)
-    monkeypatch.setattr('matplotlib.rcParams', __import__('matplotlib').rcParams)
     __import__('matplotlib').use('agg')
     names: dict = {}
     for block in re.findall(r'```python\n(.*?)```', PAGE, re.S):

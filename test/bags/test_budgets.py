@@ -9,6 +9,7 @@ from dragon_ros.commands import contacts_in_bag, sources
 from dragon_ros.core.chain.commanded import walked_from
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import InputError
+from dragon_ros.core.limits import FOLDER_FILES
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Run, Scene
 from dragon_ros.core.step import led_tick, tick
@@ -28,16 +29,13 @@ def written(path, scene, name, frames, options=None):
     return path
 
 
-def test_a_folder_of_too_many_files_is_refused(tmp_path, monkeypatch):
-    path = written(tmp_path / 'run', SCENE, 'handles', [tick(SCENE, k) for k in range(10)],
-                   BagOptions('none', split_duration_s=0.05))
-    count = len(list(path.glob('*.mcap')))
-    monkeypatch.setattr(folder, 'FOLDER_FILES', count)
-    with BagReader(path) as bag:
-        assert bag.topics[0].messages == 10
-    monkeypatch.setattr(folder, 'FOLDER_FILES', count - 1)
-    with pytest.raises(BagError, match=f'has {count} files; the most that are read are {count - 1}'):
-        BagReader(path)
+def test_a_folder_of_too_many_files_is_refused(tmp_path):
+    for number in range(FOLDER_FILES):
+        (tmp_path / f'{number}.mcap').touch()
+    assert len(folder.files_of(tmp_path)) == FOLDER_FILES
+    (tmp_path / 'one_more.mcap').touch()
+    with pytest.raises(BagError, match=f'has {FOLDER_FILES + 1} files; the most that are read are {FOLDER_FILES}'):
+        BagReader(tmp_path)
 
 
 def test_a_bag_of_too_many_ticks_is_not_drawn(tmp_path, monkeypatch):

@@ -8,6 +8,7 @@ from hypothesis import strategies as st
 from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.limits import MARKER_RUNS
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.step import tick
 from dragon_ros.messages import decode as decoder
@@ -238,12 +239,19 @@ def test_poses_are_views_of_the_bytes():
     assert np.shares_memory(decode('geometry_msgs/msg/PoseArray', data)['poses'], np.frombuffer(data, 'u1'))
 
 
-def test_markers_that_change_their_layout_without_end_are_refused(monkeypatch):
+def test_markers_that_change_their_layout_without_end_are_refused():
     serialization = pytest.importorskip('rclpy.serialization')
     from visualization_msgs.msg import Marker, MarkerArray
-    markers = [Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(12)]
-    data = serialization.serialize_message(MarkerArray(markers=markers))
-    assert len(read_marker_array(data).runs) == 12
-    monkeypatch.setattr(decoder, 'MARKER_RUNS', 11)
-    with pytest.raises(MessageError, match='more than 11 layouts'):
-        read_marker_array(data)
+
+    def markers(count):
+        return MarkerArray(markers=[Marker(ns='bench', text='x' * (n % 2 * 9)) for n in range(count)])
+
+    def message(count):
+        """The bytes of so many markers, each with another layout than the one before; eight of them repeat."""
+        one, two = (serialization.serialize_message(markers(8 * times)) for times in (1, 2))
+        return one[:4] + struct.pack('<I', count) + one[8:] + (count // 8 - 1) * two[len(one):]
+
+    assert serialization.deserialize_message(message(24), MarkerArray) == markers(24)
+    assert len(read_marker_array(message(MARKER_RUNS)).runs) == MARKER_RUNS
+    with pytest.raises(MessageError, match=f'more than {MARKER_RUNS} layouts'):
+        read_marker_array(message(MARKER_RUNS + 8))
