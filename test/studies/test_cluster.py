@@ -79,13 +79,6 @@ def shared(tmp_path_factory):
         yield file, workers
 
 
-@pytest.fixture
-def long(request):
-    """Run a test only where it is asked for: it starts a cluster of its own."""
-    if not request.config.getoption('--long'):
-        pytest.skip('takes a cluster of its own: --long')
-
-
 @pytest.fixture(scope='module')
 def undisturbed(study, without_times):
     return without_times(rows_of(study(SLOWER), range(48)))
@@ -161,7 +154,8 @@ def test_a_stopped_study_goes_on_where_it_was(study, undisturbed, without_times,
     assert without_times(open_set(tmp_path).table()) == undisturbed
 
 
-def test_a_row_that_kills_its_workers_is_a_row_that_says_so(study, tmp_path, long):
+@pytest.mark.long
+def test_a_row_that_kills_its_workers_is_a_row_that_says_so(study, tmp_path):
     (tmp_path / 'deadly.py').write_text(DEADLY)
     one = study('set: {dragon: {benches: 3}}\nvary: {dragon.width_m: [0.2, 0.25, 0.3, 0.35]}\nask: [lock]')
     with dask_cluster(tmp_path, '--preload', 'deadly', count=2, DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES='1',
@@ -195,7 +189,8 @@ def test_a_scheduler_that_is_not_there_is_named(study, tmp_path, monkeypatch, ad
         cluster.complete(data, Event(), nothing, scheduler=address)
 
 
-def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(study, tmp_path, long):
+@pytest.mark.long
+def test_a_scheduler_that_goes_away_is_told_and_what_came_is_kept(study, tmp_path):
     with dask_cluster(tmp_path) as (file, scheduler, _), writing(tmp_path / 'data', study(SLOWER)) as data:
         with pytest.raises(DragonError, match='rows are kept'):
             cluster.complete(data, Event(), half_way(scheduler.kill), scheduler=file)
@@ -230,7 +225,8 @@ def test_ctrl_c_ends_a_study_in_order_and_says_how_to_go_on(tmp_path):
     assert open_set(tmp_path / 'data').count > 0
 
 
-def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path, long):
+@pytest.mark.long
+def test_tls_settings_of_dask_are_honoured(study, without_times, tmp_path):
     from distributed.security import Security
     security = Security.temporary()
     made = {'ca': security.tls_ca_file, 'key': security.tls_client_key, 'cert': security.tls_client_cert}
