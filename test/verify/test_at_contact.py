@@ -19,7 +19,7 @@ from dragon_ros.scenes.certificate import as_values
 from dragon_ros.scenes.load import scene_of
 from dragon_ros.scenes.yaml import Document
 
-SEEDS = 10 * settings().max_examples // USUAL      # ten times as many in the profile ``thorough``
+SEEDS = max(10, 10 * settings().max_examples // USUAL)     # ten times as many in the profile ``thorough``
 EFFORT = 5.0
 
 
