@@ -28,7 +28,8 @@ def main(argv: list[str]) -> int:
     options.add_argument('--trust', action='store_true', help='search the scene in the bag however large it is '
                          '(budgets: docs/limits.md)')
     options.add_argument('--near-misses', type=float, metavar='METRES',
-                         help='also report near misses, the smallest gaps of two benches below this')
+                         help='also report near misses: the smallest gaps below this of two benches, or of a bench and '
+                         'an obstacle')
     options.add_argument('--within', action='append', default=[], metavar='KEY=METRES',
                          help='prove until when no dragon touches itself whose KEY is within METRES of the scene: '
                          'dragon.width_m, head_length_m, body_length_m and hole_inset_m of each bench by itself, and '
@@ -78,8 +79,8 @@ def _run(arguments: Namespace) -> int:
         from dragon_ros.core.search.near_misses import near_misses
         with Progress('near misses', 'states') as bar:
             near = near_misses(scene, found, arguments.near_misses, bar.update)
-        values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 't_s': miss.t_s,
-                                  'gap_m': miss.gap_m} for miss in near.nearest]
+        values['near_misses'] = [{'bench': miss.bench, 'benches': list(miss.benches), 'obstacle': miss.obstacle,
+                                  't_s': miss.t_s, 'gap_m': miss.gap_m} for miss in near.nearest]
         values['near_misses_count'] = near.count
     if arguments.certificate:
         from dragon_ros.scenes import certificate
@@ -152,13 +153,18 @@ def _text(values: dict[str, Any]) -> str:
     what = (f'bench {values["benches"][0]} and obstacle {values["obstacle"]["name"]!r}' if values['obstacle'] else
             f'benches {values["benches"][0]} and {values["benches"][1]}')
     misses_shown = values.get('near_misses', [])
-    misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {miss["bench"]}: {miss["gap_m"] * 1e3:.6f} mm '
+    misses = ''.join(f'\n  near miss of bench {miss["benches"][0]} and {_other(miss)}: {miss["gap_m"] * 1e3:.6f} mm '
                      f'at {miss["t_s"]:.5f} s' for miss in misses_shown)
     if (count := values.get('near_misses_count', 0)) > len(misses_shown):
         misses += f'\n  and {count - len(misses_shown)} more near misses with larger gaps'
     kind = 'grazing, first' if values['grazing_m'] else 'first contact'
     return (f'{kind} at {values["t_s"]:.12g} s: {what}, at ({x:.9f}, {y:.9f}) m ({stats})'
             f'{misses}')
+
+
+def _other(miss: dict[str, Any]) -> str:
+    """Return what a bench nearly touches."""
+    return str(miss['bench']) if miss['obstacle'] is None else f'obstacle {miss["obstacle"]!r}'
 
 
 def _csv(values: dict[str, Any]) -> str:

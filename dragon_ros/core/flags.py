@@ -41,9 +41,9 @@ NEEDS = {Effect.CLEARANCE: Effect.BENCHES, Effect.CONTACT: Effect.CLEARANCE, Eff
 MEANINGS = {
     Effect.VELOCITY: 'velocities of all handles',
     Effect.BENCHES: 'the benches as rectangles',
-    Effect.CLEARANCE: 'the smallest gap of benches that are not neighbours, and the gaps of those that touch; '
-                      'of benches alone, without the obstacles of a venue',
-    Effect.CONTACT: 'which benches touch, and where; of benches alone, without the obstacles of a venue',
+    Effect.CLEARANCE: 'the smallest gap of benches that are not neighbours, or of one and an obstacle of the venue; '
+                      'the gaps of those that touch',
+    Effect.CONTACT: 'which benches touch each other or an obstacle, and where',
     Effect.MARKERS: 'the benches that touch, to be shown',
     Effect.ACCELERATIONS: 'accelerations of all handles',
     Effect.FORCES: 'tensions of all links, for equal masses at the handles and a track without friction',

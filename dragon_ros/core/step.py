@@ -35,8 +35,8 @@ def frame_of(simulation: Simulation, k: int | None, t_ns: int, chain: Chain, axi
     on, t_s, scene = simulation.on, t_ns / NS, simulation.scene
     velocity = chain.velocities(scene.head.speed_at_m_s(t_s)) if on.velocity else None
     benches = (benches or benches_of(chain, scene.dragon, axis)) if on.benches else None
-    closeness = effects.closeness(simulation.model, chain, benches) if on.clearance else None
-    contacts = effects.contacts(closeness, benches) if on.contact else None
+    closeness = effects.closeness(simulation, chain, benches) if on.clearance else None
+    contacts = effects.contacts(simulation, closeness, benches) if on.contact else None
     acceleration = effects.accelerations(simulation, t_s, chain) if on.accelerations else None
     tension = effects.tensions(chain, acceleration) if on.forces else None
     noisy = effects.noisy_handles(scene.noise, k, t_ns, chain.p, axis) if on.noise else None

@@ -23,8 +23,8 @@ Call = Callable[[], object]
 _FIELDS: dict[Effect, tuple[str, Callable[[Simulation, Frame], Any]]] = {
     Effect.VELOCITY: ('velocity_m_s', lambda of, to: to.chain.velocities(of.scene.head.speed_at_m_s(to.t_ns / NS))),
     Effect.BENCHES: ('benches', lambda of, to: benches_of(to.chain, of.scene.dragon, to.axis)),
-    Effect.CLEARANCE: ('closeness', lambda of, to: effects.closeness(of.model, to.chain, to.benches)),
-    Effect.CONTACT: ('contacts', lambda _, to: effects.contacts(to.closeness, to.benches)),
+    Effect.CLEARANCE: ('closeness', lambda of, to: effects.closeness(of, to.chain, to.benches)),
+    Effect.CONTACT: ('contacts', lambda of, to: effects.contacts(of, to.closeness, to.benches)),
     Effect.ACCELERATIONS: ('acceleration_m_s2', lambda of, to: effects.accelerations(of, to.t_ns / NS, to.chain)),
     Effect.FORCES: ('tension_n_kg', lambda _, to: effects.tensions(to.chain, to.acceleration_m_s2)),
     Effect.NOISE: ('measured', lambda of, to: effects.noisy_handles(of.scene.noise, None, to.t_ns, to.chain.p,

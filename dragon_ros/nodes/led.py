@@ -8,7 +8,7 @@ from typing import Any
 from geometry_msgs.msg import Twist, TwistStamped
 
 from dragon_ros.core.chain.commanded import Commanded, Walked, next_law, walked_from
-from dragon_ros.core.effects.proximity import touching
+from dragon_ros.core.effects.proximity import named_pair, touching
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.model import Limit, compile_scene
@@ -117,7 +117,7 @@ class LedFrames:
         self._law = self._next_law(t_s) if self._law else walked_from(self._settings, t_s)
         frame = led_tick(self._simulation, self._law, self.k)
         if self._minds_contact and (pairs := touching(self._simulation, frame)):
-            self._stopped = f'benches {pairs[0][0]} and {pairs[0][1]} are in contact at {t_s:.9f} s, tick {self.k}'
+            self._stopped = f'{named_pair(self._scene, pairs[0])} are in contact at {t_s:.9f} s, tick {self.k}'
             self._say(f'stops: {self._stopped}')
         self.k += 1
         return frame

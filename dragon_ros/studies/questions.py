@@ -12,8 +12,9 @@ from typing import Any, ClassVar
 from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.checks import number
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.geometry.near_pairs import closeness
+from dragon_ros.core.geometry.near_pairs import TOUCH_M, closeness
 from dragon_ros.core.geometry.rectangles import axes_of, benches_of
+from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import bounding_box, fits
@@ -74,7 +75,7 @@ class NearMisses:
     below_m: float = 0.01
     columns: ClassVar[dict[str, type]] = {
         'near_misses': int, 'near_miss_gap_m': float, 'near_miss_t_s': float, 'near_miss_inner': int,
-        'near_miss_outer': int, 'near_miss_proved': bool}
+        'near_miss_outer': int, 'near_miss_obstacle': str, 'near_miss_proved': bool}
 
     def __post_init__(self) -> None:
         """Reject an invalid threshold."""
@@ -85,19 +86,22 @@ class NearMisses:
         found = near_misses(asked.scene, asked.contact, self.below_m, asked.tell)
         nearest = found.nearest[0] if found.nearest else None
         out = {'near_misses': found.count, 'near_miss_proved': False}
-        return out if nearest is None else out | {
-            'near_miss_gap_m': nearest.gap_m, 'near_miss_t_s': nearest.t_s, 'near_miss_inner': nearest.benches[0],
-            'near_miss_outer': nearest.benches[1]}
+        if nearest is None:
+            return out
+        other: Values = ({'near_miss_outer': nearest.bench} if nearest.obstacle is None else
+                         {'near_miss_obstacle': nearest.obstacle})
+        return out | other | {'near_miss_gap_m': nearest.gap_m, 'near_miss_t_s': nearest.t_s,
+                              'near_miss_inner': nearest.benches[0]}
 
 
 @dataclass(frozen=True)
 class Clearance:
-    """The smallest gap of all benches at time ``at_s``, by default at the end of the run."""
+    """The smallest gap of all benches at time ``at_s``, by default at the end of the run; to obstacles as well."""
 
     at_s: float | None = None
     columns: ClassVar[dict[str, type]] = {
         'clearance_m': float, 'clearance_low_m': float, 'clearance_high_m': float, 'clearance_t_s': float,
-        'clearance_inner': int, 'clearance_outer': int, 'clearance_proved': bool}
+        'clearance_inner': int, 'clearance_outer': int, 'clearance_obstacle': str, 'clearance_proved': bool}
 
     def __post_init__(self) -> None:
         """Reject an invalid time."""
@@ -109,14 +113,19 @@ class Clearance:
         simulation = compile_scene(asked.scene)
         t_s = simulation.end.t_s if self.at_s is None else self.at_s
         chain = simulation.chain(t_s)
-        found = closeness(chain.p, benches_of(chain, asked.scene.dragon, axes_of(chain)))
+        benches, venue = benches_of(chain, asked.scene.dragon, axes_of(chain)), asked.scene.venue
+        found = closeness(chain.p, benches)
+        if venue is not None:
+            found = surroundings_of(venue).together(found, benches, TOUCH_M)
         out: Values = {'clearance_t_s': t_s, 'clearance_proved': False}
         if found.closest is None:
             return out
         (inner, outer), off_m = found.closest, 2 * simulation.promise_m
-        return out | {'clearance_m': found.clearance_m, 'clearance_low_m': found.clearance_m - off_m,
-                      'clearance_high_m': found.clearance_m + off_m, 'clearance_inner': inner,
-                      'clearance_outer': outer}
+        other: Values = {'clearance_outer': outer}
+        if venue is not None and outer >= len(benches.half_length):
+            other = {'clearance_obstacle': venue.names[outer - len(benches.half_length)]}
+        return out | other | {'clearance_m': found.clearance_m, 'clearance_low_m': found.clearance_m - off_m,
+                              'clearance_high_m': found.clearance_m + off_m, 'clearance_inner': inner}
 
 
 @dataclass(frozen=True)

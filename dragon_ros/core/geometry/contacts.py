@@ -9,6 +9,8 @@ from dragon_ros.core.numerics.types import Floats, Ints
 class Closeness:
     """The smallest signed gap in metres of all benches that are not neighbours, ``closest``, and all pairs that touch.
 
+    In a venue obstacles count too: in a pair (i, j) they are numbered behind the benches, in the order of its names.
+
     ``clearance_m`` is inf, and ``closest`` None, if there are fewer than three benches; if several pairs have the same
     gap, the first is the closest. Pairs (i, j) (K,) that touch, i < j, with ``gap_m`` (K,), the deepest first.
     """
@@ -22,7 +24,10 @@ class Closeness:
 
 @dataclass(frozen=True)
 class Contacts:
-    """Pairs that touch, (M, 2), deepest first, their signed gaps (M,) in m, and points (M, 2) of contact."""
+    """Pairs that touch, (M, 2), deepest first, their signed gaps (M,) in m, and points (M, 2) of contact.
+
+    An obstacle of a venue is numbered behind the benches, in the order of the venue's names.
+    """
 
     benches: Ints
     gap_m: Floats

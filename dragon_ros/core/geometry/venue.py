@@ -11,7 +11,7 @@ from weakref import ref
 
 import numpy as np
 
-from dragon_ros.core.geometry.contacts import OBSTACLE, ObstacleTouch
+from dragon_ros.core.geometry.contacts import OBSTACLE, Closeness, ObstacleTouch
 from dragon_ros.core.geometry.rectangles import Benches
 from dragon_ros.core.geometry.signed_distance import Witness, seen_from, signed_gap, witness
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints, read_only
@@ -133,20 +133,54 @@ class Surroundings:
                     return Nearest(float(gap_m[least]), int(bench[least]), int(edge[least]))
             reach_m *= 2
 
+    def closest(self, benches: Benches, reach_m: float) -> tuple[Ints, Ints, Floats]:
+        """Return benches, indices of names, and their least gaps (K,): all pairs within a reach, and some more."""
+        bench, edge = self.near(benches, reach_m)
+        pair, index = np.unique(bench * len(self.names) + self.owner[edge], return_inverse=True)
+        least: Floats = np.full(pair.size, np.inf)
+        np.minimum.at(least, index, self.gaps(benches, bench, edge))
+        return *np.divmod(pair, len(self.names)), least
+
+    def together(self, found: Closeness, benches: Benches, touch_m: float) -> Closeness:
+        """Return the closeness of benches among each other with that to obstacles, which are numbered behind them.
+
+        Gaps up to ``touch_m`` count as contact.
+        """
+        nearest, count = self.nearest(benches), len(benches.half_length)
+        bench, number, gap_m = self.closest(benches, touch_m)
+        met = gap_m <= touch_m
+        i, j = (np.concatenate(pair) for pair in ((found.i, bench[met]), (found.j, count + number[met])))
+        gap = np.concatenate((found.gap_m, gap_m[met] + 0.0))       # zero has no sign
+        order = np.argsort(gap, kind='stable')
+        if nearest.gap_m < found.clearance_m:
+            found = replace(found, clearance_m=nearest.gap_m + 0.0,
+                            closest=(nearest.bench, count + int(self.owner[nearest.edge])))
+        return replace(found, i=i[order], j=j[order], gap_m=gap[order])
+
+    def points(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
+        """Return where benches touch obstacles (K, 2), by the indices of their names."""
+        return np.array([self._point(benches, *pair) for pair in zip(bench.tolist(), number.tolist(), strict=True)])
+
+    def _point(self, benches: Benches, bench: int, number: int) -> tuple[float, float]:
+        edge = np.flatnonzero(self.owner == number)
+        deepest = int(edge[np.argmin(self.gaps(benches, np.full(edge.size, bench), edge))])
+        return self.touch(benches, bench, deepest)[1].point_m
+
+    def gaps_to(self, benches: Benches, bench: Ints, number: Ints) -> Floats:
+        """Return the gaps (K,) of benches to whole obstacles, by the indices of their names."""
+        out: Floats = np.array([np.min(self.gaps(benches, np.full(edge.size, one), edge)) for one, n in zip(
+            bench.tolist(), number.tolist(), strict=True) for edge in [np.flatnonzero(self.owner == n)]])
+        return out
+
     def touching(self, benches: Benches) -> tuple[Ints, Ints, Floats]:
         """Return the benches that touch, the index of the name that each touches, and their least gaps (K,).
 
         The deepest come first.
         """
-        bench, edge = self.near(benches, 0.0)
-        gap_m = self.gaps(benches, bench, edge)
-        met = gap_m <= 0
-        pair, index = np.unique(bench[met] * len(self.names) + self.owner[edge[met]], return_inverse=True)
-        least: Floats = np.full(pair.size, np.inf)
-        np.minimum.at(least, index, gap_m[met])
-        order = np.lexsort((pair, least))
-        bench, number = np.divmod(pair[order], len(self.names))
-        return bench, number, least[order]
+        bench, number, gap_m = self.closest(benches, 0.0)
+        met = np.flatnonzero(gap_m <= 0)
+        order = met[np.lexsort((bench[met] * len(self.names) + number[met], gap_m[met]))]
+        return bench[order], number[order], gap_m[order]
 
     @cached_property
     def _areas(self) -> tuple[Array, Ints]:

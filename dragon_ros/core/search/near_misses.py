@@ -1,5 +1,7 @@
 """Near misses: local minima of the gap of any two benches over time, below a threshold, before the first contact.
 
+So are those of the gap of a bench to an obstacle of the venue: over the track, once for all benches of one length.
+
 Only intervals whose certified bound is below the threshold are sampled, so nothing is sampled where nothing is near.
 Benches that are alike have the same gaps at the same places: each minimum on a first spiral is found once for its
 class, and each bench of it gets there at a time of its own. Where the leader turns round, a gap that was closing has a
@@ -7,24 +9,29 @@ minimum too. A dip that is narrower than the samples, or shallower than a nanome
 """
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import pairwise
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, marched_many
-from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.broad_phase import candidates, swept_pairs
 from dragon_ros.core.geometry.rectangles import Benches, axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import gaps
 from dragon_ros.core.model import compile_scene
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Complexes, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.certificate import ALL, Certificate, Contact, Interval, NoContact
 from dragon_ros.core.search.leading_benches import LeadingBenches, classes_of
 from dragon_ros.core.search.search_domain import RangeOfTravel, SearchDomain
 from dragon_ros.core.tracks.segments import BEHIND
 
+if TYPE_CHECKING:       # scenes without a venue import none of it
+    from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
+
 MOST = 1000             # near misses that are told, the nearest first; the others are counted
+_COARSE_M = 1.0         # between places at which obstacles are looked for at all
 _SPACING_M = 0.02       # between samples along the track: a corner that passes a bench makes dips some decimetres wide
 _LIPSCHITZ = 2.0        # of a gap by the leader's way, about: how far above the threshold a sample of a dip may be
 _SHALLOW_M = 1e-9       # far above what gaps err by: shallower dips are not told from a constant gap
@@ -43,16 +50,17 @@ Gaps = Callable[[Floats, Ints], Floats]     # of places (M,) and pairs (..., 2):
 
 @dataclass(frozen=True)
 class NearMiss:
-    """Where the gap of two benches (the inner first) is smallest: time in s and gap in m."""
+    """Where the gap of two benches (the inner first), or of one to an obstacle, is smallest: time in s, gap in m."""
 
-    benches: Pair
+    benches: tuple[int, ...]
     t_s: float
     gap_m: float
+    obstacle: str | None = None
 
     @property
     def bench(self) -> int:
         """The outer one of the benches."""
-        return self.benches[1]
+        return self.benches[-1]
 
 
 @dataclass(frozen=True)
@@ -65,7 +73,7 @@ class NearMisses:
 
 @dataclass(frozen=True)
 class _Dip:
-    """A local minimum of a pair's gap over places."""
+    """A local minimum of a pair's gap over places; the names of a venue's obstacles are numbered behind the benches."""
 
     pair: Pair
     place: float
@@ -86,11 +94,8 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
     """Return the near misses before the contact (or end) with gaps below ``below_m``; times are right to about 1e-5 s.
 
     A place that the leader passes more than once gives one each time. ``progress(states)`` is called with every number
-    of states just evaluated. Raises FieldError for a scene with a venue, whose obstacles are not looked at.
+    of states just evaluated.
     """
-    if scene.venue is not None:
-        raise FieldError('venue', scene.venue, 'near misses are those among benches alone', 'leave the venue out '
-                         '(--set venue=null) to ask for these; design fit tells the smallest gaps to obstacles')
     end_s = found.t_s if isinstance(found, Contact) else compile_scene(scene).end.t_s
     travel = RangeOfTravel(scene.head, scene.run.start_s, end_s)
     dips, count = list[_Dip](), 0
@@ -99,10 +104,19 @@ def near_misses(scene: Scene, found: Contact | NoContact, below_m: float,
         dips, count = dips + more, count + left_out
     dips = _distinct(dips)
     passed = travel.passages_s([dip.place for dip in dips])
-    misses = [NearMiss(dip.pair, t_s, dip.gap_m) for dip, times in zip(dips, passed, strict=True) for t_s in times]
+    names = scene.venue.names if scene.venue else ()
+    misses = [_miss(dip.pair, t_s, dip.gap_m, scene.dragon.benches, names)
+              for dip, times in zip(dips, passed, strict=True) for t_s in times]
     misses += _at_reversals(scene, travel, below_m)
     misses.sort(key=lambda miss: (miss.gap_m, miss.t_s))
     return NearMisses(tuple(misses[:MOST]), count + len(misses))
+
+
+def _miss(pair: Pair, t_s: float, gap_m: float, benches: int, names: Sequence[str]) -> NearMiss:
+    """Return a near miss of two benches, or of one and an obstacle."""
+    if pair[1] < benches:
+        return NearMiss(pair, t_s, gap_m)
+    return NearMiss(pair[:1], t_s, gap_m, names[pair[1] - benches])
 
 
 def _distinct(dips: list[_Dip]) -> list[_Dip]:
@@ -118,6 +132,7 @@ def _in_domain(domain: SearchDomain, proof: Certificate, below_m: float) -> tupl
     """Return the dips of a domain, at places of the leader, and how many are left out of the list."""
     out = _of_chain(domain, [each for each in proof.led_by(ALL) if each.bound_m < below_m], below_m)
     alike: list[_ClassDip] = []
+    out += _of_obstacles(domain, below_m) if domain.around else []
     for part in classes_of(domain) if domain.track.from_afar else []:
         dips = [*_of_class(domain, part, proof.led_by(part.lead), below_m)]
         alike += _reached(domain, part, dips) if dips else []
@@ -276,6 +291,72 @@ def _gone_at(domain: SearchDomain, bench: Ints, along_m: Floats, within: tuple[f
     return gone_m
 
 
+def _of_obstacles(domain: SearchDomain, below_m: float) -> list[_Dip]:
+    """Return the dips of benches with obstacles, at places of the leader: the ``MOST`` deepest of each phase."""
+    from dragon_ros.core.search.bounding_box import by_length
+    from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
+    from dragon_ros.core.search.obstacle_contact import phases, swept_bench, windows_of
+    out: list[_Dip] = []
+    assert domain.around
+    for phase in phases(domain, domain.stop_m):
+        here, there = (domain.along_m(end) for end in phase)
+        alike: list[tuple[float, int, int, float]] = []
+        for benches in by_length(domain.dragon.bench_lengths_m):
+            windows = windows_of(domain, benches, phase, _COARSE_M) if benches.size else []
+            bounds = ObstacleBounds(swept_bench(domain, int(benches[0])), domain.around) if windows else None
+            for span in _spans([(window.places[0], window.places[-1]) for window in windows]):
+                assert bounds
+                for number, place, gap_m in _obstacle_dips(bounds, span, below_m):
+                    there_too = benches[(here[benches] - place) * (there[benches] - place) < 0].tolist()
+                    alike += [(gap_m, bench, number, place) for bench in there_too]
+        alike = sorted(alike)[:MOST]
+        gone_m = _gone_at(domain, np.array([one[1] for one in alike], dtype=np.int64),
+                          np.array([one[3] for one in alike]), phase)
+        out += [_Dip((bench, domain.dragon.benches + number), gone, gap_m)
+                for (gap_m, bench, number, _), gone in zip(alike, gone_m.tolist(), strict=True)]
+    return out
+
+
+def _obstacle_dips(bounds: 'ObstacleBounds', span: tuple[float, float], below_m: float
+                   ) -> Iterator[tuple[int, float, float]]:
+    """Yield number of an obstacle, place of the front handle and gap of a bench's dips on a span of the track."""
+    from dragon_ros.core.search.obstacle_bounds import corners_of
+    places = np.linspace(*span, 2 + int((span[1] - span[0]) / _COARSE_M))
+    states = bounds.bench.states(places)
+    corners, first = corners_of(states), np.arange(places.size - 1)
+    way = 0.5 * np.max(bounds.ways(states.rows(first), states.rows(first + 1)), axis=1)
+    near, _ = bounds.around.in_boxes(*_boxes(np.concatenate((corners[:-1], corners[1:]), axis=1), way + below_m))
+    for low, high in _spans([(places[n], places[n + 1]) for n in np.unique(near).tolist()]):
+        for fine in _grids(max(low - _SPACING_M, span[0]), min(high + _SPACING_M, span[1]), _SPACING_M):
+            row, edge = bounds.around.in_boxes(*_boxes(corners_of(bounds.bench.states(fine)),
+                                                       np.full(fine.size, below_m + _LIPSCHITZ * _SPACING_M)))
+            number = bounds.around.owner[edge]
+            gap_m = np.full((fine.size, len(bounds.around.names)), np.inf)
+            np.minimum.at(gap_m, (row, number), bounds.gaps(bounds.bench.states(fine).rows(row), edge))
+            pairs = np.stack((np.zeros(gap_m.shape[1], dtype=np.int64), np.arange(gap_m.shape[1])), axis=1)
+            found, left, right = _bracketed(fine, pairs, gap_m, below_m)
+            for (_, n), a, b in zip(found.tolist(), left.tolist(), right.tolist(), strict=True):
+                own = np.unique(edge[number == n])
+                place, least = _lowest(partial(_least, bounds, own), np.array([a]), np.array([b]))
+                if least[0] < below_m:
+                    yield n, float(place[0]), float(least[0])
+
+
+def _least(bounds: 'ObstacleBounds', edges: Ints, places: Floats) -> Floats:
+    """Return the smallest gap to some edges at places (M,)."""
+    row = np.repeat(np.arange(places.size), edges.size)
+    gap_m = bounds.gaps(bounds.bench.states(places).rows(row), np.tile(edges, places.size))
+    out: Floats = np.min(gap_m.reshape(places.size, -1), axis=1)
+    return out
+
+
+def _boxes(corners: Complexes, reach_m: Floats) -> tuple[Floats, Floats]:
+    """Return lower left and upper right corners (M, 2) of boxes that hold points (M, K) and more."""
+    low = np.stack((np.min(corners.real, axis=1), np.min(corners.imag, axis=1)), axis=1) - reach_m[:, None]
+    high = np.stack((np.max(corners.real, axis=1), np.max(corners.imag, axis=1)), axis=1) + reach_m[:, None]
+    return low, high
+
+
 def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterator[NearMiss]:
     """Yield what comes nearest where the leader turns round."""
     for t_s, sense in travel.reversals:
@@ -285,3 +366,8 @@ def _at_reversals(scene: Scene, travel: RangeOfTravel, below_m: float) -> Iterat
         gap, before = gaps(benches, i, j), gaps(domain.benches(gone_m - sense * _CLOSING_M), i, j)
         for n in np.flatnonzero((gap < below_m) & (before - gap > 4 * domain.error_m)).tolist():
             yield NearMiss((int(i[n]), int(j[n])), t_s, float(gap[n]))
+        if domain.around:
+            bench, number, gap = domain.around.closest(benches, below_m)
+            before = domain.around.gaps_to(domain.benches(gone_m - sense * _CLOSING_M), bench, number)
+            for n in np.flatnonzero((gap < below_m) & (before - gap > 4 * domain.error_m)).tolist():
+                yield NearMiss((int(bench[n]),), t_s, float(gap[n]), domain.around.names[number[n]])

@@ -1,5 +1,6 @@
 """Effects: what is off is absent, what is on is right, and none changes another."""
 import json
+import pickle
 import subprocess
 import sys
 from dataclasses import fields, replace
@@ -9,13 +10,15 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+import shapely
+from venues import edges_of
 
 from dragon_ros.core.batches import ticks, velocity_of
 from dragon_ros.core.chain.chain import Chain
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.chain.head_law import Head, Profile
 from dragon_ros.core.effects.noise import normal
-from dragon_ros.core.effects.proximity import closeness
+from dragon_ros.core.effects.proximity import closeness, named_pair
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.flags import MEANINGS, NEEDS, Effect, Noise, Trails, check_needs, effects_of, known
 from dragon_ros.core.geometry.contacts import Observation
@@ -26,6 +29,9 @@ from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.step import frame_of, state, tick
 from dragon_ros.core.tracks.spec import Spiral, STurn
+from dragon_ros.core.venue import PolygonObstacle, Venue
+from dragon_ros.messages.encode import encoders
+from dragon_ros.scenes.load import load_scene
 
 ALL = ~Effect.NONE
 FIELDS = {Effect.VELOCITY: 'velocity_m_s', Effect.BENCHES: 'benches', Effect.CLEARANCE: 'closeness',
@@ -162,7 +168,7 @@ def test_clearance_is_infinite_where_nothing_is_near():
     frame = tick(alone, 0)
     assert frame.closeness.clearance_m == np.inf
     assert frame.contacts.benches.shape == (0, 2)
-    assert closeness(compile_scene(alone).model, frame.chain, frame.benches).i.size == 0
+    assert closeness(compile_scene(alone), frame.chain, frame.benches).i.size == 0
 
 
 def test_the_clearance_vanishes_in_the_frame_of_the_first_contact():
@@ -284,3 +290,30 @@ def test_bad_sensors_and_trails_are_refused():
     for wrong in ({'seconds': 0.0}, {'points': 1}):
         with pytest.raises(FieldError, match=f'trails.{next(iter(wrong))}'):
             Trails(**wrong)
+
+
+def test_obstacles_count_as_benches_that_are_numbered_behind_them():
+    """Clearance and contacts are those of shapely, and only the fields of these two effects change."""
+    scene = replace(load_scene('street'), effects=ALL & ~Effect.PATH, trails=Trails(points=5))
+    bare, seen = (tick(replace(scene, venue=venue), 4000) for venue in (None, scene.venue))
+    lines, boxes = edges_of(scene.venue), shapely.polygons(seen.benches.corners)
+    away = np.array([shapely.distance(boxes, line) for line in lines.values()])
+    number, _ = np.unravel_index(int(np.argmin(away)), away.shape)
+    assert seen.closeness.clearance_m == pytest.approx(away.min(), abs=1e-12)
+    assert away.min() < bare.closeness.clearance_m
+    assert seen.closeness.closest[1] == scene.dragon.benches + number
+    nearest = boxes[seen.closeness.closest[0]]
+    assert shapely.distance(nearest, lines[scene.venue.names[number]]) == pytest.approx(away.min())
+    assert not seen.contacts.benches.size
+    assert pickle.dumps(seen.chain.p) == pickle.dumps(bare.chain.p)
+    x, y = seen.benches.centre[7].tolist()
+    stone = PolygonObstacle('stone', ((x, y), (x + 0.2, y), (x, y + 0.2)))
+    hit = tick(replace(scene, venue=Venue((*scene.venue.obstacles, stone), scene.venue.inside)), 4000)
+    assert hit.contacts.benches.tolist() == [[7, scene.dragon.benches + 3]]
+    assert hit.contacts.gap_m[0] == hit.closeness.clearance_m < 0
+    assert shapely.distance(boxes[7], shapely.Point(hit.contacts.point_m[0])) < 0.2
+    with_stone = replace(scene, venue=Venue((stone,)))
+    assert named_pair(with_stone, (7, scene.dragon.benches)) == "bench 7 and obstacle 'stone'"
+    assert named_pair(scene, (7, 9)) == 'benches 7 and 9'
+    markers = encoders(scene, 'dragon')['model/markers'](hit)
+    assert markers.count(b'contact bench') == 1

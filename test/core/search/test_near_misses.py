@@ -4,6 +4,8 @@ from functools import lru_cache
 import numpy as np
 import pytest
 from properties import thinned
+import shapely
+import venues
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
@@ -16,6 +18,7 @@ from dragon_ros.core.search import near_misses as module
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.near_misses import near_misses
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral, SpiralArc, STurn
+from dragon_ros.core.venue import LineObstacle, Venue
 
 IN_AND_OUT = Profile(((0.0, 1.0), (3.0, 1.0), (5.0, -1.0), (9.0, -1.0), (12.0, 1.0)))
 SCENES = {
@@ -112,3 +115,32 @@ def test_a_long_list_is_cut_to_the_nearest_and_says_so(monkeypatch):
     assert every.count > 5 == len(few.nearest)
     assert few.count > 5
     assert few.nearest[0] == every.nearest[0]
+
+
+@pytest.mark.parametrize('name', ['spiral', 'mixed spiral', 'spiral by the tail, back and on'])
+def test_near_misses_of_obstacles_are_the_local_minima_that_shapely_sees(name):
+    below_m, step_m = 0.2, 0.01
+    scene = venues.with_venue((venues.SCENES | venues.MORE)[name], 12 if name == 'spiral' else 11)
+    found = first_contact(scene)
+    times = venues.times_of(scene, step_m, found.t_s if found else compile_scene(scene).end.t_s)
+    boxes, wanted = shapely.polygons(venues.corners_at(scene, times)), []
+    for obstacle, line in venues.edges_of(scene.venue).items():
+        away = shapely.distance(boxes, line)
+        low = (away[1:-1] < away[:-2]) & (away[1:-1] <= away[2:]) & (away[1:-1] < below_m - 1e-3)
+        wanted += [(bench, obstacle, times[n + 1], away[n + 1, bench]) for n, bench in np.argwhere(low)]
+    told = [(*one.benches, one.obstacle, one.t_s, one.gap_m) for one in near_misses(scene, found, below_m).nearest
+            if one.obstacle]
+    assert len(wanted) >= 3
+    assert {one[:2] for one in told if one[3] < below_m - 1e-3} <= {one[:2] for one in wanted}
+    for bench, obstacle, t_s, gap_m in wanted:
+        assert any(one[:2] == (bench, obstacle) and abs(one[2] - t_s) < 2 * step_m
+                   and gap_m - 1e-3 < one[3] <= gap_m + 1e-12 for one in told), (bench, obstacle, t_s, gap_m)
+
+
+def test_a_bench_that_turns_back_before_a_wall_misses_it_there():
+    law = Profile(((0.0, 1.0), (9.0, 1.0), (11.0, -1.0)))
+    scene = Scene(Dragon(3), Composite((Line(60.0),), 20.0), law, Run(stop_s=15.0),
+                  venue=Venue((LineObstacle('wall', ((29.875, -1.0), (29.875, 1.0))),)))
+    (miss,) = near_misses(scene, first_contact(scene), 0.2).nearest     # the head's front goes to 29.775 m
+    assert (miss.benches, miss.obstacle, miss.bench) == ((0,), 'wall', 0)
+    assert (miss.t_s, miss.gap_m) == (pytest.approx(10.0), pytest.approx(0.1))
