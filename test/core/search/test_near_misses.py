@@ -3,9 +3,9 @@ from functools import lru_cache
 
 import numpy as np
 import pytest
-from properties import thinned
 import shapely
 import venues
+from properties import thinned
 
 from dragon_ros.core.batches import states
 from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
