@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from fractions import Fraction
 from functools import cached_property, lru_cache
 from itertools import pairwise
-from math import hypot, inf, isfinite, nextafter, pi, sqrt
+from math import hypot, inf, isfinite, nextafter, pi
 
 from flint import acb, arb
 
@@ -164,9 +164,19 @@ class _Proof:
         """Return boxes of all places of the head (0), and of all front handles behind it (1)."""
         inner, outer = self._innermost(), above(self._start)
         rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
-        tail = sqrt(outer**2 + 4 * self._scale[1] * (self._head[1] + self._family.benches * self._body[1])) * (1 + 1e-9)
-        return [*((0, box) for box in self._row(inner, outer, self._head)),
-                *((1, box) for box in self._row(rear, tail, self._body))]
+        first = [(0, box) for box in self._row(inner, outer, self._head)]
+        if self._family.benches > 3:        # of three, the head alone has two behind it
+            first += [(1, box) for box in self._row(rear, self._last(outer), self._body)]
+        return first
+
+    def _last(self, theta: float) -> float:
+        """Return how far out the front handle is of the last bench with two behind it, the head's being at an angle.
+
+        Lemma 6: no dragon's is further out than that of the longest links.
+        """
+        for link in [self._head[1], *[self._body[1]] * (self._family.benches - 4)]:
+            theta = nextafter(theta + _span(theta, above(arb(self._scale[1]) * arb(link)), 1), inf)
+        return theta
 
     def _clear(self, lead: int, box: Box, before: int) -> int:
         """Return the number of boxes that it takes to clear one, after ``before`` others. Raises Refused."""

@@ -169,9 +169,16 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
         low, high, numbers = high, low, numbers[::-1]
     elif not ratio > 0:
         low, high, numbers = *_turning(front, (low, high), spans, ratio), (None, None)
-    both = ends[0].place(n + 1).u + ends[1].place(n + 1).u      # a place outside of them is furthest from both
-    ways = max(above(TWO * high - both), above(both - TWO * low))
+    ways = furthest(low, high, ends[0].place(n + 1).u + ends[1].place(n + 1).u)
     return Handle(front.track, front.segment, low, high, numbers, up(ways * above(segment.speed(high))), slopes)
+
+
+def furthest(low: arb, high: arb, both: arb) -> float:
+    """Return how far a place between two bounds is at most from two others between them, together; ``both`` is their sum.
+
+    Beyond both of them that grows with the distance, so it is largest at a bound.
+    """
+    return max(above(TWO * high - both), above(both - TWO * low))
 
 
 def _turning(front: Handle, images: tuple[arb, arb], spans: tuple[arb, arb], ratio: arb) -> tuple[arb, arb]:

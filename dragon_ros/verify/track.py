@@ -44,8 +44,8 @@ def _hair_m(end: arb) -> float:
 class Place(NamedTuple):
     """A segment's number and the coordinate on it; within ``loose`` metres of a joint, nobody knows on which side.
 
-    Then it is on the segment's curve continued. Beyond the joint the track strays from that by K d^2 at most after a
-    way of d, which is far below d: so u and the point, widened by twice d, hold all that may be there.
+    Then it is on the segment's curve continued. A way d beyond the joint, the track has strayed from that curve by
+    K d^2 at most, and its direction by 2 K d (docs/contact.md).
     """
 
     segment: int
@@ -87,23 +87,22 @@ class Track:
                   if not (metres < joint or metres >= joint)]
         return self._loosened(k, self.segments[k].after(metres - self.origins[k]), max(beyond, default=0.0))
 
-    def _loosened(self, k: int, u: arb, beyond_m: float, loose: float = 0.0) -> Place:
+    def _loosened(self, k: int, u: arb, beyond_m: float) -> Place:
         """Return a place that may be some metres beyond a joint."""
         if not beyond_m:
-            return Place(k, u, loose)
-        beyond_m = 2 * beyond_m + loose
+            return Place(k, u)
         certainly(beyond_m * max(self.bend, 1.0) < _NARROW, 'a handle next to a joint of the track could not be placed')
         return Place(k, u + UNIT * size(beyond_m / self.segments[k].speed(u)), beyond_m)
 
     def point(self, place: Place) -> acb:
         """Return the point of a place."""
         out = self.segments[place.segment].point(place.u)
-        return out + acb(UNIT, UNIT) * place.loose if place.loose else out
+        return out + acb(UNIT, UNIT) * up(self.bend * place.loose * place.loose) if place.loose else out
 
     def heading(self, place: Place) -> acb:
         """Return the unit tangent of a place."""
         out = self.segments[place.segment].heading(place.u)
-        return out + acb(UNIT, UNIT) * up(self.bend * place.loose) if place.loose else out
+        return out + acb(UNIT, UNIT) * up(2 * self.bend * place.loose) if place.loose else out
 
     def next(self, place: Place, link: Link, way: int) -> Place:
         """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused where there is none."""
@@ -116,16 +115,16 @@ class Track:
             return self._across(place, link, way)       # the spiral itself need not come so far from the handle again
         u = segment.next(place.u, link, way)
         if edge is None:
-            return Place(k, u, place.loose)
+            return Place(k, u)
         inside = (edge - u) * (segment.sense * way)
         if inside < 0:
             end = self.end if way > 0 else self.begin       # the track's own, beyond which a float of it may be
             if 0 <= k + way < len(self.segments) or end is None or size(inside * segment.speed(u)) > _hair_m(end):
                 return self._across(place, link, way)
-            return Place(k, u, place.loose)
+            return Place(k, u)
         if is_inwards:
             self._within(abs(segment.metres(place.u) - segment.metres(u)))
-        return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)), place.loose)
+        return self._loosened(k, u, 0.0 if inside >= 0 else size(inside * segment.speed(u)))
 
     def _within(self, gone: arb) -> None:
         certainly(gone * self.bend < half_turn(), 'a link could reach two places: the track bends too tightly for it')
@@ -197,13 +196,16 @@ class Track:
         """Return all curvatures from one place to another; on a spiral it is monotone."""
         first, last = (one, two) if one.segment < two.segment else (two, one)
         out = self.segments[first.segment].curvature(one.u if first.segment == last.segment else first.u)
-        spread = 1 if one.loose or two.loose else 0
+        loose_m = max(one.loose, two.loose)
+        spread = 1 if loose_m else 0
         for k in range(max(first.segment - spread, 0), min(last.segment + spread + 1, len(self.segments))):
             segment = self.segments[k]
-            passed = [segment.last if k < last.segment else None, segment.first if k > first.segment else None,
-                      *(place.u for place in (one, two) if place.segment == k)]
-            for u in passed:
-                out = out if u is None else out.union(segment.curvature(u + UNIT * (one.loose + two.loose)))
+            for u in (segment.last if k < last.segment else None, segment.first if k > first.segment else None):
+                if u is not None:
+                    out = out.union(segment.curvature(u + UNIT * up(size(loose_m / segment.speed(u)))))
+            for place in (one, two):
+                if place.segment == k:
+                    out = out.union(segment.curvature(place.u))
         return out
 
     def apart_m(self, one: Place, two: Place) -> float:
@@ -214,7 +216,7 @@ class Track:
         if isinstance(segment, SpiralSegment):
             outer = one.u if float(one.u) > float(two.u) else two.u
             return up(size(segment.b * (one.u - two.u) * root_of(outer)))
-        return size(segment.speed(one.u) * (one.u - two.u)) + one.loose + two.loose
+        return size(segment.speed(one.u) * (one.u - two.u))
 
 
 def track_of(scene: reading.Scene) -> Track:

@@ -2,7 +2,8 @@
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
-from math import hypot
+from math import cos, hypot, pi, sin
+from types import SimpleNamespace
 
 import pytest
 from flint import acb, arb
@@ -12,17 +13,20 @@ from motions import BENCHES, STEP, SWAY, around, at, centred, compiled, corners,
 from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
-from dragon_ros.core.tracks.spec import Arc, Composite, Line
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
+from dragon_ros.verify import segments
 from dragon_ros.verify.balls import above, below, direction, exact, hypot_above, precise, size, up
 from dragon_ros.verify.cover import Way, _middle, repeated
 from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.interval import Interval
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.motion import spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
 from dragon_ros.verify.ranges import _image, ranges
 from dragon_ros.verify.roots import certified
 from dragon_ros.verify.run import Limit, _passage, _up_to, _within, never_reaches
-from dragon_ros.verify.segments import Link
+from dragon_ros.verify.segments import Link, Locked, SpiralSegment, rises
+from dragon_ros.verify.track import Place
 
 THIN = Dragon(BENCHES, 1.9, 1.7, 2e-4, 1e-4)
 HALVES = 150        # of an interval of a radian, until a turning is known to the last bit
@@ -72,9 +76,9 @@ def test_a_bench_without_overhang_goes_as_far_as_the_handle_that_goes_further(ki
         assert piece._moved_m(n) < 1.003 * gone
 
 
-def nearest_m(posture, n):
+def nearest_m(posture, n, centre=0):
     """How near to the centre a link comes."""
-    one, two = (complex(posture.point(k)) for k in (n, n + 1))
+    one, two = (complex(posture.point(k) - centre) for k in (n, n + 1))
     share = min(max((one.conjugate() * (one - two)).real / abs(one - two)**2, 0.0), 1.0)
     return abs(one + share * (two - one))
 
@@ -91,6 +95,32 @@ def test_links_that_are_out_of_reach_are_further_out_than_all_of_the_leading_ben
     assert all(piece._out_of_reach(n) for n in range(first, 40))
     assert all(nearest[n] > furthest for n in range(first, 40))
     assert nearest[first - 2] < furthest + 3e-3
+
+
+@pytest.mark.parametrize(('kind', 'start', 'length'), [
+    ('to the centre', 2.0, 4.0), ('to the centre', 14.0, 3.0), ('turn', 12.0, 1.5), ('turn', 12.5, 1.0)])
+def test_benches_that_are_out_of_reach_are_so_while_the_leading_bench_goes_in_or_out(kind, start, length):
+    """Also where that is beyond the spiral that they are on."""
+    dragon = Dragon(60, 0.8, 0.8, 2e-4, 1e-4)
+    made_of = centred(dragon, 0.9, 3.4) if kind == 'to the centre' else compiled(dragon, STurn(1.7, 5.0, 1.5))
+    track, benches, _ = made_of
+    piece, ends = interval(made_of, start, start + length)
+    spiral, inside = track.segments[0], [at(track, benches, start + length * k / 8) for k in range(9)]
+    furthest = max(abs(complex(corner - spiral.centre)) for posture in inside for corner in corners(posture.pose(0)))
+    away = [n for n in range(2, 59) if piece._out_of_reach(n)]
+    nearest = [min(nearest_m(posture, n, spiral.centre) for posture in inside) for n in away]
+    assert min(nearest) > furthest
+    assert min(nearest) < furthest + (0.1 if kind == 'to the centre' else 0.1 + 1.5 * length)
+    if kind == 'turn':
+        assert piece._handle(0).segment != 0
+
+
+@pytest.mark.parametrize(('moved', 'is_far'), [((2.0, 2.9), True), ((2.1, 2.95), False), ((2.9, 2.0), True),
+                                               ((3.0, 2.1), False), ((0.0, 5.1), False), ((5.1, 0.0), False)])
+def test_benches_are_far_apart_if_they_are_though_both_come_as_near_as_they_go(moved, is_far):
+    poses = [posed((0.0, 0.0), 0.3, 1.2, 1.6), posed((10.0, 0.0), 0.3, 1.8, 2.4)]      # arms of 2 m and 3 m
+    end = SimpleNamespace(pose=poses.__getitem__)
+    assert Interval._far(SimpleNamespace(_ends=(end, end), _moved_m=moved.__getitem__), 1) == is_far
 
 
 # Ranges
@@ -152,6 +182,61 @@ def test_a_place_that_may_be_on_either_side_of_a_joint_holds_the_points_of_both(
         assert heading.contains(track.heading(true))
     assert max(float(part.rad()) for part in (point.real, point.imag)) < 8.5e-16
     assert float(place.loose) < 3e-16
+
+
+def test_beyond_a_joint_points_and_directions_stray_from_the_curve_continued_as_far_as_is_said_and_no_further():
+    """Where curvature changes from one end of its range to the other they stray furthest; a millimetre shows it."""
+    track, _, _ = compiled(THIN, Composite((Arc(2.0, 90.0), Arc(2.0, -90.0)), 1.0))
+    way, first = exact(1e-3), track.segments[0]
+    place, beyond = Place(0, first.last + way / first.radius, 1e-3), Place(1, way / first.radius)
+    for bound, true, most in ((track.point(place), track.point(beyond), 0.5 * 1e-6),
+                              (track.heading(place), track.heading(beyond), 2 * 0.5 * 1e-3)):
+        middle = bound.mid()
+        assert float(abs(true - middle)) == pytest.approx(most, rel=1e-6)
+        assert bound.contains(true)
+        assert most <= float(bound.real.rad()) < most * 1.000001
+        assert most <= float(bound.imag.rad()) < most * 1.000001
+
+
+@pytest.mark.parametrize('scale', [1.0, 1e-5])
+@pytest.mark.parametrize(('turns', 'inwards'), [((2.0, 1.0), True), ((1.0, 2.0), False)])
+def test_curvatures_next_to_a_joint_hold_that_of_a_spiral_a_hair_beyond_it(turns, inwards, scale):
+    """Behind an arc that bends as the spiral does at its end, to the last bit of its radius."""
+    u, b = 2 * pi * turns[0], 1.2 * scale / (2 * pi)
+    radius = b * (1 + u * u)**1.5 / (2 + u * u) * (1 + (4e-16 if inwards else -4e-16))
+    track, _, _ = compiled(THIN, Composite((Arc(radius, 90.0), SpiralArc(1.2 * scale, *turns, 'left')), 0.0))
+    wide, share = exact(1e-16 * scale * scale), exact(0.2)
+    near = track.place_at(track.joints[0] - wide * share + arb(0, 1) * wide)
+    there = track.place_at((track.joints[0] + wide * exact(0.79)).mid())
+    assert near.loose
+    assert (near.segment, there.segment) == (0, 1)
+    spiral = track.segments[1].curvature(there.u).mid()
+    assert abs(float(spiral - track.segments[0].curvature(near.u))) < 1e-15 / scale
+    for one, two in ((near, near), (near, track.place_at(track.joints[0] - wide * 9))):
+        bound = track.curvatures(one, two)
+        assert bound.contains(spiral)
+        assert not bound.contains(track.segments[1].curvature(there.u + (there.u - track.segments[1].first)).mid())
+
+
+@pytest.mark.parametrize(('track', 'place', 'far'), [
+    (Composite((SpiralArc(1.0, 1.0, 3.0, 'left'),), 0.0), 2.9, 1.2),
+    (Composite((Line(2.0), Arc(2.0, 350.0)), 0.0), 1.9, 2.9)], ids=['on a spiral', 'beyond a joint'])
+def test_a_place_that_is_not_the_nearest_one_is_refused_though_it_is_a_link_away(monkeypatch, track, place, far):
+    """As if floats had found it: there the chord shrinks along the track, more than half of the tightest turn away."""
+    placed, _, _ = compiled(THIN, track)
+    segment = placed.segments[-1]
+    if isinstance(segment, SpiralSegment):
+        here, way = Place(0, 2 * arb.pi() * exact(place)), -1
+        turned = 2 * pi * 0.85
+        away = segment.point(here.u) - segment.point(here.u - arb(turned))
+    else:
+        here, way, turned = placed.place_at(arb(place)), 1, far * 2
+        away = placed.point(here) - segment.point(arb(turned))
+    length_m = float(abs(away))
+    monkeypatch.setattr(segments, 'bracketed', lambda *_: turned)
+    monkeypatch.setattr('dragon_ros.verify.track.bracketed', lambda *_: turned)
+    with pytest.raises(Refused, match='reach two places'):
+        placed.next(here, Link(exact(length_m), length_m), way)
 
 
 @pytest.mark.parametrize('way', [1, -1])
@@ -224,6 +309,39 @@ def test_a_root_lies_in_its_ball_which_is_hardly_wider_than_the_function(error):
 def test_where_there_is_no_root_none_is_found():
     with pytest.raises(Refused):
         certified(lambda x: x * x + arb(2.0)**-80, lambda x: 2 * x, 1e-12)
+
+
+def peak(theta):
+    """The span beyond half a turn at which the chord from a handle begins to shrink."""
+    low, high = pi, 1.5 * pi
+    for _ in range(80):
+        middle = 0.5 * (low + high)
+        sine, cosine = sin(0.5 * middle), cos(0.5 * middle)
+        low, high = (middle, high) if middle + 2 * theta * sine * (sine + (theta + middle) * cosine) > 0 else (
+            low, middle)
+    return low
+
+
+@pytest.mark.parametrize('theta', [1.2, 2.0, 9.0])
+def test_a_chord_is_said_to_rise_up_to_its_peak_and_no_further(theta):
+    last, low = peak(theta), arb.pi().lower()
+    assert rises(arb(theta), low, arb(last - 1e-6))
+    assert not rises(arb(theta), low, arb(last + 1e-6))
+    assert not rises(arb(theta) + arb(0, 1e-2), low, arb(last - 1e-6))
+
+
+def test_a_span_beyond_the_peak_of_its_chord_is_none(monkeypatch):
+    """As if floats had found a later root, where the chord grows again."""
+    segment = centred(THIN, 2 * pi, 16.0)[0].segments[0]
+    theta, later = 2.0, 2 * pi + 1.0
+
+    def chord(delta):
+        return float(abs(segment.point(arb(theta + delta)) - segment.point(arb(theta))))
+    link = Link(exact(chord(later)), chord(later))
+    assert chord(peak(theta)) < link.near
+    monkeypatch.setattr(segments, 'about_span', lambda *_: later)
+    with pytest.raises(Locked):
+        segment.span(arb(theta), link)
 
 
 # Benches and their separations

@@ -234,6 +234,20 @@ def test_where_some_link_might_lock_no_head_is_said_to_go():
             proof_of(within={}, until_s=gone_s + 1e-6, scene=scene)._innermost()
 
 
+@pytest.mark.parametrize('benches', [3, 4, 5, 24, 60])
+def test_boxes_reach_out_to_the_last_bench_with_two_behind_it_and_no_further(benches):
+    """When the head starts, of the longest links on the narrowest spiral."""
+    scene = replace(SCENE, dragon=Dragon(benches, 1.5, 1.2, 0.2, 0.1), run=Run())
+    proof = proof_of(scene=scene)
+    last = handles(0.0, PROOF._scale[1], [PROOF._head[1], *[PROOF._body[1]] * benches])[benches - 3]
+    row = [box[THETA] for lead, box in proof._first() if lead]
+    if benches == 3:        # of which the head alone has two behind it
+        assert not row
+    else:
+        assert last - NEVER_MIND * benches <= row[-1][1] < last + 1e-9 * benches
+        assert row[0][0] < row[-1][1]
+
+
 @pytest.mark.parametrize('theta', [(20.0, 20.0), (20.0, 20.05)])
 def test_strips_reach_from_the_shortest_links_to_the_longest_and_no_further(theta):
     scale, link = PROOF._scale, PROOF._body

@@ -10,7 +10,7 @@ from properties import examples
 
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.verify.errors import Refused
-from dragon_ros.verify.motion import _turning
+from dragon_ros.verify.motion import _turning, furthest
 from dragon_ros.verify.track import Place
 
 TURN_M = 432.7581345      # of the head's way: there handle 1 of the classic dragon turns back
@@ -129,6 +129,13 @@ def test_the_mean_value_theorem_bounds_what_turns_once_and_no_less(down, up, sha
     less, more = -max(down, (down + up) / 2), max(up, (down + up) / 2)      # of a ball times one from 0 to 1
     assert float(low) == pytest.approx(max(5 + less, last - more), abs=1e-6)
     assert float(high) == pytest.approx(min(5 + more, last - less), abs=1e-6)
+
+
+@pytest.mark.parametrize(('low', 'one', 'two', 'high'), [(0, 3, 4, 5), (0, 1, 2, 5), (-2, -1, -1, -1), (0, 0, 4, 4)])
+def test_a_place_is_as_far_from_two_others_as_at_the_bound_that_is_further_from_both(low, one, two, high):
+    inside = [low + (high - low) * k / 20 for k in range(21)]
+    most = max(abs(place - one) + abs(place - two) for place in inside)
+    assert most <= furthest(arb(low), arb(high), arb(one + two)) < most + 1e-12
 
 
 @pytest.mark.parametrize('half', [0.01, 0.03])

@@ -326,7 +326,17 @@ class _Claim:
     @cached_property
     def _steepest(self) -> float:
         """How much the gap closes for each metre at most, as the checker takes it; infinite at an end of the model."""
-        domain, step_m = self.domain, _ASIDE * _BEFORE_M * self.domain.unit
+        step_m, wide_m = _ASIDE * _BEFORE_M * self.domain.unit, self.domain.step_m
+        steepest = self._closing(step_m)
+        if wide_m <= step_m or steepest == inf:
+            return steepest
+        # Of benches of kilometres positions err by more than they go in a step of a micrometre.
+        wide, wider = self._closing(wide_m), self._closing(4 * wide_m)
+        return steepest if wider == inf else min(steepest, wide + abs(wider - wide))
+
+    def _closing(self, step_m: float) -> float:
+        """Return how much the gap closes for each metre at most over a step to either side; infinite at an end."""
+        domain = self.domain
         if min(domain.left_m(self._told_m, sense) for sense in (-1, 1)) <= step_m:
             return inf
         early, late = (domain.gap(self.pair, self._told_m + sense * step_m) for sense in (-1, 1))

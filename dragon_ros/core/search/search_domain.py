@@ -265,12 +265,12 @@ class SearchDomain:
     def slope(self, pair: tuple[int, int], gone_m: float) -> float:
         """Return how much a gap closes at a place for each metre of the leader's way."""
         low, high = sorted((self.start_m, self.stop_m))
-        step_m = max(self._step_m, 2.0**10 * ulp(gone_m))
+        step_m = max(self.step_m, 2.0**10 * ulp(gone_m))
         early, late = max(low, gone_m - step_m), min(high, gone_m + step_m)
         return self.sense * (self.gap(pair, early) - self.gap(pair, late)) / (late - early) if late > early else 0.0
 
     @cached_property
-    def _step_m(self) -> float:
+    def step_m(self) -> float:
         """What slopes are taken over, in proportion to the longest link, by a power of 2; 1 um where all have none."""
         longest_m = float(np.max(self.simulation.model.links_m, initial=0.0))
         return _SLOPE * 2.0 ** (floor(log2(longest_m)) - 1) if longest_m else _SLOPE
