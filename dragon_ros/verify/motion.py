@@ -174,7 +174,7 @@ def _that_may_turn(front: Handle, ends: Postures, n: int, link: Link) -> Handle:
 
 
 def furthest(low: arb, high: arb, both: arb) -> float:
-    """Return how far a place between two bounds is at most from two others between them, together; ``both`` is their sum.
+    """Return how far a place is at most from two others, together, all between two bounds; ``both`` is their sum.
 
     Beyond both of them that grows with the distance, so it is largest at a bound.
     """

@@ -14,7 +14,7 @@ from dragon_ros.verify.posture import Dragon
 from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, rises
 from dragon_ros.verify.track import Place, Track
 
-_HALVINGS = 40
+_HALVINGS = 70          # of a range of up to a million radians, down to 1e-15
 _NARROW = 1e-9          # of where a handle is: how far bounds of where it turns back may be off
 Range = tuple[arb, arb]
 

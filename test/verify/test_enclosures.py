@@ -104,7 +104,7 @@ def test_benches_that_are_out_of_reach_are_so_while_the_leading_bench_goes_in_or
     dragon = Dragon(60, 0.8, 0.8, 2e-4, 1e-4)
     made_of = centred(dragon, 0.9, 3.4) if kind == 'to the centre' else compiled(dragon, STurn(1.7, 5.0, 1.5))
     track, benches, _ = made_of
-    piece, ends = interval(made_of, start, start + length)
+    piece, _ = interval(made_of, start, start + length)
     spiral, inside = track.segments[0], [at(track, benches, start + length * k / 8) for k in range(9)]
     furthest = max(abs(complex(corner - spiral.centre)) for posture in inside for corner in corners(posture.pose(0)))
     away = [n for n in range(2, 59) if piece._out_of_reach(n)]
