@@ -12,6 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.geometry.signed_distance import rounding_m
 from dragon_ros.core.geometry.venue import Surroundings
 from dragon_ros.core.numerics.types import Complexes, Floats, Ints
@@ -53,15 +54,11 @@ class ObstacleBounds:
         with np.errstate(all='ignore'):
             way, h = crude[..., 0], np.abs(b.link.along_m - a.link.along_m)[:, :1]
             low = 0.5 * (gaps[0] + gaps[1] - np.max(way, axis=1))
-            middle, rad = slope.mid[..., 0] + 1j * slope.mid[..., 2], slope.rad[..., 0] + slope.rad[..., 2]
-            rad = rad + self._unsure
             for one, gap_m in zip(corners, gaps, strict=True):
                 d = self._directions(one, gap_m, edge)
-                back = np.conj(d)[:, None]
-                goes = np.fmin(way, (np.abs((back * middle).real) + rad) * h)
-                values = (back * (corners[0] + corners[1])).real - goes
+                least = np.min(least_along(d, corners, slope, self._unsure, h, way), axis=1)
                 beyond = [(np.conj(d) * end[edge]).real for end in (self.around.start, self.around.stop)]
-                low = np.fmax(low, 0.5 * np.min(values, axis=1) - np.maximum(*beyond))
+                low = np.fmax(low, least - np.maximum(*beyond))
             low -= self.rounding_m(edge)
         return np.where(np.isnan(low), -np.inf, low)
 
@@ -121,6 +118,20 @@ class ObstacleBounds:
         apart = np.min((np.conj(ways)[..., None] * corners).real, axis=-1) - np.maximum(*beyond)
         out: Complexes = ways[np.argmax(apart, axis=0), np.arange(edge.size)]
         return out
+
+
+def least_along(d: Complexes, ends: tuple[Complexes, Complexes], slope: Ball, unsure: float, h: Floats,
+                way_m: Floats) -> Floats:
+    """Return the least coordinate along d (M) that corners (M, 4) may have between two states, in m.
+
+    ``slope`` (M, 4, 3) holds their derivatives by a variable that grows by ``h`` (M, 1), of x first, of y last, and
+    these may err by ``unsure``. The corners go ``way_m`` (M, 4) at most.
+    """
+    back, middle = np.conj(d)[:, None], slope.mid[..., 0] + 1j * slope.mid[..., 2]
+    rad = slope.rad[..., 0] + slope.rad[..., 2] + unsure
+    goes = np.fmin(way_m, (np.abs((back * middle).real) + rad) * h)
+    out: Floats = 0.5 * ((back * (ends[0] + ends[1])).real - goes)
+    return out
 
 
 def corners_of(states: BenchStates) -> Complexes:

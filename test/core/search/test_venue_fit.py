@@ -7,12 +7,13 @@ import shapely
 from venues import SCENES, corners_at, edges_of, random_venue
 
 from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.enclosures.ball_arithmetic import Ball
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.geometry.venue import surroundings_of
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
-from dragon_ros.core.search.obstacle_bounds import ObstacleBounds
+from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, least_along
 from dragon_ros.core.search.venue_fit import venue_fit
 from dragon_ros.core.tracks.spec import Composite, Line
 from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
@@ -71,6 +72,40 @@ def test_bounds_hold_between_the_ends_of_cells():
                 between = bounds.bench.states(places[:-1] + share * np.diff(places))
                 least = np.minimum(least, bounds.gaps(between.rows(index), edge))
             assert np.all(bound <= least + 1e-11), name
+
+
+def least_of(d, start, stop, middle, radius, h, way_m=np.inf):
+    """The bound for four corners that move alike; ``middle`` and ``radius`` are complex: of x and of y."""
+    slope = Ball(*(np.tile([one.real, 0.0, one.imag], (1, 4, 1)) for one in (complex(middle), complex(radius))))
+    ends = np.full((1, 4), complex(start)), np.full((1, 4), complex(stop))
+    found = least_along(np.array([complex(d)]), ends, slope, 0.0, np.full((1, 1), h), np.full((1, 4), way_m))
+    assert found.shape == (1, 4)
+    return float(np.max(found))
+
+
+@pytest.mark.parametrize('d', [1, 1j, -1, -1j])
+def test_a_corner_that_turns_back_as_sharply_as_its_slopes_allow_is_at_its_least_coordinate(d):
+    """First against the direction as fast as it may, then along it; the bound is met where the ball is about 0."""
+    start, radius, h = 2.0 - 1.0j, 1.5, 0.3
+    for middle in (0.0, 0.4, -0.7, -2.5):
+        met = start + d * (middle - radius) * h / 2
+        stop = met + d * (middle + radius) * h / 2
+        least = min((np.conj(d) * one).real for one in (start, met, stop))
+        bound = least_of(d, start, stop, middle * d, radius * (1 if d in (1, -1) else 1j), h)
+        assert bound <= least + 1e-12
+        assert bound == pytest.approx(least, abs=abs(middle) * h)
+
+
+def test_a_corner_whose_slopes_reach_the_corner_of_their_box_is_not_below_the_bound():
+    d, radius, h = np.exp(0.25j * np.pi), 1.5 + 1.5j, 0.3
+    met = -radius * h / 2
+    assert least_of(d, 0.0, 0.0, 0.0, radius, h) <= (np.conj(d) * met).real + 1e-12
+
+
+def test_a_corner_that_goes_out_and_back_is_at_its_least_coordinate():
+    d, start, way_m = np.exp(2j), 1.0 + 3.0j, 0.7
+    found = least_of(d, start, start, 9.0, 9.0 + 9.0j, 1.0, way_m)
+    assert found == pytest.approx((np.conj(d) * start).real - way_m / 2, abs=1e-12)
 
 
 def test_a_parallel_wall_takes_few_looks_and_its_gap_is_exact():
