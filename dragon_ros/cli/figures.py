@@ -5,20 +5,25 @@ from pathlib import Path
 from typing import Any
 
 from dragon_ros.core.errors import MissingError
+from dragon_ros.version import __version__
 
 # Okabe-Ito colours, which colour-blind people can distinguish, by meaning.
 BODY, HEAD, TOUCHED, TRACK, POINT = '#56B4E9', '#D55E00', '#E69F00', '#999999', '#000000'
 LINES = ('#0072B2', '#D55E00', '#009E73', '#CC79A7', '#E69F00', '#56B4E9')
+HATCH = '////'          # of what touches: the colours are alike in black and white
+DASHES: tuple[Any, ...] = ('solid', (0, (5, 1.5)), (0, (1, 1)), (0, (6, 1.5, 1, 1.5)), (0, (3, 1, 1, 1, 1, 1)),
+                           (0, (8, 3)))
 QUIET = '#555555'       # of notes and guide lines
 OBSTACLE = '#DDD8CE'    # of a venue, and all that is not inside
 
 _STYLE = {
     'figure.constrained_layout.use': True, 'figure.constrained_layout.h_pad': 0.1,
-    'figure.constrained_layout.w_pad': 0.08, 'font.family': 'DejaVu Sans', 'font.size': 10, 'axes.titlesize': 11,
-    'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False, 'axes.edgecolor': QUIET,
-    'axes.axisbelow': True, 'axes.grid': True, 'grid.color': '#E6E6E6', 'grid.linewidth': 0.6, 'lines.linewidth': 1.6,
+    'figure.constrained_layout.w_pad': 0.08, 'font.family': ['DejaVu Sans', 'sans-serif'], 'font.size': 10,
+    'axes.titlesize': 11, 'axes.titlelocation': 'left', 'axes.spines.top': False, 'axes.spines.right': False,
+    'axes.edgecolor': QUIET, 'axes.axisbelow': True, 'axes.grid': True, 'grid.color': '#E6E6E6', 'grid.linewidth': 0.6,
+    'lines.linewidth': 1.6,
     'legend.frameon': False, 'legend.fontsize': 9, 'svg.hashsalt': 'dragon_ros', 'axes.formatter.useoffset': False,
-    'figure.titlesize': 12,
+    'figure.titlesize': 12, 'hatch.linewidth': 0.5, 'svg.fonttype': 'none', 'pdf.fonttype': 42,
 }
 _LONGEST_NAME = 40          # characters of a name in a title
 _CHARACTERS_PER_INCH = 11   # of a title
@@ -27,6 +32,8 @@ _UNDATED: dict[str, dict[str, Any]] = {'.png': {'Software': None}, '.svg': {'Dat
 FORMATS = tuple(_UNDATED)
 TRACK_ID = 'track'      # of the track in a picture, and in its SVG
 _SVG_DPI = 72
+_CAPTION_IN, _CAPTION_PT, _LEGEND_IN = 0.24, 8, 0.3      # below a figure
+_CAPTION_ID = 'caption'
 
 
 def short(name: str) -> str:
@@ -37,8 +44,13 @@ def short(name: str) -> str:
 
 def titled(name: str, text: str, inches: float) -> str:
     """Return ``name: text`` for a title, on two lines if the axes are too narrow for one."""
-    name = short(name)
-    return f'{name}: {text}' if len(name) + len(text) + 2 <= _CHARACTERS_PER_INCH * inches else f'{name}:\n{text}'
+    return joined(f'{short(name)}:', text, ' ', inches)
+
+
+def joined(one: str, other: str, by: str, inches: float) -> str:
+    """Return two texts of a title on one line, or on two if the axes are too narrow for one."""
+    line = f'{one}{by}{other}'
+    return line if len(line) <= _CHARACTERS_PER_INCH * inches else f'{one}\n{other}'
 
 
 def legend_below(axes: Any, columns: int = 2, **options: Any) -> None:
@@ -66,17 +78,38 @@ def style() -> Iterator[None]:
         yield
 
 
-def write(figure: Any, path: Path, dpi: int = 130) -> Path:
-    """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path."""
+def write(figure: Any, path: Path, dpi: int = 130, caption: str = '') -> Path:
+    """Write a matplotlib figure in the format of the path's suffix, reproducibly, and return the path.
+
+    A caption stands below the figure, with the version. Text stays text in SVG and PDF.
+    """
     import matplotlib
     suffix = path.suffix.lower()
+    if caption:
+        _add_caption(figure, caption)
     about = _in_metres(figure) if suffix == '.svg' else {}
     try:
-        with matplotlib.rc_context({'svg.hashsalt': _STYLE['svg.hashsalt']}):
+        with matplotlib.rc_context({key: _STYLE[key] for key in ('svg.hashsalt', 'svg.fonttype', 'pdf.fonttype')}):
             figure.savefig(path, dpi=dpi, metadata={**_UNDATED[suffix], **about})
     except OSError as error:
         raise MissingError(f'{path}: cannot be written: {error.strerror}') from None
     return path
+
+
+def _add_caption(figure: Any, caption: str) -> None:
+    """Make room for a caption below a figure, and for its legends above it, and write it there, once."""
+    if any(one.get_gid() == _CAPTION_ID for one in figure.texts):
+        return
+    width, height = figure.get_size_inches().tolist()
+    height += _CAPTION_IN
+    figure.set_size_inches(width, height)
+    below = _CAPTION_IN / height
+    legends = _LEGEND_IN / height if figure.legends else 0.0       # a layout with rect leaves no room for them
+    figure.get_layout_engine().set(rect=(0, below + legends, 1, 1 - below - legends))
+    for legend in figure.legends:
+        legend.set_bbox_to_anchor((0, below, 1, 1 - below), figure.transFigure)
+    figure.text(0.1 / width, 0.08 / height, f'{caption}; dragon_ros {__version__}', gid=_CAPTION_ID,
+                fontsize=_CAPTION_PT, color=QUIET, va='bottom', in_layout=False)
 
 
 def _in_metres(figure: Any) -> dict[str, str]:

@@ -1,19 +1,28 @@
 """Pictures: every kind from a scene and from a bag, the same bytes each time, and clear words where it cannot be."""
+import re
+import struct
 from pathlib import Path
 
+import browser
 import numpy as np
 import pictures
 import pytest
+import shapely
+from matplotlib.colors import to_rgb
+from matplotlib.figure import Figure
 from properties import thinned
 
 from dragon_ros.__main__ import main
 from dragon_ros.bags.read.reader import BagReader
 from dragon_ros.bags.write.writer import BagWriter
+from dragon_ros.cli import figures
 from dragon_ros.cli.figures import style
 from dragon_ros.commands.plot.animation import AnimatedFigure, animate
 from dragon_ros.commands.plot.command import options
-from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture
+from dragon_ros.commands.plot.dragon import contact_picture, dragon_picture, overlaps
+from dragon_ros.commands.plot.film import has_av1
 from dragon_ros.commands.plot.series import clearance_picture, speeds_picture
+from dragon_ros.commands.plot.zoom import Inset, Zoom
 from dragon_ros.commands.sources import BagSource, SceneSource, clearances, decimals_of, dragon_in, moment, window
 from dragon_ros.core.batches import ticks
 from dragon_ros.core.chain.dragon import Dragon
@@ -27,7 +36,10 @@ from dragon_ros.core.tracks.spec import Arc, Composite, Line
 from dragon_ros.messages.channels import channels
 from dragon_ros.messages.encode import encoders
 from dragon_ros.scenes.load import load_scene
+from dragon_ros.version import __version__
 
+# Boxes on the way to a track, of ISO base media files.
+PARENTS = (b'moov', b'trak', b'mdia', b'edts', b'minf', b'stbl')
 STARTS = {'.png': b'\x89PNG', '.svg': b'<?xml', '.pdf': b'%PDF', '.gif': b'GIF8', '.html': b'<!DOCTYPE html>'}
 
 
@@ -153,6 +165,13 @@ def test_a_bag_whose_benches_are_of_other_ticks_has_no_picture(capsys, tmp_path)
     (['contact', '--set', 'run.stop_s=10'], 'no benches touch'),
     (['animation', '--output', 'x.avi'], '.gif, .html, .mp4'),
     (['animation', '--pace', '0'], '--pace'),
+    (['animation', '--around', 'contact', '--follow'], 'nothing moves'),
+    (['animation', '--size', '1080p', '--output', 'x.mp4'], '1920x1080'),
+    (['animation', '--size', '1919x1080', '--output', 'x.mp4'], 'even'),
+    (['dragon', '--around', 'neck'], 'head, tail, contact'),
+    (['dragon', '--around', '1,2,3'], 'X,Y'),
+    (['dragon', '--span', '0'], '--span'),
+    (['dragon', '--around', 'contact', '--scene', 'turning'], 'no benches touch'),
     (['animation', '--pace', '0.001'], 'frames'),
     (['animation', '--start', '-5'], 'from 0 to 432.9 s'),
     (['animation', '--output', 'no/such/folder/x.gif', '--start', '1', '--stop', '2', '--pace', '1'], 'no/such/folder'),
@@ -178,8 +197,11 @@ def test_a_broken_off_animation_leaves_what_was_there(tmp_path, scene):
     path = tmp_path / 'run.gif'
     path.write_text('older')
     source = SceneSource('short', scene)
-    with pytest.raises(KeyboardInterrupt), style():
-        animate(source, source.ticks_s(*source.span_s, 5), 10, path, 40, interrupted)
+    times_s = source.ticks_s(*source.span_s, 5)
+    with style():
+        drawn = AnimatedFigure(source, times_s, dpi=40)
+        with pytest.raises(KeyboardInterrupt):
+            animate(source, times_s, 10, path, drawn, interrupted)
     assert (list(tmp_path.iterdir()), path.read_text()) == ([path], 'older')
 
 
@@ -197,7 +219,8 @@ def test_the_pictures_of_the_docs_are_those_that_their_commands_make():
     text = (folder / 'README.md').read_text()
     commands = [line.split()[2:] for line in text.splitlines() if line.startswith('    ./dragon plot')]
     made = {path for words in commands for path in options().parse_args(words).output}
-    assert {path.name for path in made} | {'README.md', 'view.png'} == {path.name for path in folder.iterdir()}
+    drawn = {'README.md', 'view.png', 'try.png'}
+    assert {path.name for path in made} | drawn == {path.name for path in folder.iterdir()}
     assert {path.parent.as_posix() for path in made} == {'docs/pictures'}
     assert all(path.stat().st_size < 1_200_000 for path in folder.iterdir())
 
@@ -236,6 +259,9 @@ def figures_of(source):
     if touch := source.first_touch(iter):
         yield 'contact', contact_picture(source, touch)
     yield 'animation', AnimatedFigure(source, np.array([first, last])).figure
+    yield 'around the head', dragon_picture(source, [first, last], Zoom('head'))
+    for around in (None, Zoom('tail')):
+        yield 'film', AnimatedFigure(source, np.linspace(first, last, 3), around, around is not None, (640, 360)).figure
 
 
 def test_no_text_of_a_picture_is_cropped_or_lies_on_another_and_no_legend_on_a_curve(source):
@@ -271,3 +297,151 @@ def test_the_decimals_that_a_picture_of_ticks_shows_are_right(rate_hz, decimals)
                 for event in report.begins]
     assert decimals_of((event.after_ns - event.before_ns) / 1e9) == decimals
     assert event.point_m == pytest.approx((1.474394671648, 2.110664876932), abs=0.5 * 10.0**-decimals)
+
+
+@pytest.mark.parametrize(('around', 'centre'), [('head', 0), ('tail', -1), ('contact', (1.474395, 2.110665)),
+                                                ((3.0, -1.0), (3.0, -1.0))])
+def test_a_part_is_a_window_around_its_place_and_framed_in_the_inset(around, centre):
+    source = SceneSource('winding', SHOWN['winding']())
+    one = moment(source, 412.0)
+    with style():
+        figure = dragon_picture(source, [412.0], Zoom(around, 4.0))
+    axes = figure.axes[0]
+    low, high = np.array((axes.get_xlim(), axes.get_ylim())).T
+    assert high - low == pytest.approx([4.0, 4.0])
+    assert 0.5 * (low + high) == pytest.approx(one.p[centre] if isinstance(centre, int) else centre, abs=1e-5)
+    frame = figure.axes[1].patches[-1]
+    assert (frame.get_xy(), frame.get_width()) == (pytest.approx(low), pytest.approx(4.0))
+
+
+def test_a_window_that_is_small_in_its_inset_is_ringed():
+    source = SceneSource('street', load_scene('street'))
+    one = moment(source, 100.0)
+    for span_m, ringed in ((2.0, 1), (60.0, 0)):
+        with style():
+            inset = Inset(Figure().add_subplot(), window(source.track, [one]), None)
+        inset.show(one, Zoom('head', span_m).window(one, None))
+        assert len(inset.moving[2].get_xdata()) == ringed
+
+
+def test_benches_that_overlap_are_marked_where_they_do():
+    source = SceneSource('winding', SHOWN['winding']())
+    before, after = (overlaps(moment(source, t_s)) for t_s in (412.47, 412.8))
+    assert (before.pairs, before.benches, before.words) == (0, (), '')
+    assert (after.pairs, after.benches, after.words) == (1, (0, 8), ', 1 pair overlap')
+    corners = moment(source, 412.8).benches.corners
+    (outline,) = after.outlines_m
+    for bench in (0, 8):
+        assert shapely.polygons(corners[bench]).buffer(1e-9).contains(shapely.polygons(outline))
+    with style():
+        figure = dragon_picture(source, [412.8])
+    assert 'overlap' in [text.get_text() for text in figure.legends[0].get_texts()]
+
+
+def test_a_frame_is_what_a_whole_drawing_shows():
+    """What moves is drawn onto what does not: the same pixels, for the dragon and for its inset and curves."""
+    source = SceneSource('winding', load_scene('winding', ['dragon.benches=20', 'run.start_s=405', 'run.stop_s=413',
+                                                           'run.rate_hz=2']))
+    times_s = np.array([405.0, 409.0, 412.9])
+    for zoom, follow, film in ((None, False, None), (Zoom('head'), True, (640, 360))):
+        with style():
+            drawn = AnimatedFigure(source, times_s, zoom, follow, film, dpi=50)
+            frames = [drawn.frame(one).copy() for one in source.moments(times_s)]
+            for part in drawn._moving:
+                part.set_animated(False)
+            drawn._canvas.draw()
+        differ = np.abs(np.asarray(drawn._canvas.buffer_rgba()).astype(int) - frames[-1]).max(axis=-1)
+        assert np.mean(differ > 24) < 0.002
+        assert np.mean(np.abs(frames[0].astype(int) - frames[-1]).max(axis=-1) > 24) > 0.01
+
+
+def boxes(data, start=0, end=None):
+    """Yield kind, start and content of boxes of an ISO base media file."""
+    end = len(data) if end is None else end
+    while start < end:
+        size, kind = struct.unpack_from('>I4s', data, start)
+        yield kind, start, data[start + 8:start + size]
+        if kind in PARENTS:
+            yield from boxes(data, start + 8, start + size)
+        start += size
+
+
+def film(capsys, path, *more):
+    return plot(capsys, 'animation', '--set', 'dragon.benches=12', '--start', 400, '--stop', 401, '--pace', 2, '--size',
+                '320x240', *more, '--output', path)
+
+
+needs_av1 = pytest.mark.skipif(not has_av1(), reason='this Pillow has no AV1 (11.3 is the first)')
+
+
+@needs_av1
+def test_a_film_is_an_mp4_with_a_frame_for_each_time_and_its_length(capsys, tmp_path):
+    path = tmp_path / 'run.mp4'
+    assert film(capsys, path) == (0, f'{path}\n', '')
+    data = path.read_bytes()
+    found = {kind: content for kind, _, content in boxes(data)}
+    assert data[4:12] == b'ftypiso6'
+    assert b'meta' not in found
+    assert found[b'hdlr'][8:12] == b'vide'
+    assert b'av01' in found[b'stsd']
+    (count,) = struct.unpack_from('>I', found[b'stsz'], 8)
+    scale, length = struct.unpack_from('>IQ', found[b'mdhd'], 20)
+    assert (count, scale, length) == (16, 1000, 533)        # 16 frames, 30 a second
+    assert struct.unpack_from('>Q', found[b'tkhd'], 28) == struct.unpack_from('>Q', found[b'mvhd'], 24) == (length,)
+    assert found[b'elst'][:4] == b'\1\0\0\0'
+    assert list(tmp_path.iterdir()) == [path]
+
+
+@needs_av1
+@pytest.mark.skipif(not (browser.CHROMIUM and browser.DRIVER), reason=browser.ABSENT)
+def test_a_film_plays_in_a_browser(capsys, tmp_path):
+    path, page = tmp_path / 'run.mp4', tmp_path / 'page.html'
+    assert film(capsys, path)[0] == 0
+    page.write_text('<video id="film" muted src="run.mp4"></video>')
+    with browser.browser(tmp_path) as shown:
+        shown.open(page.as_uri())
+        shown.wait('const one = document.getElementById("film"); return one.error || one.readyState > 1')
+        assert shown.run('const one = document.getElementById("film"); return [one.duration, one.videoWidth]') == [
+            pytest.approx(0.533, abs=0.001), 320]
+
+
+@needs_av1
+def test_a_film_that_is_broken_off_leaves_nothing(tmp_path, scene):
+    source = SceneSource('short', scene)
+    times_s = source.ticks_s(*source.span_s, 5)
+    with style():
+        drawn = AnimatedFigure(source, times_s, film=(320, 240))
+        with pytest.raises(KeyboardInterrupt):
+            animate(source, times_s, 10, tmp_path / 'run.mp4', drawn, interrupted)
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_codec_that_nothing_here_writes_is_said_with_what_to_install(capsys, tmp_path, monkeypatch):
+    monkeypatch.setenv('PATH', str(tmp_path))       # has no ffmpeg
+    code, _, err = film(capsys, tmp_path / 'run.mp4', '--codec', 'h264')
+    assert (code, len(err.splitlines())) == (2, 1)
+    assert 'apt install ffmpeg' in err
+
+
+def test_pictures_have_text_as_text_and_a_caption_with_scene_time_and_version(capsys, tmp_path, short):
+    path = tmp_path / 'a.svg'
+    assert plot(capsys, 'dragon', *short, '--time', '412.5', '--output', path)[0] == 0
+    words = re.findall(r'<text[^>]*>([^<]*)</text>', path.read_text(encoding='utf-8'))
+    assert f'winding, 412.5 s; dragon_ros {__version__}' in words
+    assert 'x (m)' in words
+    path = tmp_path / 'a.pdf'
+    assert plot(capsys, 'dragon', *short, '--time', '412.5', '--output', path)[0] == 0
+    assert b'/TrueType' in path.read_bytes() or b'/CIDFontType2' in path.read_bytes()
+
+
+def test_pictures_can_be_read_in_black_and_white():
+    """Head and body differ in lightness, what touches is hatched, and lines of one picture differ in their dashes."""
+    grey = {name: np.dot(to_rgb(colour), (0.299, 0.587, 0.114)) for name, colour in
+            (('body', figures.BODY), ('head', figures.HEAD))}
+    assert grey['body'] - grey['head'] > 0.15
+    source = SceneSource('winding', SHOWN['winding']())
+    with style():
+        dragon = dragon_picture(source, [412.8]).axes[0]
+        lines = speeds_picture(source, [400.0, 404.0, 408.0, 412.0]).axes[0].lines
+    assert [one.get_hatch() for one in dragon.collections[:2]] == [None, figures.HATCH]
+    assert len({str(line.get_linestyle()) + str(line._dash_pattern) for line in lines}) == 4

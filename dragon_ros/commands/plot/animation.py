@@ -1,28 +1,43 @@
-"""Animations of a run: GIF, or MP4 where ffmpeg is installed."""
-from collections.abc import Iterator
-from contextlib import contextmanager, suppress
-from functools import lru_cache
+"""Animations of a run: GIF, and films in MP4 with the clearance and the speeds beside the dragon."""
+from dataclasses import replace
+from math import floor, log10
 from pathlib import Path
 from typing import Any
 
 import numpy as np
-from matplotlib.animation import AbstractMovieWriter, FFMpegWriter, PillowWriter
-from matplotlib.colors import to_rgb, to_rgba
+from matplotlib.artist import Artist
+from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import BODY, HEAD, TOUCHED
-from dragon_ros.commands.plot.dragon import draw, panel, sheet
-from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, moment, thinned, window
-from dragon_ros.core.errors import FieldError, InputError, MissingError
-from dragon_ros.core.numerics.types import Floats
+from dragon_ros.cli.figures import HEAD, LINES, QUIET
+from dragon_ros.commands.plot.dragon import Overlaps, draw, overlaps, panel, sheet
+from dragon_ros.commands.plot.film import movie
+from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
+from dragon_ros.commands.sources import (
+    Moment,
+    Progress,
+    Source,
+    check_times,
+    clearances,
+    moment,
+    thinned,
+    window,
+)
+from dragon_ros.core.errors import FieldError, InputError
+from dragon_ros.core.geometry.near_pairs import NearPairs
+from dragon_ros.core.numerics.types import Array, Floats
+from dragon_ros.version import __version__
 
-FORMATS = '.gif, .html, .mp4'
 MOST_FRAMES = 3000
 _INCHES = 4.6               # of the longer side of the axes
 _SAMPLES = 24               # moments whose dragons set the window
 _HAIR_S = 1e-9
-_HOLD_MS = 1500             # of the last frame of a GIF
+_FILM_IN = 7.2             # the height of a film in inches, whatever its pixels: text has the same share of all
+_FILM_INSET = (0.52, 0.66, 0.12, 0.21)
+_HAIR_PX = 0.1              # so that a size in inches is not rounded down to a pixel less
+_CURVE = 400                # points of the clearance of a film
+_GRID = 5                   # lines of the ground to each side of a window that moves
 
 
 def frame_times(source: Source, start_s: float | None, stop_s: float | None, pace: float, fps: int) -> Floats:
@@ -40,101 +55,187 @@ def frame_times(source: Source, start_s: float | None, stop_s: float | None, pac
     return times_s if last - times_s[-1] < _HAIR_S else np.append(times_s, last)
 
 
-def animate(source: Source, times_s: Floats, fps: int, path: Path, dpi: int, progress: Progress) -> Path:
+def animate(source: Source, times_s: Floats, fps: int, path: Path, drawn: 'AnimatedFigure', progress: Progress,
+            codec: str | None = None) -> Path:
     """Draw a frame for each time into a file and return its path."""
-    touch, drawn = source.first_touch(lambda rows: rows), AnimatedFigure(source, times_s)
-    with _movie(drawn.figure, path, dpi, fps) as writer:
+    with movie(path, drawn.size, fps, len(times_s), codec) as writer:
         for one in progress(source.moments(times_s)):
-            drawn.show(one, touch)
-            writer.grab_frame()
+            writer.add(drawn.frame(one))
     return path
 
 
 class AnimatedFigure:
-    """A figure whose window holds the dragon at all times of an animation, and shows one of them."""
+    """A figure that shows a moment at a time; what does not move is drawn once.
 
-    def __init__(self, source: Source, times_s: Floats) -> None:
-        """Draw the first time; the window is that of up to 24 times and of the track."""
+    Without a ``zoom`` its window holds the dragon at all times. With one that follows, the window moves with the head
+    or tail, and lines on the ground show how. A film has the clearance over time and the speeds beside the dragon.
+    """
+
+    def __init__(self, source: Source, times_s: Floats, zoom: Zoom | None = None, follow: bool = False,
+                 film: tuple[int, int] | None = None, dpi: int = 130, progress: Progress = iter) -> None:
+        """Lay out the figure with the first moment; ``film`` is the size in pixels of one."""
+        first = moment(source, float(times_s[0]))
+        self._source, self._zoom, self._follow = source, zoom, follow
+        self._point_m, self._near = contact_of(zoom, source), NearPairs()
+        self._touch = source.first_touch(progress) if source.venue is not None else None     # with an obstacle
         samples = source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)])
-        inches, seen = panel(window(source.track, samples), _INCHES)
-        self.figure = Figure(figsize=sheet(inches, (1, 1), legend=False))
-        axes, first = self.figure.add_subplot(), moment(source, float(times_s[0]))
-        self._benches = draw(axes, seen, source.track, first, venue=source.venue)
-        self._dots, self._name = axes.lines[-1], source.name
-        self._title, self._width_in = axes.set_title(' '), float(inches[0])
-        self.show(first, None)
+        self._whole = window(source.track, samples)
+        self._seen = self._whole if zoom is None else zoom.window(first, self._point_m)
+        self.figure, axes, small = self._laid_out(film, dpi)
+        self.axes = axes
+        self._dragon = draw(axes, self._seen, source.track, first, venue=source.venue)
+        self._ground = [one for one in (*axes.patches, *axes.lines) if one not in self._dragon.moving] if follow else []
+        self._lines = axes.plot([], [], color='#DDDDDD', linewidth=0.8, zorder=0.5) if follow else []
+        self._inset = Inset(small, self._whole, source.track) if zoom is not None else None
+        self._title = axes.set_title(' ', linespacing=1.3)
+        self._beside = _Beside(self.figure, source, times_s, progress) if film else None
+        self._moving = self._parts()
+        self._canvas: Any = FigureCanvasAgg(self.figure)
+        self._background: Any = None
+        self._show(first)
 
-    def show(self, one: Moment, touch: Touch | None) -> None:
-        """Move the benches; from the first contact on, those that touch have its colour."""
-        self._benches.set_verts(list(one.benches.corners))
-        self._dots.set_data(*one.p.T)
-        self._title.set_text(figures.titled(self._name, f'{one.t_s:.2f} s', self._width_in))
-        if touch is not None and one.t_s >= touch.t_s:
-            _show_touch(self._benches, one, touch.benches)
+    def _laid_out(self, film: tuple[int, int] | None, dpi: int) -> tuple[Figure, Any, Any]:
+        """Return the figure, the axes of the dragon, and those of the inset."""
+        if film:
+            size_in = (np.array(film) + _HAIR_PX) / film[1] * _FILM_IN
+            width_in, wide = float(size_in[0]), 0.57 if self._zoom is None else 0.45
+            figure, self._width_in = Figure(tuple(size_in.tolist()), film[1] / _FILM_IN), wide * width_in
+            figure.set_layout_engine('none')
+            axes = figure.add_axes((0.06, 0.11, wide, 0.76))
+            box = np.array((film[0] * wide, film[1] * 0.76))
+            half = 0.5 * box * float(np.max((self._seen[1] - self._seen[0]) / box))
+            self._seen = self._seen.mean(axis=0) + np.array((-half, half))
+            return figure, axes, figure.add_axes(_FILM_INSET) if self._zoom is not None else None
+        inches, self._seen = panel(self._seen, _INCHES)
+        self._width_in = float(inches[0])
+        widths = [1.0] if self._zoom is None else [1.0, INSET_WIDTH]
+        figure = Figure(figsize=sheet(inches * (sum(widths), 1), (1, 1), legend=False), dpi=dpi)
+        axes, *small = figure.subplots(1, len(widths), squeeze=False, width_ratios=widths)[0]
+        return figure, axes, *(small or [None])
+
+    def _touching(self, one: Moment, clearance_m: float) -> Overlaps:
+        """Return which benches overlap, and from its contact on the one that touches an obstacle."""
+        areas = overlaps(one) if clearance_m < 0 else Overlaps()
+        if self._touch is None or one.t_s < self._touch.t_s:
+            return areas
+        return replace(areas, benches=tuple(sorted({*areas.benches, *self._touch.benches})))
+
+    def _heading(self, one: Moment, clearance_m: float) -> str:
+        """Return the title: name and clock, then the clearance and the fastest speed."""
+        gap = f'clearance {1e3 * clearance_m:.1f} mm' if np.isfinite(clearance_m) else 'no benches to touch'
+        if one.speed_m_s is not None:
+            gap = figures.joined(f'{gap},', f'fastest handle {np.max(one.speed_m_s):.3f} m/s', ' ', self._width_in)
+        return f'{figures.titled(self._source.name, f"{one.t_s:.2f} s", self._width_in)}\n{gap}'
+
+    def _parts(self) -> list[Artist]:
+        """Return what moves, from below to above, and keep it out of the background."""
+        parts: list[Artist] = [*self._lines, *self._ground, *self._dragon.moving, self._title]
+        if self._follow:
+            self.axes.set(xticks=(), yticks=(), xlabel='', ylabel='')
+            self.axes.grid(visible=False)
+        if self._inset is not None:
+            parts += self._inset.moving
+        if self._beside is not None:
+            parts += self._beside.moving
+        for part in parts:
+            part.set_animated(True)
+        return parts
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """Width and height of a frame in pixels."""
+        width, height = self._canvas.get_width_height()
+        return int(width), int(height)
+
+    def frame(self, one: Moment) -> Array:
+        """Return the picture of a moment, (H, W, 4) of uint8; it is valid until the next one is drawn."""
+        if self._background is None:
+            self._canvas.draw()
+            self.figure.set_layout_engine('none')
+            self._canvas.draw()
+            self._background = self._canvas.copy_from_bbox(self.figure.bbox)
+        self._show(one)
+        self._canvas.restore_region(self._background)
+        for part in self._moving:
+            self.figure.draw_artist(part)
+        return np.asarray(self._canvas.buffer_rgba())
+
+    def _show(self, one: Moment) -> None:
+        """Move everything to a moment."""
+        near = self._near.look(one.p, one.benches)
+        self._dragon.show(one, self._touching(one, near.clearance_m))
+        if self._follow:
+            assert self._zoom is not None
+            half = 0.5 * (self._seen[1] - self._seen[0])
+            self._seen = self._zoom.window(one, self._point_m).mean(axis=0) + np.array((-half, half))
+            self.axes.set(xlim=self._seen[:, 0], ylim=self._seen[:, 1])
+            lines, step_m = _ground_lines(self._seen)
+            self._lines[0].set_data(*lines)
+            self.axes.set_xlabel(f'lines on the ground every {step_m:g} m')
+        if self._inset is not None:
+            self._inset.show(one, self._seen)
+        self._title.set_text(self._heading(one, near.clearance_m))
+        if self._beside is not None:
+            self._beside.show(one, near.clearance_m)
 
 
-@contextmanager
-def _movie(figure: Figure, path: Path, dpi: int, fps: int) -> Iterator[AbstractMovieWriter]:
-    """Write frames to a temporary file and rename it at the end; an interrupted animation leaves nothing."""
-    writer, part = _writer(path, fps), path.with_name(f'.{path.stem}.part{path.suffix}')
-    try:
-        writer.setup(figure, str(part), dpi)
-        yield writer
-        writer.finish()
-        part.replace(path)
-    except OSError as error:
-        raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
-    except KeyboardInterrupt:
-        with suppress(Exception):       # the writer may already be closed
-            writer.finish()
-        raise
-    finally:
-        part.unlink(missing_ok=True)
+def _ground_lines(seen: Floats) -> tuple[Floats, float]:
+    """Return lines (2, K) of a square grid at round places in a window, with gaps of nan, and their distance in m."""
+    side = float(np.max(seen[1] - seen[0]))
+    step = 10.0 ** floor(log10(side / _GRID))
+    step = next(step * many for many in (1, 2, 5, 10) if side / (step * many) <= 2 * _GRID)
+    parts = []
+    for axis in (0, 1):
+        for at in np.arange(np.ceil(seen[0, axis] / step), seen[1, axis] / step) * step:
+            line = np.array(((at, at, np.nan), (seen[0, 1 - axis], seen[1, 1 - axis], np.nan)))
+            parts.append(line if axis == 0 else line[::-1])
+    return np.concatenate(parts, axis=1) if parts else np.empty((2, 0)), step
 
 
-def _show_touch(benches: Any, one: Moment, touching: tuple[int, ...]) -> None:
-    """Colour the benches in contact; the head keeps its colour."""
-    colours = benches.get_facecolor()
-    if len(colours) == len(one.benches.centre):
-        for bench in set(touching) - {0}:
-            colours[bench] = to_rgba(TOUCHED)
-        benches.set_facecolor(colours)
+class _Beside:
+    """The clearance over time and the speeds along the chain, beside the dragon of a film."""
+
+    def __init__(self, figure: Figure, source: Source, times_s: Floats, progress: Progress) -> None:
+        """Draw the clearance of the whole film; the moment is a line and a point on it."""
+        gap, speed = (figure.add_axes((0.70, bottom, 0.27, 0.30)) for bottom in (0.57, 0.11))
+        some = times_s[thinned(0, len(times_s) - 1, _CURVE)]
+        at_s, gaps_m = clearances(source, some, progress)
+        gap.plot(at_s, 1e3 * gaps_m, color=LINES[0], linewidth=1.6)
+        gap.set(title='smallest gap of all benches (mm)', xlabel='time (s)', xlim=(times_s[0], times_s[-1]))
+        gap.axhline(0.0, color=QUIET, linewidth=0.8)
+        self._now = gap.axvline(times_s[0], color=QUIET, linewidth=1.0)
+        self._gap, = gap.plot([], [], marker='o', markersize=8, color=HEAD, linestyle='none', clip_on=False)
+        moments = list(source.moments(times_s[thinned(0, len(times_s) - 1, _SAMPLES)]))
+        speeds = [one.speed_m_s for one in moments if one.speed_m_s is not None]
+        self._speed, = speed.plot([], [], color=LINES[0], linewidth=1.6)
+        speed.set(title='speed of each handle (m/s)', xlabel='handle', xlim=(0, max(1, len(moments[0].p) - 1)))
+        if speeds:
+            low, high = min(map(np.min, speeds)), max(map(np.max, speeds))
+            margin = 0.05 * (high - low) + 1e-4
+            speed.set_ylim(low - margin, high + margin)
+        figure.text(0.98, 0.015, f'dragon_ros {__version__}', ha='right', color=QUIET)
+
+    @property
+    def moving(self) -> list[Artist]:
+        """What differs from one moment to another."""
+        return [self._now, self._gap, self._speed]
+
+    def show(self, one: Moment, clearance_m: float) -> None:
+        """Show a moment."""
+        self._now.set_xdata([one.t_s, one.t_s])
+        finite = np.isfinite(clearance_m)
+        self._gap.set_data([one.t_s] if finite else [], [1e3 * clearance_m] if finite else [])
+        if one.speed_m_s is not None:
+            self._speed.set_data(np.arange(one.speed_m_s.size), one.speed_m_s)
 
 
-def _writer(path: Path, fps: int) -> AbstractMovieWriter:
-    """Return the writer for the path's suffix. Raises InputError, MissingError."""
-    kind = path.suffix.lower()
-    if kind not in ('.gif', '.mp4'):
-        raise InputError(f'--output {path}: an animation is {FORMATS}')
-    if kind == '.mp4' and not FFMpegWriter.isAvailable():
-        raise MissingError(f'--output {path}: MP4 needs ffmpeg, which is not installed; install it, or write .gif or '
-                           '.html')
-    return _GifWriter(fps=fps) if kind == '.gif' else FFMpegWriter(fps=fps)
+def film_size(text: str) -> tuple[int, int]:
+    """Return WIDTHxHEIGHT as pixels. Raises InputError."""
+    parts = text.lower().split('x')
+    if len(parts) != 2 or not all(part.isascii() and part.isdigit() and len(part) < 6 for part in parts):
+        raise InputError(f'--size {text}: is no size; write WIDTHxHEIGHT in pixels, such as 1920x1080')
+    width, height = map(int, parts)
+    if width % 2 or height % 2 or not (320 <= width <= 7680 and 240 <= height <= 4320):
+        raise InputError(f'--size {text}: both must be even, from 320x240 to 7680x4320; try 1920x1080')
+    return width, height
 
-
-class _GifWriter(PillowWriter):
-    """Writes frames with few colours and without dithering, which takes a sixth of the size."""
-
-    def grab_frame(self, **options: Any) -> None:
-        """Add a frame."""
-        super().grab_frame(**options)
-        frames: list[Any] = self._frames  # type: ignore[attr-defined]
-        frames[-1] = frames[-1].convert('RGB').quantize(palette=_palette(), dither=0)
-
-    def finish(self) -> None:
-        """Write the file; its last frame stays for a while before the animation starts again."""
-        frames: list[Any] = self._frames  # type: ignore[attr-defined]
-        each_ms = [round(1000 / self.fps)] * (len(frames) - 1)
-        frames[0].save(self.outfile, save_all=True, append_images=frames[1:], duration=[*each_ms, _HOLD_MS], loop=0)
-
-
-@lru_cache
-def _palette() -> Any:
-    """Return an image of the palette: greys, and our colours mixed with white and with black."""
-    from PIL import Image
-    mixed = [np.array(to_rgb(colour)) * part + end * (1 - part) for colour in (BODY, HEAD, TOUCHED)
-             for part in (1.0, 0.75, 0.5, 0.25) for end in (0.0, 1.0)]
-    colours = np.array([*(np.full(3, grey) for grey in np.linspace(0, 1, 17)), *mixed])
-    out = Image.new('P', (1, 1))
-    out.putpalette((255 * colours).round().astype(np.uint8).tobytes())
-    return out

@@ -14,16 +14,18 @@ from dragon_ros.core.errors import FieldError, InputError
 if TYPE_CHECKING:
     from matplotlib.figure import Figure
 
+    from dragon_ros.commands.plot.zoom import Zoom
     from dragon_ros.commands.sources import Source
-    from dragon_ros.core.numerics.types import Floats
+    Drawing = tuple[Figure, str]        # and what times a caption names
 
+_MOST_TIMES = 8         # that a caption names
 _KINDS = {      # what each draws, and an example
     'dragon': ('the dragon at one time, or up to six side by side', '--times 60,240 --output dragon.png'),
     'contact': ('the first contact, with a close-up', '--bag run.mcap --output contact.svg'),
     'clearance': ('the smallest gap of all benches over time', '--output clearance.png --output clearance.svg'),
     'speeds': ('the speed along the chain at some times', '--times 0,60,120,180,240,300'),
-    'animation': ('the run as an animation: .gif, .html (the web view in one file), .mp4 where ffmpeg is installed',
-                  '--start 400 --stop 413 --pace 2 --output run.html'),
+    'animation': ('the run as an animation: .gif, .mp4 (a film with clearance and speeds), .html (the web view in one '
+                  'file)', '--start 400 --stop 413 --pace 2 --around head --follow --output run.mp4'),
 }
 
 
@@ -49,6 +51,9 @@ def options() -> argparse.ArgumentParser:
         one.add_argument('--dpi', type=int, default=130, help='dots per inch (%(default)s)')
         if kind in ('dragon', 'speeds'):
             command_line.add_times_option(one, 'seconds (the start of the run)')
+        if kind in ('dragon', 'animation'):
+            one.add_argument('--around', metavar='head|tail|contact|X,Y', help='show a part: the centre of the window')
+            one.add_argument('--span', type=float, metavar='METRES', help='the side of the window (6 bench lengths)')
     _add_animation_options(kinds.choices['animation'])
     return parser
 
@@ -57,7 +62,11 @@ def _add_animation_options(parser: argparse.ArgumentParser) -> None:
     parser.add_argument('--start', type=float, metavar='S', help='first time (of the run)')
     parser.add_argument('--stop', type=float, metavar='S', help='last time (of the run)')
     parser.add_argument('--pace', type=float, default=20.0, help='seconds of the run per second (%(default)g)')
-    parser.add_argument('--fps', type=int, default=20, help='frames per second (%(default)s)')
+    parser.add_argument('--fps', type=int, help='frames per second (20; 30 for .mp4)')
+    parser.add_argument('--follow', action='store_true', help='the window moves with the head, or with --around tail')
+    parser.add_argument('--size', default='1920x1080', metavar='WIDTHxHEIGHT', help='pixels of .mp4 (%(default)s)')
+    parser.add_argument('--codec', choices=('av1', 'h264'), help='of .mp4: av1 by Pillow, h264 by an installed ffmpeg '
+                        '(the first that is there)')
 
 
 def _run(arguments: Namespace) -> int:
@@ -78,45 +87,69 @@ def _run(arguments: Namespace) -> int:
 def _draw(arguments: Namespace, source: 'Source', paths: list[Path]) -> list[Path]:
     """Draw and write one kind of picture."""
     if arguments.kind == 'animation':
-        from dragon_ros.commands.plot.animation import frame_times
-        times_s = frame_times(source, arguments.start, arguments.stop, arguments.pace, arguments.fps)
-        return [_moving(arguments, source, times_s, path) for path in paths]
-    figure = _FIGURES[arguments.kind](arguments, source)
-    return [figures.write(figure, path, arguments.dpi) for path in paths]
+        return [_moving(arguments, source, path) for path in paths]
+    figure, what = _FIGURES[arguments.kind](arguments, source)
+    caption = f'{figures.short(source.name)}, {what}'
+    return [figures.write(figure, path, arguments.dpi, caption) for path in paths]
 
 
-def _moving(arguments: Namespace, source: 'Source', times_s: 'Floats', path: Path) -> Path:
-    if path.suffix.lower() == '.html':
+def _moving(arguments: Namespace, source: 'Source', path: Path) -> Path:
+    from dragon_ros.commands.plot.animation import AnimatedFigure, animate, film_size, frame_times
+    kind = path.suffix.lower()
+    fps = arguments.fps or (30 if kind == '.mp4' else 20)
+    times_s = frame_times(source, arguments.start, arguments.stop, arguments.pace, fps)
+    if kind == '.html':
         from dragon_ros.commands.view.page import write_page
         return write_page(source, times_s, arguments.pace, path, _shown('states'))
-    from dragon_ros.commands.plot.animation import animate
-    return animate(source, times_s, arguments.fps, path, arguments.dpi, _shown('frames', len(times_s)))
+    zoom = _zoom(arguments)
+    size = film_size(arguments.size) if kind == '.mp4' else None
+    drawn = AnimatedFigure(source, times_s, zoom, arguments.follow, size, arguments.dpi, _shown('states'))
+    return animate(source, times_s, fps, path, drawn, _shown('frames', len(times_s)), arguments.codec)
 
 
-def _dragon(arguments: Namespace, source: 'Source') -> 'Figure':
+def _zoom(arguments: Namespace) -> 'Zoom | None':
+    """Return the part to show. Raises InputError if there is nothing to follow."""
+    from dragon_ros.commands.plot.zoom import zoom_of
+    follow = getattr(arguments, 'follow', False)
+    zoom = zoom_of(arguments.around or ('head' if follow else None), arguments.span)
+    if follow and zoom is not None and zoom.around not in ('head', 'tail'):
+        raise InputError(f'--follow: nothing moves at {arguments.around}; give --around head or tail, or leave it out')
+    return zoom
+
+
+def _dragon(arguments: Namespace, source: 'Source') -> 'Drawing':
     from dragon_ros.commands.plot.dragon import dragon_picture
-    return dragon_picture(source, _times(arguments, source))
+    times_s = _times(arguments, source)
+    return dragon_picture(source, times_s, _zoom(arguments)), _said(times_s)
 
 
-def _contact(arguments: Namespace, source: 'Source') -> 'Figure':
+def _contact(arguments: Namespace, source: 'Source') -> 'Drawing':
     from dragon_ros.commands.plot.dragon import contact_picture
     touch = source.first_touch(_shown('ticks'))
     if touch is None:
         raise InputError(f'{source.name}: no benches touch, so there is no contact to draw')
-    return contact_picture(source, touch)
+    return contact_picture(source, touch), f'{touch.t_s:.6f} s'
 
 
-def _clearance(arguments: Namespace, source: 'Source') -> 'Figure':
+def _clearance(arguments: Namespace, source: 'Source') -> 'Drawing':
     from dragon_ros.commands.plot.series import clearance_picture
-    return clearance_picture(source, _shown('states'))
+    first, last = source.span_s
+    return clearance_picture(source, _shown('states')), f'{first:g} to {last:g} s'
 
 
-def _speeds(arguments: Namespace, source: 'Source') -> 'Figure':
+def _speeds(arguments: Namespace, source: 'Source') -> 'Drawing':
     from dragon_ros.commands.plot.series import speeds_picture
-    return speeds_picture(source, _times(arguments, source))
+    times_s = _times(arguments, source)
+    return speeds_picture(source, times_s), _said(times_s)
 
 
-_FIGURES: dict[str, Callable[[Namespace, 'Source'], 'Figure']] = {
+def _said(times_s: list[float]) -> str:
+    """Return times for a caption."""
+    some = ', '.join(f'{t_s:g}' for t_s in times_s[:_MOST_TIMES])
+    return f'{some}{" ..." if len(times_s) > _MOST_TIMES else ""} s'
+
+
+_FIGURES: dict[str, Callable[[Namespace, 'Source'], 'Drawing']] = {
     'dragon': _dragon, 'contact': _contact, 'clearance': _clearance, 'speeds': _speeds}
 
 

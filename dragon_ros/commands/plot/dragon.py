@@ -1,8 +1,11 @@
 """Pictures of a dragon: its benches on their track, and the contact with a close-up."""
 from collections.abc import Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
+import shapely
+from matplotlib.artist import Artist
 from matplotlib.axes import Axes
 from matplotlib.collections import PolyCollection
 from matplotlib.figure import Figure
@@ -11,7 +14,8 @@ from matplotlib.patches import ConnectionPatch, Patch, PathPatch
 from matplotlib.path import Path
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import BODY, HEAD, OBSTACLE, POINT, QUIET, TOUCHED, TRACK
+from dragon_ros.cli.figures import BODY, HATCH, HEAD, OBSTACLE, POINT, QUIET, TOUCHED, TRACK
+from dragon_ros.commands.plot.zoom import INSET_WIDTH, Inset, Zoom, contact_of
 from dragon_ros.commands.sources import Moment, Source, Touch, moment, window
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.geometry.contacts import OBSTACLE as NO_BENCH
@@ -19,33 +23,76 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.venue import PolygonObstacle, Venue
 
 _MOST_PANELS = 6
+_ROUNDING_M = 1e-9          # an overlap that is less deep is a contact
 _CLOSE_LENGTHS = 0.62       # half the side of the close-up, in bench lengths
+RING: dict[str, Any] = {'linestyle': 'none', 'marker': 'o', 'markersize': 12, 'markerfacecolor': 'none',
+                        'markeredgecolor': POINT, 'markeredgewidth': 1.4}
 _LEAST_IN = np.array((2.7, 1.6))            # of axes: room for a title and for ticks
 _DECORATION_IN = np.array((0.85, 0.85))     # title, labels and ticks around axes
 _LEGEND_IN = 5.0, 0.7       # width and height, a title of the figure included
 
 
-def dragon_picture(source: Source, times_s: list[float]) -> Figure:
+def dragon_picture(source: Source, times_s: list[float], zoom: Zoom | None = None) -> Figure:
     """Return a figure with one panel for each time, all of one window (figure 7 of the paper has 60 s and 240 s).
 
-    Raises InputError for times outside the source, and for more than fit on a page.
+    With a ``zoom`` each panel has its own window, and an inset that shows where it is. Raises InputError for times
+    outside the source, and for more than fit on a page.
     """
     if len(times_s) > _MOST_PANELS:
         raise InputError(f'--time: {len(times_s)} times; a picture has room for {_MOST_PANELS}')
-    shown = [moment(source, t_s) for t_s in times_s]
-    columns = min(len(shown), 3)
+    shown, point_m = [moment(source, t_s) for t_s in times_s], contact_of(zoom, source)
+    columns = min(len(shown), 3 if zoom is None else 2)
     rows = -(-len(shown) // columns)
-    inches, seen = panel(window(source.track, shown), 4.8 if columns > 1 else 6.4)
-    figure = Figure(figsize=sheet(inches * (columns, rows), (columns, rows)))
-    for number, one in enumerate(shown, start=1):
-        axes = figure.add_subplot(rows, columns, number)
-        draw(axes, seen, source.track, one, venue=source.venue)
-        what = f'{len(one.benches.centre)} benches at {one.t_s:g} s'
+    whole = window(source.track, shown)
+    inches, seen = panel(whole if zoom is None else zoom.window(shown[0], point_m), 4.8 if columns > 1 else 6.4)
+    widths = (1.0,) if zoom is None else (1.0, INSET_WIDTH)
+    figure = Figure(figsize=sheet(inches * (sum(widths) * columns, rows), (columns, rows)))
+    panels = figure.subplots(rows, columns * len(widths), squeeze=False, width_ratios=widths * columns).ravel().tolist()
+    overlapping = False
+    for one in shown:
+        axes = panels.pop(0)
+        seen = seen if zoom is None else zoom.window(one, point_m)
+        areas = overlaps(one)
+        draw(axes, seen, source.track, one, areas.benches, source.venue).show(one, areas)
+        if zoom is not None:
+            Inset(panels.pop(0), whole, source.track).show(one, seen)
+        overlapping |= bool(areas.benches)
+        what = f'{len(one.benches.centre)} benches at {one.t_s:g} s{areas.words}'
         axes.set_title(what if columns > 1 else figures.titled(source.name, what, inches[0]))
+    for axes in panels:
+        axes.remove()
     if columns > 1:
         figure.suptitle(figures.short(source.name))
-    _legend(figure, source.track is not None, False)
+    _legend(figure, source.track is not None, False, overlapping)
     return figure
+
+
+@dataclass(frozen=True)
+class Overlaps:
+    """Pairs of benches that overlap: how many, which benches, and the outlines (K, 2) in m of what they share."""
+
+    pairs: int = 0
+    benches: tuple[int, ...] = ()
+    outlines_m: tuple[Floats, ...] = ()
+
+    @property
+    def words(self) -> str:
+        """What a title adds."""
+        return f', {self.pairs} pair{"s" if self.pairs > 1 else ""} overlap' if self.pairs else ''
+
+
+def overlaps(one: Moment) -> Overlaps:
+    """Return what benches that are no neighbours share, where that is more than rounding."""
+    from dragon_ros.core.geometry.near_pairs import closeness
+    found = closeness(one.p, one.benches)
+    deep = found.gap_m < -_ROUNDING_M
+    i, j = found.i[deep], found.j[deep]
+    if not i.size:
+        return Overlaps()
+    corners = one.benches.corners
+    shared = shapely.intersection(shapely.polygons(corners[i]), shapely.polygons(corners[j]))
+    outlines = tuple(shapely.get_coordinates(area) for area in shared if area.area > 0)
+    return Overlaps(int(i.size), tuple(sorted({*i.tolist(), *j.tolist()})), outlines)
 
 
 def contact_picture(source: Source, touch: Touch) -> Figure:
@@ -92,27 +139,54 @@ def sheet(inches: Floats, panels: tuple[int, int], legend: bool = True) -> tuple
     return (max(width, _LEGEND_IN[0]), height + _LEGEND_IN[1]) if legend else (width, height)
 
 
-def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: Sequence[int] = (),
-         venue: Venue | None = None) -> PolyCollection:
-    """Draw venue, track, benches and handles to scale in a window (2, 2) in m, and return the benches.
+class Drawn:
+    """A dragon in axes: its benches, those that touch, what they share, ringed, and the handles.
 
-    Outlines and handles scale with the benches' width on paper.
+    Outlines and handles scale with the benches' width on paper. Benches that touch are hatched, so that they differ
+    without colours, too.
     """
+
+    def __init__(self, axes: Axes, one: Moment, touching: Sequence[int]) -> None:
+        """Draw a moment."""
+        width_pt = 2 * float(np.median(one.benches.half_width)) * _points_per_m(axes)
+        line_pt = min(0.06 * width_pt, 0.6)
+        colours = [HEAD, *[BODY] * (len(one.benches.centre) - 1)]
+        self._benches = PolyCollection(list(one.benches.corners), facecolors=colours, edgecolors='black',
+                                       linewidths=line_pt, zorder=2)
+        self._touching = PolyCollection([], facecolors=TOUCHED, edgecolors='black', linewidths=line_pt, zorder=2.1,
+                                        hatch=HATCH)
+        self._shared = PolyCollection([], facecolors=POINT, edgecolors=POINT, linewidths=0.8, zorder=2.2)
+        for part in (self._benches, self._touching, self._shared):
+            axes.add_collection(part)
+        self._rings, = axes.plot([], [], zorder=5, **RING)
+        self._handles, = axes.plot([], [], linestyle='none', marker='o', markersize=min(0.2 * width_pt, 4.0),
+                                   markeredgewidth=0, color='black', zorder=3)
+        self.show(one, Overlaps(benches=tuple(touching)))
+
+    @property
+    def moving(self) -> list[Artist]:
+        """What differs from one moment to another, from below to above."""
+        return [self._benches, self._touching, self._shared, self._handles, self._rings]
+
+    def show(self, one: Moment, areas: Overlaps) -> None:
+        """Show a moment; the head keeps its colour."""
+        corners = one.benches.corners
+        self._benches.set_verts(list(corners))
+        self._touching.set_verts([corners[bench] for bench in areas.benches if bench > 0])
+        self._shared.set_verts(list(areas.outlines_m))
+        self._rings.set_data(*np.array([area.mean(axis=0) for area in areas.outlines_m]).reshape(-1, 2).T)
+        self._handles.set_data(*one.p.T)
+
+
+def draw(axes: Axes, seen: Floats, track: Floats | None, one: Moment, touching: Sequence[int] = (),
+         venue: Venue | None = None) -> Drawn:
+    """Draw venue, track, benches and handles to scale in a window (2, 2) in m, and return the dragon."""
     _frame(axes, seen)
     if venue is not None:
         _draw_venue(axes, venue)
     if track is not None:
         _draw_track(axes, track)
-    colours = [HEAD, *[BODY] * (len(one.benches.centre) - 1)]
-    for bench in set(touching) - {0}:
-        colours[bench] = TOUCHED
-    width_pt = 2 * float(np.median(one.benches.half_width)) * _points_per_m(axes)
-    benches = PolyCollection(list(one.benches.corners), facecolors=colours, edgecolors='black',
-                             linewidths=min(0.06 * width_pt, 0.6), zorder=2)
-    axes.add_collection(benches)
-    axes.plot(*one.p.T, linestyle='none', marker='o', markersize=min(0.2 * width_pt, 4.0), markeredgewidth=0,
-              color='black', zorder=3)
-    return benches
+    return Drawn(axes, one, touching)
 
 
 def _draw_venue(axes: Axes, venue: Venue) -> None:
@@ -162,8 +236,7 @@ def _look_closer(axes: Axes, source: Source, one: Moment, touch: Touch) -> None:
     reach = _CLOSE_LENGTHS * 2 * float(np.median(benches.half_length))
     seen = np.array(((x - reach, y - reach), (x + reach, y + reach)))
     draw(axes, seen, source.track, one, touch.benches, source.venue)
-    axes.plot(x, y, marker='o', markersize=13, markerfacecolor='none', markeredgecolor=POINT, markeredgewidth=1.4,
-              zorder=5)
+    axes.plot(x, y, zorder=5, **RING)
     inside = np.flatnonzero(np.all(np.abs(benches.centre - (x, y)) < 0.8 * reach, axis=1))
     for bench in inside.tolist():
         angle = float(np.degrees(benches.yaw_rad[bench]))
@@ -184,14 +257,16 @@ def _emptiest_corner(labels: Floats) -> tuple[float, float]:
     return max(corners, key=lambda corner: float(np.min(np.hypot(*(labels - corner).T), initial=9.0)))
 
 
-def _legend(figure: Figure, track: bool, contact: bool) -> None:
-    parts: list[Patch | Line2D] = [Patch(facecolor=colour, edgecolor='black', linewidth=0.5, label=label) for
-                                   colour, label in ((HEAD, 'head'), (TOUCHED, 'in contact'),
-                                                     (BODY, 'body')) if contact or colour != TOUCHED]
+def _legend(figure: Figure, track: bool, contact: bool, overlapping: bool = False) -> None:
+    parts: list[Patch | Line2D] = [Patch(facecolor=colour, edgecolor='black', linewidth=0.5, label=label, hatch=hatch)
+                                   for colour, label, hatch in ((HEAD, 'head', None), (TOUCHED, 'in contact', HATCH),
+                                                                (BODY, 'body', None))
+                                   if contact or overlapping or colour != TOUCHED]
+    if overlapping:
+        parts.append(Line2D([], [], label='overlap', **RING))
     parts.append(Line2D([], [], linestyle='none', marker='o', markersize=3, color='black', label='handles'))
     if track:
         parts.append(Line2D([], [], color=TRACK, linewidth=1, label='track'))
     if contact:
-        parts.append(Line2D([], [], linestyle='none', marker='o', markersize=10, markerfacecolor='none',
-                            markeredgecolor=POINT, label='contact'))
+        parts.append(Line2D([], [], label='contact', **RING))
     figure.legend(handles=parts, loc='outside lower center', ncols=len(parts))

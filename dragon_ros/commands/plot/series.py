@@ -4,7 +4,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 
 from dragon_ros.cli import figures
-from dragon_ros.cli.figures import HEAD, LINES, POINT, QUIET
+from dragon_ros.cli.figures import DASHES, HEAD, LINES, POINT, QUIET
 from dragon_ros.commands.sources import Moment, Progress, Source, Touch, check_times, clearances, thinned
 from dragon_ros.core.errors import InputError
 from dragon_ros.core.numerics.types import Floats
@@ -68,7 +68,8 @@ def speeds_picture(source: Source, times_s: list[float]) -> Figure:
         raise InputError(f'{source.name}: has handles but no benches at {times_s[0]:g} s')
     for number, one in enumerate(moments):
         speed = speeds_of(source, one)
-        axes.plot(np.arange(speed.size), speed, color=LINES[number % len(LINES)])
+        axes.plot(np.arange(speed.size), speed, color=LINES[number % len(LINES)],
+                  linestyle=DASHES[number % len(DASHES)])
     axes.set(xlabel='handle (0 is the head, the last the tail)', ylabel='speed (m/s)', xlim=(0, speed.size - 1))
     axes.set_title(figures.titled(source.name, 'speed along the chain', _WIDE_IN))
     _label_ends(axes, source, [moments[n] for n in thinned(0, len(moments) - 1, _MOST_LABELS).tolist()], moments)

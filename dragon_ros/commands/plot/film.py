@@ -1,0 +1,260 @@
+"""Writers of moving pictures: GIF by Pillow, and MP4 by Pillow's AV1 encoder or by an installed ffmpeg.
+
+Pillow's wheels bundle libavif with libaom, both under BSD-2-Clause; the wheels of PyAV bundle x264 and x265, which are
+under the GPL. An AVIF image sequence is an MP4 file with AV1 in it (both are ISO base media files, ISO/IEC 14496-12):
+``mp4_of`` gives it the brands and the handler of a film.
+"""
+import struct
+import subprocess
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from functools import lru_cache
+from io import BytesIO
+from pathlib import Path
+from queue import Full, Queue
+from shutil import which
+from threading import Thread
+from typing import Any, Protocol
+
+import numpy as np
+from matplotlib.colors import to_rgb
+
+from dragon_ros.cli.figures import BODY, HEAD, LINES, TOUCHED
+from dragon_ros.core.errors import InputError, MissingError
+from dragon_ros.core.numerics.types import Array
+
+FORMATS = '.gif, .html, .mp4'
+_HOLD_MS = 1500             # of the last frame of a GIF
+_AHEAD = 4                  # frames that wait for the encoder
+_QUALITY, _SPEED = 80, 10   # of AV1: fine lines stay sharp; the fastest
+_WAIT_S = 0.2
+_BRANDS = (b'iso6', b'mp41', b'av01')       # in place of those of an image sequence
+_PARENTS = (b'moov', b'trak', b'mdia', b'edts')
+
+
+class Writer(Protocol):
+    """Takes frames of one size."""
+
+    def add(self, frame: Array) -> None:
+        """Add a frame, (H, W, 4) of uint8."""
+
+    def finish(self) -> None:
+        """Write the file."""
+
+    def stop(self) -> None:
+        """Give up."""
+
+
+@contextmanager
+def movie(path: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None = None) -> Iterator[Writer]:
+    """Write frames to a temporary file and rename it at the end; an interrupted film leaves nothing.
+
+    Raises InputError for other formats, MissingError where nothing can write the format or the file.
+    """
+    part = path.with_name(f'.{path.stem}.part{path.suffix}')
+    writer = _writer(path, part, size, fps, frames, codec)
+    try:
+        part.touch()
+        yield writer
+        writer.finish()
+        part.replace(path)
+    except OSError as error:
+        writer.stop()
+        raise MissingError(f'--output {path}: cannot be written: {error.strerror or error}') from None
+    except BaseException:
+        writer.stop()
+        raise
+    finally:
+        part.unlink(missing_ok=True)
+
+
+def _writer(path: Path, part: Path, size: tuple[int, int], fps: int, frames: int, codec: str | None) -> Writer:
+    """Return the writer for the path's suffix."""
+    kind = path.suffix.lower()
+    if kind == '.gif':
+        return _Gif(part, fps)
+    if kind != '.mp4':
+        raise InputError(f'--output {path}: an animation is {FORMATS}')
+    if codec in (None, 'av1') and has_av1():
+        return _Av1(part, fps, frames)
+    ffmpeg = which('ffmpeg')
+    if codec != 'av1' and ffmpeg is not None:
+        return _Ffmpeg(part, size, fps, ffmpeg)
+    needs = {'av1': "--codec av1 needs Pillow 11.3: pip install 'dragon_ros[film]'",
+             'h264': '--codec h264 needs ffmpeg: install it (apt install ffmpeg), or leave out --codec'}
+    raise MissingError(f'--output {path}: ' + needs.get(str(codec), "MP4 needs Pillow 11.3 or ffmpeg: pip install "
+                                                        "'dragon_ros[film]', or write .gif or .html"))
+
+
+def has_av1() -> bool:
+    """Say whether Pillow is here with an encoder of AV1."""
+    from PIL import features
+    if 'avif' not in features.modules or not features.check('avif'):
+        return False
+    from PIL import _avif
+    return bool(_avif.encoder_codec_available('aom'))
+
+
+class _Gif:
+    """Frames with few colours and without dithering, which takes a sixth of the size."""
+
+    def __init__(self, path: Path, fps: int) -> None:
+        self._path, self._fps, self._frames = path, fps, list[Any]()
+
+    def add(self, frame: Array) -> None:
+        from PIL import Image
+        image = Image.fromarray(np.ascontiguousarray(frame[..., :3]))
+        self._frames.append(image.quantize(palette=_palette(), dither=Image.Dither.NONE))
+
+    def finish(self) -> None:
+        """Write the file; its last frame stays for a while before the animation starts again."""
+        each_ms = [round(1000 / self._fps)] * (len(self._frames) - 1)
+        self._frames[0].save(self._path, 'GIF', save_all=True, append_images=self._frames[1:],
+                             duration=[*each_ms, _HOLD_MS], loop=0)
+
+    def stop(self) -> None:
+        self._frames.clear()
+
+
+@lru_cache
+def _palette() -> Any:
+    """Return an image of the palette: greys, and our colours mixed with white and with black."""
+    from PIL import Image
+    mixed = [np.array(to_rgb(colour)) * part + end * (1 - part) for colour in (BODY, HEAD, TOUCHED, LINES[0])
+             for part in (1.0, 0.75, 0.5, 0.25) for end in (0.0, 1.0)]
+    colours = np.array([*(np.full(3, grey) for grey in np.linspace(0, 1, 17)), *mixed])
+    out = Image.new('P', (1, 1))
+    out.putpalette((255 * colours).round().astype(np.uint8).tobytes())
+    return out
+
+
+class _Later:
+    """A frame that Pillow's writer of sequences asks for when it needs it; a thread encodes while others are drawn."""
+
+    mode, is_animated, has_transparency_data = 'RGB', False, False
+
+    def __init__(self, queue: 'Queue[Any]') -> None:
+        self._queue = queue
+
+    def seek(self, frame: int) -> None:
+        """Take the next frame. Raises EOFError where there are no more."""
+        if frame:
+            raise EOFError
+        self._image = self._queue.get()
+        if self._image is None:
+            self._queue.put(None)
+            raise EOFError
+        self.size = self._image.size
+
+    def tobytes(self, *how: str) -> bytes:
+        """Return the pixels."""
+        data: bytes = self._image.tobytes(*how)
+        return data
+
+
+class _Av1:
+    """MP4 with AV1, encoded by Pillow in a thread, which needs no lock of the interpreter for it."""
+
+    def __init__(self, path: Path, fps: int, frames: int) -> None:
+        self._path, self._frames = path, frames
+        ends = np.round(np.arange(frames + 1) * 1000 / fps).astype(int)     # Pillow counts whole milliseconds
+        self._each_ms = np.diff(ends).tolist()
+        self._queue: Queue[Any] = Queue(_AHEAD)
+        self._thread: Thread | None = None
+        self._data, self._error = BytesIO(), list[BaseException]()
+
+    def add(self, frame: Array) -> None:
+        from PIL import Image
+        image = Image.fromarray(np.ascontiguousarray(frame[..., :3]))
+        if self._thread is None:
+            self._thread = Thread(target=self._encode, args=(image,), daemon=True)
+            self._thread.start()
+        else:
+            self._put(image)
+
+    def _put(self, image: Any) -> None:
+        while True:
+            if self._error:
+                raise self._error[0]
+            with suppress(Full):
+                self._queue.put(image, timeout=_WAIT_S)
+                return
+
+    def _encode(self, first: Any) -> None:
+        later = [_Later(self._queue) for _ in range(self._frames - 1)]
+        try:
+            first.save(self._data, 'AVIF', save_all=True, append_images=later, duration=self._each_ms, codec='aom',
+                       quality=_QUALITY, speed=_SPEED, subsampling='4:2:0', range='limited', max_threads=2)
+        except BaseException as error:  # noqa: BLE001 - it is raised where frames are added
+            self._error.append(error)
+
+    def finish(self) -> None:
+        self._put(None)
+        if self._thread is not None:
+            self._thread.join()
+        if self._error:
+            raise self._error[0]
+        self._path.write_bytes(mp4_of(self._data.getvalue()))
+
+    def stop(self) -> None:
+        """Let the encoder end with the frames that it has."""
+        with suppress(Full):
+            self._queue.put(None, timeout=_WAIT_S)
+
+
+def mp4_of(sequence: bytes) -> bytes:
+    """Return an AVIF image sequence as an MP4 file: its brands, its handler, and a length without repetition."""
+    out = bytearray(sequence)
+    places = {kind: (at, size) for kind, at, size in _boxes(sequence, 0, len(sequence))}
+    at, size = places[b'ftyp']
+    brands = [_BRANDS[n % len(_BRANDS)] for n in range((size - 16) // 4)]
+    out[at + 8:at + size] = struct.pack('>4sI', b'iso6', 0) + b''.join(brands)
+    at = places[b'meta'][0]
+    out[at + 4:at + 8] = b'free'        # describes the first frame as a still picture
+    at = places[b'hdlr'][0]
+    out[at + 16:at + 20] = b'vide'
+    length = sequence[places[b'mdhd'][0] + 32:][:8]     # all of version 1, with 64 bits
+    for kind, place in ((b'mvhd', 32), (b'tkhd', 36), (b'elst', 16)):
+        at = places[kind][0]
+        out[at + place:at + place + 8] = length
+    at = places[b'elst'][0]
+    out[at + 8:at + 12] = b'\1\0\0\0'   # version 1, without the flag that repeats
+    return bytes(out)
+
+
+def _boxes(data: bytes, start: int, end: int) -> Iterator[tuple[bytes, int, int]]:
+    """Yield kind, start and size of boxes, and of those within what leads to a track."""
+    while start < end:
+        size, kind = struct.unpack_from('>I4s', data, start)
+        yield kind, start, size or end - start
+        if kind in _PARENTS:
+            yield from _boxes(data, start + 8, start + size)
+        start += size or end - start
+
+
+class _Ffmpeg:
+    """MP4 with H.264 by an ffmpeg on the PATH, to which frames are piped."""
+
+    def __init__(self, path: Path, size: tuple[int, int], fps: int, program: str) -> None:
+        raw = ['-f', 'rawvideo', '-pix_fmt', 'rgba', '-s', f'{size[0]}x{size[1]}', '-r', str(fps), '-i', '-']
+        command = [program, '-y', '-loglevel', 'error', *raw, '-c:v', 'h264', '-pix_fmt', 'yuv420p',
+                   '-movflags', '+faststart', str(path)]
+        self._process = subprocess.Popen(command, stdin=subprocess.PIPE, stderr=subprocess.PIPE)
+
+    def add(self, frame: Array) -> None:
+        assert self._process.stdin is not None
+        try:
+            self._process.stdin.write(np.ascontiguousarray(frame).tobytes())
+        except BrokenPipeError:
+            self.finish()
+
+    def finish(self) -> None:
+        _, said = self._process.communicate()
+        if self._process.returncode:
+            lines = said.decode(errors='replace').strip().splitlines() or ['no reason given']
+            raise MissingError(f'ffmpeg ended with an error: {lines[-1][:200]}; write .gif or .html')
+
+    def stop(self) -> None:
+        self._process.kill()
+        with suppress(OSError, ValueError):
+            self._process.communicate()
