@@ -40,15 +40,15 @@ def test_the_manifest_is_what_the_tools_of_ros_accept_without_a_warning():
     assert found.get_build_type() == 'ament_python'
 
 
-# Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, as of 2026-11-23. rosdep installs
-# test dependencies by default and stops at the first key that it does not know.
+# Keys of rosdep and packages of ROS 2 that resolve on Ubuntu noble and later, looked up in rosdistro of 2026-08-22.
+# rosdep installs test dependencies by default and stops at the first key that it does not know.
 RESOLVED = {
     'rclpy', 'diagnostic_msgs', 'geometry_msgs', 'nav_msgs', 'rcl_interfaces', 'rosgraph_msgs', 'sensor_msgs',
     'std_msgs', 'std_srvs', 'visualization_msgs', 'ament_index_python', 'launch', 'launch_ros', 'ros2launch',
-    'tf2_msgs',
-    'python3-argcomplete', 'python3-matplotlib', 'python3-numpy', 'python3-shapely', 'python3-tqdm', 'python3-yaml',
-    'python3-hypothesis', 'python3-jsonschema', 'python3-openpyxl', 'python3-pytest', 'python3-pytest-xdist',
-    'python3-pyproj', 'python3-scipy'}
+    'simulation_interfaces', 'tf2_msgs',
+    'python3-argcomplete', 'python3-matplotlib', 'python3-numpy', 'python3-regex', 'python3-shapely', 'python3-tqdm',
+    'python3-yaml', 'python3-hypothesis', 'python3-jsonschema', 'python3-openpyxl', 'python3-pytest',
+    'python3-pytest-xdist', 'python3-pyproj', 'python3-scipy'}
 
 
 def test_rosdep_knows_every_key_of_the_manifest():

@@ -48,6 +48,9 @@ HELD_BYTES = 64 * MB
 REPLAYED_BYTES = 64 * MB
 RECORDED_SCENES = 16
 SUBSCRIBERS = 1000
+FILTER_CHARACTERS = 256
+FILTER_S = 1.0
+FILTER_POINTS = 1000
 
 # The web view
 VIEW_CONNECTIONS = 32
@@ -120,6 +123,9 @@ LIMITS = (
     Limit('RECORDED_SCENES', 'different scenes that a recorder reads and attaches to one bag', 'scenes',
           'only stored as messages, with a warning'),
     Limit('SUBSCRIBERS', 'subscribers that `wait_subscribers` can ask for', 'subscribers', 'refused'),
+    Limit('FILTER_CHARACTERS', 'a regular expression that filters entities', 'characters', 'refused'),
+    Limit('FILTER_S', 'matching it with the names of all entities', 's', 'refused'),
+    Limit('FILTER_POINTS', 'points of a convex hull that filters entities', 'points', 'refused'),
     Limit('VIEW_CONNECTIONS', 'connections that `view` serves at a time', 'connections',
           'the one that has been without a request longest is closed'),
     Limit('VIEW_IDLE_S', 'how long a request to `view` takes to arrive, however its bytes come', 'seconds', 'closed'),

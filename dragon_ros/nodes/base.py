@@ -1,5 +1,5 @@
 """The base of all nodes: namespace, parameters from a table, log, and a check of /clock."""
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -114,12 +114,19 @@ class DragonNode(Node):
         self.setting = {parameter.name: declare(self, parameter, given) for parameter in table}
         self._check_names(given)
         self._given = given
+        self.closing: list[Callable[[], object]] = []       # called before the node is destroyed
         self.add_pre_set_parameters_callback(self._widen)
         self.add_on_set_parameters_callback(self._on_set)
         self.add_post_set_parameters_callback(self._after_set)
         self._ros_time = self.get_clock()
         self._created = self.create_timer(0.0, self._check_overrides, clock=STEADY)
         self._patience = self.create_timer(_NO_CLOCK_S, self._check_clock, clock=STEADY)
+
+    def destroy_node(self) -> None:
+        """Destroy the node, and first what rclpy would leave behind."""
+        while self.closing:
+            self.closing.pop()()
+        super().destroy_node()
 
     def get_logger(self) -> logs.Logger:
         """Return the logger of the node, which can also write JSON."""

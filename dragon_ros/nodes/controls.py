@@ -15,6 +15,7 @@ from dragon_ros.nodes import logs
 from dragon_ros.nodes.base import STEADY, DragonNode
 from dragon_ros.nodes.pacer import Pacer
 
+STANDARD = 'simulation_interfaces'      # package of the standard services; if it is installed, they are offered, too
 _POLL_NS = 20_000_000       # interval between checks of whether it may start
 _SLICE_S = 0.005            # longest time of playback before the executor serves other callbacks
 _PROGRESS_S = 1.0               # interval of progress messages
@@ -48,14 +49,43 @@ class PlaySource(Protocol):
         """Return the reason why there is no next frame, as text."""
 
 
+def _nothing() -> None:
+    """Do nothing."""
+
+
+class Steps:
+    """Frames to show at once: ``shown`` and ``left`` count them; ``ended`` when no more of them follow."""
+
+    def __init__(self, frames: int, each: Callable[[], None] = _nothing, end: Callable[[], None] = _nothing) -> None:
+        """``each`` is called after each frame, ``end`` once when no more of them follow."""
+        self.shown, self.left, self.ended = 0, frames, frames == 0
+        self._each, self._end = each, end
+
+    def count(self) -> None:
+        """Count one frame that was shown."""
+        self.shown, self.left = self.shown + 1, self.left - 1
+        self._each()
+        if not self.left:
+            self.finish()
+
+    def finish(self) -> None:
+        """Show no more of them."""
+        if not self.ended:
+            self.ended = True
+            self._end()
+
+
 class Player:
-    """Plays a source on a node with the parameters ``CONTROLS``; ``done`` when it has ended for good."""
+    """Plays a source on a node with the parameters ``CONTROLS``; ``done`` when it has ended for good.
+
+    ``stopped`` is a pause before the start: nothing has moved since ``stop``.
+    """
 
     def __init__(self, node: DragonNode, source: PlaySource, time_scale: float, ready: Callable[[], bool]) -> None:
         """Offer the services; playback starts when ``ready()`` is true."""
-        self.pacer, self.paused, self.done = Pacer(time_scale), False, False
+        self.pacer, self.paused, self.stopped, self.done = Pacer(time_scale), False, False, False
         self._node, self._source, self._ready = node, source, ready
-        self._waiting, self._owed = True, 0
+        self._waiting, self._owed = True, Steps(0)
         self._note_place()
         self._timer = node.create_timer(0.0, self._on_timer, clock=STEADY)
         for name in ('pause', 'resume', 'reset', 'step', 'seek'):
@@ -63,14 +93,14 @@ class Player:
 
     def pause(self) -> str:
         """Pause after the last frame."""
-        self.paused = True
+        self.paused, self.stopped = True, False
         return f'paused {self._source.place()}'
 
     def resume(self) -> str:
         """Resume; the next frame is due one tick from now. Raises DragonError if it holds at the end."""
-        if self._source.next_ns() is None and self._node.setting['at_end'] == 'hold':
-            raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
-        self.paused = False
+        if self._node.setting['at_end'] == 'hold':
+            self._check_next()
+        self.paused = self.stopped = False
         self._wake()
         return f'resumed {self._source.place()}'
 
@@ -81,16 +111,38 @@ class Player:
 
     def step(self) -> str:
         """Pause, then play the next ``step_ticks`` frames at once."""
-        self.paused = True
-        if self._source.next_ns() is None:
-            raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
+        self.pause()
+        self._check_next()
         return self._show_now(self._node.setting['step_ticks'])
+
+    def advance(self, steps: Steps) -> None:
+        """Pause, then show frames, a few milliseconds of them at a time. Raises DragonError if none follow.
+
+        Any other action that shows a frame ends the steps early.
+        """
+        self.pause()
+        self._check_next()
+        self._owe(steps)
+        self._wake(self._play() or 0)
+
+    def stop(self) -> str:
+        """Return to the first frame and pause there, as if nothing had been played."""
+        self.pause()
+        place = self.reset()
+        self.stopped = True
+        return place
 
     def seek(self) -> str:
         """Move to the last frame at or before ``seek_s`` (negative: the first) and show it. A pause continues."""
         seek_s = self._node.setting['seek_s']
         self._source.seek(None if seek_s < 0 else round(seek_s * NS))
+        self.stopped = False
         return self._show_now(1)
+
+    def quit(self) -> None:
+        """End for good after the last frame shown."""
+        self.pause()
+        self.done = True
 
     def set_speed(self, time_scale: float) -> None:
         """Continue at another speed from the current time, without a jump."""
@@ -100,6 +152,10 @@ class Player:
     def stands(self) -> bool:
         """Return whether time stands still: before the start, during a pause, at the end."""
         return self._waiting or self.paused or self.done
+
+    def is_stepping(self) -> bool:
+        """Return whether frames that were asked for at once are still to be shown."""
+        return not self._owed.ended
 
     def _service(self, act: Callable[[], str]) -> Callable[[Trigger.Request, Trigger.Response], Trigger.Response]:
         def serve(_: Trigger.Request, response: Trigger.Response) -> Trigger.Response:
@@ -113,22 +169,33 @@ class Player:
 
     def _show_now(self, frames: int) -> str:
         """Show this many frames at once, or as soon as slow readers catch up."""
-        self._owed, self.done = frames, False
-        while self._owed and self._play_owed():
+        self._owe(Steps(frames))
+        while self.is_stepping() and self._play_owed():
             pass
         self._wake()
-        return self._source.place() + (f'; {self._owed} more when the readers follow' if self._owed else '')
+        left = self._owed.left if self.is_stepping() else 0
+        return self._source.place() + (f'; {left} more when the readers follow' if left else '')
+
+    def _check_next(self) -> None:
+        """Raise DragonError at the end."""
+        if self._source.next_ns() is None:
+            raise DragonError(f'{self._source.ending()}: nothing follows; reset or seek first')
+
+    def _owe(self, steps: Steps) -> None:
+        """Replace the frames still to be shown at once."""
+        before, self._owed, self.done = self._owed, steps, False
+        before.finish()
 
     def _play_owed(self) -> bool:
         """Show one owed frame; return whether that was possible."""
         t_ns = self._source.next_ns()
         if t_ns is None:
-            self._owed = 0
+            self._owed.finish()
         elif self._source.flush():
-            self._owed -= 1
             self.pacer.rest()
             self.pacer.start(t_ns)
             self._source.show()
+            self._owed.count()
         else:
             return False
         return True
@@ -147,7 +214,7 @@ class Player:
 
     def _play(self) -> int | None:
         """Play the due frames; return the wall time until the next action, None if only a service call leads to one."""
-        if self._waiting and not self._owed:
+        if self._waiting and not self.is_stepping():
             if not self._ready():
                 return _POLL_NS
             self._waiting = False
@@ -163,7 +230,7 @@ class Player:
         """Play one frame if it is due; return the same as ``_play``."""
         if not self._source.flush():
             return 0
-        if self._owed:
+        if self.is_stepping():
             self._play_owed()
             return 0
         if self.paused or self.done:

@@ -14,7 +14,8 @@ from dragon_ros.core.scene import NS
 from dragon_ros.nodes import keys, publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
-from dragon_ros.nodes.controls import Player
+from dragon_ros.nodes.controls import STANDARD, Player
+from dragon_ros.nodes.entities import TOPICS, Bodies, bodies_of_messages
 from dragon_ros.nodes.params import REPLAY
 from dragon_ros.nodes.replay_source import ReplaySource
 
@@ -50,6 +51,9 @@ class Replay(DragonNode):
         waited = [full_name(text, bag) for text in choice.wait_subscribers]
         gate = publisher_queue.StartGate(self.topic_publishers, waited, self.setting['discovery_s'])
         self.player = Player(self, self.source, self.setting['time_scale'], gate.is_open)
+        if shell.is_installed(STANDARD):
+            from dragon_ros.nodes.simulation_interfaces import SimulationInterfaces
+            SimulationInterfaces(self, self.player, self._watched(bag))
         self.source.also.append(self._note_late)
         if self.setting['publish_clock']:
             if _CLOCK in self.topic_publishers:
@@ -95,6 +99,19 @@ class Replay(DragonNode):
         return {row.name: self.create_publisher(
             shell.message_type(row.type), names[row.name],
             qos.waiting(profiles[row.name]) if self._lossless else profiles[row.name]) for row in rows}
+
+    def _watched(self, bag: BagReader) -> Callable[[], Bodies | None] | None:
+        """Return what tells the handles and benches last played; None if not exactly one dragon is played."""
+        try:
+            root = namespace_of(bag)
+        except InputError:
+            return None
+        if f'{root}/handles' not in self.topic_publishers:
+            return None
+        watched = {f'{root}/{name}': name for name in TOPICS}
+        self.source.watched = dict.fromkeys(watched)
+        return lambda: bodies_of_messages({name: message for topic, name in watched.items()
+                                           if (message := self.source.watched[topic])})
 
     def _note_late(self, _: int) -> None:
         if self.player.pacer.scale:

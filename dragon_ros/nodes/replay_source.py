@@ -28,6 +28,7 @@ class ReplaySource:
         """
         self.also: list[Callable[[int], None]] = []
         self.published: Counter[str] = Counter()
+        self.watched: dict[str, Message | None] = {}        # by topic, the last message shown; other topics have none
         self._bag, self._publishers, self._start_ns, self._end_ns = bag, publishers, start_ns, end_ns
         self._latched = {topic for topic, publisher in publishers.items()
                          if publisher.qos_profile.durability == DurabilityPolicy.TRANSIENT_LOCAL}
@@ -58,6 +59,8 @@ class ReplaySource:
         for message in frame:
             self._queue.put(self._publishers[message.topic], message.data)
             self.published[message.topic] += 1
+            if message.topic in self.watched:
+                self.watched[message.topic] = message
         self.flush()
 
     @property

@@ -79,6 +79,11 @@ def message_type(name: str) -> Any:
     return getattr(importlib.import_module(f'{package}.msg'), kind)
 
 
+def is_installed(package: str) -> bool:
+    """Return whether a package can be imported, without importing it."""
+    return importlib.util.find_spec(package) is not None
+
+
 def _prefixes() -> list[Path]:
     """Return where ROS packages are installed, since the ROS wheels do not set AMENT_PREFIX_PATH."""
     named = os.environ.get('AMENT_PREFIX_PATH', '').split(os.pathsep)

@@ -22,7 +22,8 @@ from dragon_ros.messages.once import DESCRIPTION, ENCODE, once
 from dragon_ros.nodes import publisher_queue, qos, shell
 from dragon_ros.nodes.base import DragonNode
 from dragon_ros.nodes.clock import ClockPublisher
-from dragon_ros.nodes.controls import Player
+from dragon_ros.nodes.controls import STANDARD, Player
+from dragon_ros.nodes.entities import Bodies, bodies_of_frame
 from dragon_ros.nodes.frames import Frames
 from dragon_ros.nodes.led import Commands, LedFrames
 from dragon_ros.nodes.params import SIM
@@ -33,11 +34,12 @@ from dragon_ros.scenes.provenance import CLAIM, scene_file
 
 
 class Broadcast:
-    """The frames of a run, each published when it is shown."""
+    """The frames of a run, each published when it is shown; ``shown`` is the last one."""
 
     def __init__(self, frames: Frames | LedFrames, topics: Iterable[publisher_queue.EncodedTopic]) -> None:
         """Start before the first frame; each function in ``also`` is called with a frame before it is published."""
         self.frames = frames
+        self.shown: Frame | None = None
         self._topics, self._queue = tuple(topics), publisher_queue.PublisherQueue()
         self.also: list[Callable[[Frame], None]] = []
         self.next_ns, self.last_ns, self.rewind = frames.next_ns, frames.last_ns, frames.rewind
@@ -45,7 +47,7 @@ class Broadcast:
 
     def show(self) -> None:
         """Publish the next frame and advance."""
-        frame = self.frames.take()
+        self.shown = frame = self.frames.take()
         for observe in self.also:
             observe(frame)
         for topic in self._topics:
@@ -86,6 +88,9 @@ class Sim(DragonNode):
         self._frames.frames.prepare()
         gate = publisher_queue.StartGate(self.topic_publishers, value['wait_subscribers'], value['discovery_s'])
         self.player = Player(self, self._frames, value['time_scale'], gate.is_open)
+        if shell.is_installed(STANDARD):
+            from dragon_ros.nodes.simulation_interfaces import SimulationInterfaces
+            SimulationInterfaces(self, self.player, self._bodies)
 
     def refuse(self, name: str, value: Any) -> None:
         """Raise DragonError if a live parameter must not take a value."""
@@ -99,6 +104,11 @@ class Sim(DragonNode):
         """Apply a new speed."""
         if name == 'time_scale':
             self.player.set_speed(self.setting['time_scale'])
+
+    def _bodies(self) -> Bodies | None:
+        """Return the handles and benches of the last frame shown."""
+        frame = self._frames.shown
+        return None if frame is None else bodies_of_frame(frame, self.scene.dragon, self.setting['frame_id'])
 
     def _led(self) -> LedFrames:
         """Return the frames of a led scene, and subscribe to commands. Raises FieldError without a pace."""

@@ -60,15 +60,20 @@ class Spinner:
         self._executor.shutdown()
 
     def _serve(self, most: int) -> int:
-        """Serve at most ``most`` callbacks that rclpy finds ready; return their number."""
-        for served in range(most):
+        """Serve at most ``most`` callbacks that rclpy finds ready, and what follows from them; return their number."""
+        served = before = 0
+        while served < most:
             try:
                 handler, _, _ = self._executor.wait_for_ready_callbacks(timeout_sec=0.0)
             except TimeoutException:
-                return served
+                if served == before:
+                    break
+                before = served
+                continue
             handler()
             handler.result()
-        return most
+            served += 1
+        return served
 
     def _look(self) -> None:
         """Collect the entities to wait for until the next look; destroyed ones are kept until then."""
@@ -78,13 +83,16 @@ class Spinner:
         self._timers = tuple(node.timers)
         self._subscriptions, self._services, self._clients = (
             tuple(one.handle for one in kind) for kind in (node.subscriptions, node.services, node.clients))
+        self._guards = tuple(node.guards)
+        self._actions = tuple(one for one in node.waitables if one.get_num_entities().num_services)
         self._held.close()
-        for handle in (node.context.handle, *self._subscriptions, *self._services, *self._clients,
-                       *(timer.handle for timer in self._timers)):
+        for handle in (node.context.handle, *self._subscriptions, *self._services, *self._clients, *self._actions,
+                       *(one.handle for one in (*self._guards, *self._timers))):
             self._held.enter_context(handle)
+        inside = [one.get_num_entities() for one in self._actions]
         self._wait_set = rclpy_implementation.WaitSet(
-            len(self._subscriptions), 1, len(self._timers), len(self._clients), len(self._services), 0,
-            node.context.handle)
+            len(self._subscriptions), len(self._guards) + 1, len(self._timers) + sum(one.num_timers for one in inside),
+            len(self._clients), len(self._services) + sum(one.num_services for one in inside), 0, node.context.handle)
         self._look_at_s = time.monotonic() + _LOOK_S
 
     def _follow_clock(self) -> None:
@@ -106,11 +114,20 @@ class Spinner:
             wait_set.add_service(service)
         for client in self._clients:
             wait_set.add_client(client)
+        for guard in self._guards:
+            wait_set.add_guard_condition(guard.handle)
+        for action in self._actions:
+            action.add_to_wait_set(wait_set)
         with self._overdue as condition:
             wait_set.add_guard_condition(condition)
             wait_set.wait(_WAIT_NS)
         messages = wait_set.get_ready_entities('subscription')
         others = bool(wait_set.get_ready_entities('service') or wait_set.get_ready_entities('client'))
+        triggered = wait_set.get_ready_entities('guard_condition')
+        for guard in self._guards:
+            if guard.handle.pointer in triggered:
+                guard.trigger()     # this wait took the trigger that rclpy is to find
+                others = True
         if wait_set.get_ready_entities('timer'):
             for timer in self._timers:
                 _call(timer)

@@ -5,6 +5,7 @@ import time
 import weakref
 from contextlib import closing, contextmanager
 from functools import partial
+from importlib.util import find_spec
 
 import pytest
 
@@ -195,6 +196,55 @@ def test_an_incompatible_publisher_is_reported(served, other_node):
         other_node.create_publisher(Float64, '/y', QoSProfile(depth=1, durability=DurabilityPolicy.VOLATILE))
         until(lambda: events)
     assert events[0].total_count == 1
+
+
+def test_a_guard_condition_and_an_action_wake_it_without_a_look_at_all_else(served, other_node, monkeypatch):
+    monkeypatch.setattr(spinner_module, '_LOOK_S', 3600.0)
+    node, until = served
+    called, each = [], []
+    guard = node.create_guard_condition(lambda: called.append(1))
+    server = action_server(node, each.append)
+    until(lambda: True)
+    spun = threading.Thread(target=until, args=(lambda: len(called) == 2,))
+    spun.start()
+    try:
+        guard.trigger()
+        other_node.until(lambda: called == [1])
+        if server:
+            call_action(other_node)
+            assert each == [3]
+        guard.trigger()
+    finally:
+        spun.join(PATIENCE_S)
+        if server:
+            server.destroy()
+    assert called == [1, 1]
+
+
+def action_server(node, take):
+    """Return a server of the only action that may be installed here, or None; ROS wheels bring no action."""
+    if find_spec('simulation_interfaces') is None:
+        return None
+    from rclpy.action import ActionServer
+    from simulation_interfaces.action import SimulateSteps
+
+    def execute(goal):
+        take(goal.request.steps)
+        goal.succeed()
+        return SimulateSteps.Result()
+    return ActionServer(node, SimulateSteps, 'steps', execute)
+
+
+def call_action(node):
+    from rclpy.action import ActionClient
+    from simulation_interfaces.action import SimulateSteps
+    client = ActionClient(node, SimulateSteps, '/steps')
+    node.until(client.server_is_ready)
+    sent = client.send_goal_async(SimulateSteps.Goal(steps=3))
+    node.until(sent.done)
+    answered = sent.result().get_result_async()
+    node.until(answered.done)
+    client.destroy()
 
 
 @pytest.mark.parametrize('where', ['timer', 'raw', 'plain'])
