@@ -11,7 +11,7 @@ from dragon_ros.core.chain.dragon import AnyDragon
 from dragon_ros.core.errors import FieldError, InputError
 from dragon_ros.core.frame import Frame
 from dragon_ros.core.geometry.rectangles import Benches, benches_of
-from dragon_ros.core.limits import FILTER_CHARACTERS, FILTER_POINTS, FILTER_S
+from dragon_ros.core.limits import COORDINATE_M, FILTER_CHARACTERS, FILTER_POINTS, FILTER_S
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.messages.decode import MessageError, Poses, read_multi_array
 from dragon_ros.messages.observation import observation_of, placed, read_benches, read_handles
@@ -163,8 +163,8 @@ def convex_hull(points: Floats) -> Region:
 
 
 def _check(is_valid: Any, points: Floats, limit: str) -> None:
-    if not (is_valid and np.isfinite(points).all()):
-        raise FieldError('bounds.points', points.tolist(), limit, 'give finite numbers of this kind')
+    if not (is_valid and (np.abs(points) <= COORDINATE_M).all()):
+        raise FieldError('bounds.points', points.tolist(), limit, f'give numbers up to {COORDINATE_M:g}')
 
 
 def chosen(bodies: Bodies, pattern: str, tags: Collection[str], every: bool, region: Region | None) -> list[int]:

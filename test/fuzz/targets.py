@@ -408,10 +408,31 @@ def command(folder: Path) -> Target:
                    struct.pack('<d', 5e-324), struct.pack('<i', -2**31), b'\xff' * 8, bytes(8), b'P', b'S'), [close])
 
 
+def filters(folder: Path) -> Target:
+    """Filters of entities: a byte that selects the bounds, a number of points, the points, and an expression."""
+    import numpy as np
+
+    from dragon_ros.nodes.entities import bodies_of_frame, box, chosen, convex_hull, sphere
+    bodies = bodies_of_frame(tick(SCENE, 0), SCENE.dragon, 'dragon')
+
+    def run(data: bytes) -> None:
+        kind, count = data[0] if data else 0, data[1] % 16 if len(data) > 1 else 0
+        values = np.frombuffer(data[2:2 + 24 * count].ljust(24 * count, b'\0'), '<f8').reshape(-1, 3)
+        with suppress(DragonError):
+            region = None if kind % 4 == 0 else (sphere, box, convex_hull)[kind % 4 - 1](values)
+            pattern, tags = data[2 + 24 * count:].decode(errors='replace'), ['head'] * (kind & 4)
+            chosen(bodies, pattern, tags, bool(kind & 8), region)
+    points = [struct.pack('<9d', *values) for values in ((8.8, 0, 0.1, 1, 0, 0, 0, 0, 0), (0, 0, 1, 9, 9, -1, 9, 0, 0))]
+    seeds = [bytes([kind, 2 + (kind == 3)]) + points[kind > 1][:24 * (2 + (kind == 3))] + b'(bench|handle)_[[:digit:]]+'
+             for kind in range(4)]
+    return Target(seeds, run, (struct.pack('<d', float('nan')), struct.pack('<d', 1e308), b'\xff' * 8, bytes(8),
+                               b'(.*?)', b'{9999}', b'(?', b'[', b'\\', b'*', b'(?R)', b'{e<=9}'))
+
+
 TARGETS: dict[str, Callable[[Path], Target]] = {
     'bag': bag, 'mix': mix, 'folder': folder_of_parts, 'scene': scene, 'override': override, 'certificate': certificate,
     'study': study, 'request': request, 'command_line': command_line, 'workbook': workbook, 'message': message,
-    'command': command, 'drawing': drawing}
+    'command': command, 'drawing': drawing, 'filters': filters}
 
 
 @contextlib.contextmanager
