@@ -93,10 +93,13 @@ class Pace:
         self._unseen, self._step_ns = 0, 0
         self._since_s = self._told_s = -inf         # times of the last event to report and of the last report
         self._last: tuple[int, int] | None = None       # stamp and number of the last seen tick
+        self.before = 0         # ticks that were published before the first one that was seen
 
     def see(self, t_ns: int, number: int, now_s: float) -> bool:
         """Record the next seen tick and the number of its handles; return whether to report now."""
         last, self._last = self._last, (t_ns, number)
+        if last is None:
+            self.before = max(0, number - 1)
         if last is None or number <= last[1] + 1:
             return False
         self._unseen += number - last[1] - 1

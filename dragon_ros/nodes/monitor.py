@@ -190,7 +190,8 @@ def run(stop: threading.Event) -> int:
         publisher_queue.drain(node.topic_publishers.values(), stop)
         return code
     finally:
-        node.get_logger().info(f'saw {node.seen} ticks')
+        before = f'; {node.pace.before} were published before it listened' if node.pace.before else ''
+        node.get_logger().info(f'saw {node.seen} ticks{before}')
         if unseen := node.pace.text():
             node.get_logger().warning(unseen)
         if node.dropped:

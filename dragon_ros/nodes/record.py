@@ -113,6 +113,8 @@ class Recorder(DragonNode):
         """Warn about topics with several publishers, whose missing messages cannot be counted."""
         self._several = publishers.several_of(self, self._sources, self._several)
         self.losses.share(self._several)
+        if self.count_publishers('handles'):
+            self.losses.offer(self._names['handles'])
         self._name_left_out()
         name = f'{self.get_namespace().strip("/")}: record'
         if warnings := [*publishers.warnings_of(name, self._several), *self._skips_now(name)]:

@@ -107,6 +107,20 @@ def start(domain, tmp_path):
 
 
 @pytest.fixture
+def launched(start):
+    """Start what launch would start, as launch would."""
+    def text(value):
+        return str(value).lower() if isinstance(value, bool) else str(value) or '""'
+
+    def run(what):
+        return {one.executable: start(
+            one.executable, *one.arguments, '--ros-args', '-r', f'__ns:={what.namespace}',
+            *(part for name, value in one.parameters.items() for part in ('-p', f'{name}:={text(value)}')))
+            for one in (*what.readers, what.source)}
+    return run
+
+
+@pytest.fixture
 def node(domain):
     """A node of the test itself."""
     with made_node('observer') as node:

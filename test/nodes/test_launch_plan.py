@@ -41,20 +41,6 @@ def watched(tmp_path):
     return path
 
 
-@pytest.fixture
-def launched(start):
-    """Start what launch would start, as launch would."""
-    def text(value):
-        return str(value).lower() if isinstance(value, bool) else str(value) or '""'
-
-    def run(what):
-        return {one.executable: start(
-            one.executable, *one.arguments, '--ros-args', '-r', f'__ns:={what.namespace}',
-            *(part for name, value in one.parameters.items() for part in ('-p', f'{name}:={text(value)}')))
-            for one in (*what.readers, what.source)}
-    return run
-
-
 def test_a_replayed_bag_moves_to_the_namespace_waits_for_the_monitor_and_leads_the_clock(launched, node, watched):
     from rosgraph_msgs.msg import Clock
     from std_msgs.msg import Float64

@@ -75,6 +75,7 @@ class LossAccount:
         self.topics: dict[str, TopicCount] = {}
         self._run: Run | None = None
         self._each_tick: set[str] = set()
+        self._offered: set[str] = set()
         self._steps: Counter[int] = Counter()
         self._last_ns: int | None = None
 
@@ -97,6 +98,10 @@ class LossAccount:
             for t_ns in row.scene_came():
                 if self._run is not None and topic in self._each_tick:
                     row.tick(self._run, t_ns)
+
+    def offer(self, topic: str) -> None:
+        """Note that a topic with a message per tick has a publisher."""
+        self._offered.add(topic)
 
     def share(self, topics: Iterable[str]) -> None:
         """Mark topics with several simultaneous publishers: their missing messages cannot be counted."""
@@ -152,9 +157,8 @@ class LossAccount:
         return {topic: count for topic, count in found.items() if count}
 
     def unheard(self) -> list[str]:
-        """Return the topics with a message per tick that received nothing although handles arrived."""
-        heard = {topic for topic, row in self.topics.items() if row.received}
-        return sorted(self._each_tick - heard) if heard & self._each_tick else []
+        """Return the topics that received nothing although a scene or a publisher has a message per tick for them."""
+        return sorted((self._each_tick | self._offered) - {topic for topic, row in self.topics.items() if row.received})
 
     def complete(self, ended: bool) -> bool:
         """Return whether nothing is known to be missing."""
@@ -170,6 +174,7 @@ class LossAccount:
         """Return the whole account as a metadata record."""
         out, missing = {'complete': str(self.complete(ended)).lower(), 'spacing': self.spacing()}, self.missing(ended)
         beginnings = self.beginnings()
+        out |= {f'{topic} received': '0' for topic in self.unheard()}
         for topic, row in self.topics.items():
             out[f'{topic} received'] = str(row.received)
             out[f'{topic} lost'] = 'unknown: several publishers' if row.shared else str(row.lost_on_the_way)
