@@ -82,10 +82,20 @@ def test_without_a_scene_the_numbers_tell_what_came_before():
 def test_a_topic_of_each_tick_that_never_came_is_named():
     account = LossAccount()
     account.scene(Scene(run=RUN, effects=Effect.VELOCITY), '/d')
-    assert account.complete(ended=True)                     # nothing was published yet
+    assert account.lines(ended=True) == [f'/d/{name}: nothing was heard of it' for name in ('handles', 'velocities')]
+    assert (account.complete(ended=True), account.report(ended=True)['/d/handles received']) == (False, '0')
     account.note(HANDLES, RUN.time_ns(0), 1)
     assert account.lines(ended=True) == ['/d/velocities: nothing was heard of it']
     assert not account.complete(ended=True)
+
+
+def test_a_publisher_of_which_nothing_is_heard_is_named_without_a_scene():
+    account = LossAccount()
+    assert account.complete(ended=True)
+    account.offer(HANDLES)
+    assert account.lines(ended=False) == ['/d/handles: nothing was heard of it']
+    account.note(HANDLES, RUN.time_ns(0), 1)
+    assert account.complete(ended=True)
 
 
 def test_what_one_topic_lacks_at_the_end_is_missing_once_the_run_has_ended():
