@@ -16,7 +16,7 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.cost.measure import circumstances
 from dragon_ros.studies.cluster import local_client, run
 from dragon_ros.studies.dataset import writing
-from dragon_ros.studies.questions import FirstContact, Lock, Question
+from dragon_ros.studies.questions import FirstContactQuestion, LockQuestion, Question
 from dragon_ros.studies.rows import rows_of
 from dragon_ros.studies.study import Study, Uniform
 
@@ -27,7 +27,7 @@ _BUDGETS = 100              # of a timing, for a study
 _WARM = 4                   # rows of each worker before anything is timed
 _PROBED_S = 0.5
 _VARY = (('dragon.width_m', Uniform(0.25, 0.35)),)
-TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContact(), 'its lock': Lock()}
+TASKS: dict[str, Question] = {'first contact of the classic dragon': FirstContactQuestion(), 'its lock': LockQuestion()}
 
 
 @dataclass(frozen=True)

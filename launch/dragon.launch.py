@@ -18,7 +18,7 @@ from launch.events.process import ProcessExited
 from launch_ros.actions import Node
 
 from dragon_ros.core.errors import DragonError
-from dragon_ros.nodes.launch_plan import ARGUMENTS, Plan, Start, plan
+from dragon_ros.nodes.launch_plan import ARGUMENTS, LaunchedNode, LaunchPlan, plan
 
 
 def generate_launch_description() -> LaunchDescription:
@@ -46,7 +46,7 @@ def fail(event: ProcessExited, _: LaunchContext) -> None:
         raise DragonError(f'{event.process_name} ended with exit code {event.returncode}; see what it said')
 
 
-def node(namespace: str, start: Start) -> Node:
+def node(namespace: str, start: LaunchedNode) -> Node:
     """Return one executable of the package as a node."""
     parameters: list[Any] = [start.parameters]
     if start.file:
@@ -55,7 +55,7 @@ def node(namespace: str, start: Start) -> Node:
                 output='screen', arguments=start.arguments, parameters=parameters)
 
 
-def written(start: Start) -> str:
+def written(start: LaunchedNode) -> str:
     """Return a file with the parameters that arguments asked for: under /**, which counts after all others."""
     handle, name = tempfile.mkstemp(prefix='dragon_', suffix='.yaml')
     with os.fdopen(handle, 'w', encoding='utf-8') as file:
@@ -63,7 +63,7 @@ def written(start: Start) -> str:
     return name
 
 
-def view(given: dict[str, str], what: Plan) -> Iterator[Any]:
+def view(given: dict[str, str], what: LaunchPlan) -> Iterator[Any]:
     """Yield RViz, or the reason why it is missing."""
     if given['rviz'] != 'true' or given['headless'] == 'true':
         return
@@ -76,7 +76,7 @@ def view(given: dict[str, str], what: Plan) -> Iterator[Any]:
                parameters=[{'use_sim_time': given['use_sim_time'] == 'true'}])
 
 
-def view_file(what: Plan) -> str:
+def view_file(what: LaunchPlan) -> str:
     """Return the RViz configuration, a modified copy where namespace or frame are not /dragon and dragon."""
     share = Path(get_package_share_directory('dragon_ros'))
     path = share / 'msg_configs' / 'rviz' / 'dragon.rviz'

@@ -8,13 +8,13 @@ from collections.abc import Callable, Iterable, Iterator
 
 import dragon_ros as dr
 from dragon_ros.commands.contest import mistakes
-from dragon_ros.commands.contest.mistakes import Answer, first_touch_s, front_gap, gap_of
+from dragon_ros.commands.contest.mistakes import MistakenAnswer, first_touch_s, front_gap, gap_of
 from dragon_ros.commands.grade.words import sentence
 
 Rows = Iterator[tuple[str, ...]]
 
 
-def rows(head: str, answers: Iterable[Answer], form: Callable[[Answer], str]) -> Rows:
+def rows(head: str, answers: Iterable[MistakenAnswer], form: Callable[[MistakenAnswer], str]) -> Rows:
     """Yield the head of a table, then a row for each mistake with its answer."""
     yield 'mistake', head
     for one in answers:

@@ -27,7 +27,7 @@ _OTHERS = frozenset(('.docx', '.html', '.jpg', '.mat', '.ods', '.pdf', '.png', '
 DEFAULT_SCENE = _Default('winding')
 
 
-class _Given(argparse.Action):
+class _StoreIfGiven(argparse.Action):
     """Store a positional argument if it is given; otherwise leave the option of the same name unchanged."""
 
     def __call__(self, parser: argparse.ArgumentParser, namespace: argparse.Namespace, values: Any,
@@ -144,7 +144,7 @@ def add_namespace_option(options: argparse.ArgumentParser) -> None:
 def add_bag(options: argparse.ArgumentParser, text: str, required: bool = False) -> None:
     """Add a recording as BAG or --bag, which mean the same in every command."""
     given = options.add_mutually_exclusive_group(required=required)
-    given.add_argument('bag', nargs='?', type=Path, metavar='BAG', action=_Given, help=text)
+    given.add_argument('bag', nargs='?', type=Path, metavar='BAG', action=_StoreIfGiven, help=text)
     given.add_argument('--bag', type=Path, metavar='BAG', dest='bag', help='the same as BAG')
 
 

@@ -148,10 +148,10 @@ def say(line: str) -> None:
 
 
 @contextmanager
-def _processes(log: Path) -> Iterator['_Start']:
+def _processes(log: Path) -> Iterator['_Processes']:
     """Start executables in a domain of their own; at the end, interrupt those still running and wait for them."""
     with log.open('w') as file:
-        start = _Start(file)
+        start = _Processes(file)
         try:
             yield start
             # The recorder stops last: it hears everything from the monitor.
@@ -168,7 +168,7 @@ def _processes(log: Path) -> Iterator['_Start']:
                     process.kill()
 
 
-class _Start:
+class _Processes:
     """Starts ``python -m dragon_ros NAME ...``; output goes to a log file."""
 
     def __init__(self, log: IO[str]) -> None:
@@ -196,7 +196,7 @@ class _Start:
             time.sleep(0.05)
 
 
-def _bystanders(start: _Start, bag: Path) -> None:
+def _bystanders(start: _Processes, bag: Path) -> None:
     """Start a monitor, and a recorder that continues until the monitor has reported."""
     start.monitors.append(start('monitor'))
     start.recorders.append(start('record', '--output', str(bag), '--force', '--keep-going'))

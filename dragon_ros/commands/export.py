@@ -29,13 +29,13 @@ def run(arguments: Namespace) -> int:
     if arguments.every < 1:
         raise InputError(f'--every {arguments.every}: give 1 or more', field='every')
     with BagReader(arguments.bag) as bag:
-        source = _Source(bag, arguments)
+        source = _ExportedTicks(bag, arguments)
         with _created(arguments.output, arguments.force) as file:
             _FORMATS[arguments.format](source, file)
     return command_line.OK
 
 
-class _Source:
+class _ExportedTicks:
     """The ticks to export, which can be read repeatedly."""
 
     def __init__(self, bag: BagReader, arguments: Namespace) -> None:
@@ -58,7 +58,7 @@ class _Source:
             yield frame
 
 
-def _csv(source: _Source, file: IO[bytes]) -> None:
+def _csv(source: _ExportedTicks, file: IO[bytes]) -> None:
     writer = csv.writer(_Text(file), lineterminator='\n')
     writer.writerow(COLUMNS)
     for frame in source.frames('csv'):
@@ -77,7 +77,7 @@ class _Text:
         return self._file.write(text.encode())
 
 
-def _parquet(source: _Source, file: IO[bytes]) -> None:
+def _parquet(source: _ExportedTicks, file: IO[bytes]) -> None:
     try:
         import pyarrow
         from pyarrow.parquet import ParquetWriter
@@ -99,7 +99,7 @@ def _columns(some: list[BagFrame], handles: list[int]) -> list[Array]:
     return [t_ns, t_ns / NS, np.tile(np.array(handles, np.int32), len(some)), *values.T]
 
 
-def _npz(source: _Source, file: IO[bytes]) -> None:
+def _npz(source: _ExportedTicks, file: IO[bytes]) -> None:
     """Write the arrays one after the other, each in its own pass: no array is ever in memory as a whole."""
     first, handles = source.first, source.handles
     times = np.array([frame.t_ns for frame in source.frames('t_ns')], np.int64)
@@ -151,4 +151,4 @@ def _created(path: Path, overwrite: bool) -> Iterator[IO[bytes]]:
         raise MissingError(f'--output {path}: cannot be written: {error.strerror}') from None
 
 
-_FORMATS: dict[str, Callable[[_Source, IO[bytes]], None]] = {'csv': _csv, 'parquet': _parquet, 'npz': _npz}
+_FORMATS: dict[str, Callable[[_ExportedTicks, IO[bytes]], None]] = {'csv': _csv, 'parquet': _parquet, 'npz': _npz}

@@ -15,7 +15,7 @@ from dragon_ros.core.checks import whole
 from dragon_ros.core.errors import InputError, MissingError
 
 if TYPE_CHECKING:
-    from dragon_ros.studies.cluster import State
+    from dragon_ros.studies.cluster import StudyProgress
     from dragon_ros.studies.dataset import DataSet
 
 
@@ -77,7 +77,7 @@ def _folder_of(arguments: Namespace) -> tuple[Path, bool]:
     return arguments.output, False
 
 
-def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'State']) -> int:
+def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'StudyProgress']) -> int:
     """Compute what is missing, with a progress bar; return the exit code."""
     from dragon_ros.cli.pool import workers_of
     from dragon_ros.studies import dataset
@@ -94,7 +94,7 @@ def _computed(arguments: Namespace, data: 'DataSet', complete: Callable[..., 'St
     return command_line.FAILED
 
 
-def _show(shown: Progress, there: int, state: 'State') -> None:
+def _show(shown: Progress, there: int, state: 'StudyProgress') -> None:
     shown.note(f'{state.refused} refused, {state.workers} workers')
     shown.reach(state.done - there)
 

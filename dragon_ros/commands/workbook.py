@@ -8,11 +8,11 @@ from dragon_ros.core.errors import InputError, MissingError
 _MOST_ROWS = 2**20 - 1      # of a sheet, below the names of its columns
 
 
-class _Rows(Sized, Iterable[Iterable[Any]], Protocol):
+class _NumberedRows(Sized, Iterable[Iterable[Any]], Protocol):
     """Rows that know their number."""
 
 
-def xlsx_of(head: Iterable[str], rows: _Rows) -> bytes:
+def xlsx_of(head: Iterable[str], rows: _NumberedRows) -> bytes:
     """Return rows under their column names as a workbook of one sheet.
 
     Raises MissingError without openpyxl, InputError for more rows than a sheet holds.

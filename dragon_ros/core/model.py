@@ -42,7 +42,7 @@ _MOST_BYTES = 1_000_000_000         # for the shift maps of all kept models; the
 
 
 @dataclass(frozen=True)
-class Limit:
+class TravelEnd:
     """How far the leader can travel: metres, the reason of the end ('lock' or 'track'), and the link that locks."""
 
     gone_m: float
@@ -135,11 +135,12 @@ class Model:
         return spiral.curve.distance_to(0.5 * float(np.max(self.links_m)) / spiral.curve.b_m) if spiral else -1.0
 
     @cached_property
-    def limits(self) -> tuple[Limit | None, Limit | None]:
+    def limits(self) -> tuple[TravelEnd | None, TravelEnd | None]:
         """How far the leader can travel back, and on; None if there is no end. Raises ChainLockError."""
         back_m, onwards_m = self.leader.range_m
         if not self.track.may_lock:
-            back, onwards = (Limit(gone_m, 'track') if abs(gone_m) < inf else None for gone_m in (back_m, onwards_m))
+            back, onwards = (TravelEnd(gone_m, 'track') if abs(gone_m) < inf else None
+                             for gone_m in (back_m, onwards_m))
             return back, onwards
         spiral = self.track.from_afar
         assert spiral
@@ -151,8 +152,8 @@ class Model:
                 f'centre than {curve.b_m * angle:.6g} m; give a larger track.start_turns or track.pitch_m, or '
                 'shorter benches', link=link, radius_m=curve.b_m * angle, t_s=0.0)
         if not angle:
-            return None, Limit(curve.length_m, 'track')
-        return None, Limit(self._last_stand_m(curve.distance_to(angle), link), 'lock', link)
+            return None, TravelEnd(curve.length_m, 'track')
+        return None, TravelEnd(self._last_stand_m(curve.distance_to(angle), link), 'lock', link)
 
     def _last_stand_m(self, gone_m: float, link: int) -> float:
         """Return the distance of a lock, or the last distance just before it at which all links can be placed.

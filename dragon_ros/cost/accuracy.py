@@ -52,7 +52,7 @@ class Accuracy:
 
 
 @dataclass(frozen=True)
-class _Way:
+class _TimedSolver:
     """A solver with its errors, and what is to be timed: positions at every instant, and with velocities."""
 
     row: Solver
@@ -102,7 +102,7 @@ def _instants(scene: Scene) -> list[float]:
     return list(dict.fromkeys(at if start_s <= at <= t_s else t_s for at, t_s in zip(whole, times, strict=True)))
 
 
-def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[str], object]) -> Iterator[_Way]:
+def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[str], object]) -> Iterator[_TimedSolver]:
     """Yield the paper's recipe, the simple solvers and the tiers, each with its errors."""
     for name in TIERS:
         done(name)
@@ -113,7 +113,7 @@ def _ways(scene: Scene, known: dict[float, Reference | None], done: Callable[[st
                 yield _simple(scene, simple, known)
 
 
-def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_Way]:
+def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> Iterator[_TimedSolver]:
     """Yield a tier as it is served; and by forward placement alone, if that is not how."""
     solvers = {}
     for solver in ('table',) if tier == PAPER.name else ('table', 'march'):
@@ -130,7 +130,7 @@ def _of_tier(scene: Scene, tier: str, known: dict[float, Reference | None]) -> I
             yield way
 
 
-def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_Way, str]:
+def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tuple[_TimedSolver, str]:
     """Return a tier by one solver, and what served it."""
     simulation = compile_scene(scene)
     error_m = error_m_s = 0.0
@@ -144,7 +144,8 @@ def _tier(scene: Scene, name: str, known: dict[float, Reference | None]) -> tupl
     promise = None if simulation.tier is PAPER else position_promise_m(simulation.tier, simulation.size_m, worst)
     row = Solver(name, error_m, error_m_s, promise, None, None, f'by {chain.solver}')
     times_s = tuple(known)
-    return _Way(row, (partial(_place, scene, times_s, False), partial(_place, scene, times_s, True))), chain.solver
+    calls = tuple(partial(_place, scene, times_s, velocities) for velocities in (False, True))
+    return _TimedSolver(row, calls), chain.solver
 
 
 def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
@@ -155,7 +156,7 @@ def _place(scene: Scene, times_s: Sequence[float], velocities: bool) -> None:
             velocity_of(scene, chain, t_s)
 
 
-def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _Way:
+def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _TimedSolver:
     """Return a simple solver, which knows one spiral that the head leads along."""
     if not isinstance(scene.track, Spiral) or scene.head.lead != 'head':
         return _absent(name, 'it is for one spiral, led by the head')
@@ -166,7 +167,7 @@ def _simple(scene: Scene, name: str, known: dict[float, Reference | None]) -> _W
                 error_m = max(error_m, true.error_m(_finite(solve(scene, t_s)))) if true else nan
     except ArithmeticError:
         return _absent(name, 'it finds no place for a link')
-    return _Way(Solver(name, error_m, nan, None, None, None), (partial(_solve_all, name, scene, tuple(known)),))
+    return _TimedSolver(Solver(name, error_m, nan, None, None, None), (partial(_solve_all, name, scene, tuple(known)),))
 
 
 def _finite(handles_m: Floats) -> Floats:
@@ -180,5 +181,5 @@ def _solve_all(name: str, scene: Scene, times_s: Sequence[float]) -> None:
         SIMPLE[name](scene, t_s)
 
 
-def _absent(name: str, why: str) -> _Way:
-    return _Way(Solver(name, nan, nan, None, None, None, why))
+def _absent(name: str, why: str) -> _TimedSolver:
+    return _TimedSolver(Solver(name, nan, nan, None, None, None, why))

@@ -17,7 +17,7 @@ _LEAST_TICKS = 2
 
 
 @dataclass(frozen=True)
-class Bag:
+class BagCost:
     """A bag of the first ticks of the run: how many, their time, and their bytes as messages and as a file."""
 
     compression: str
@@ -42,7 +42,7 @@ class Bag:
         return self.file_bytes / self.message_bytes
 
 
-def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tuple[Bag, ...]:
+def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tuple[BagCost, ...]:
     """Write bags for about so many seconds in all, as ``simulate`` does; they are removed."""
     share_s = budget_s / len(COMPRESSIONS)
     out = []
@@ -53,7 +53,7 @@ def measure(scene: Scene, budget_s: float, done: Callable[[str], object]) -> tup
     return tuple(out)
 
 
-def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> Bag:
+def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> BagCost:
     """Write the first ticks of the run to a bag, as many as fit the budget."""
     topics, count, size = list(encoders(scene).items()), compile_scene(scene).last_tick + 1, 0
     next(ticks(scene, 0, 1))        # tables and templates are made once a run
@@ -68,4 +68,4 @@ def _written(scene: Scene, compression: str, path: Path, budget_s: float) -> Bag
                 bag.write(name, data, frame.t_ns, k)
             if k >= _LEAST_TICKS and time.perf_counter() - began > budget_s:
                 break
-    return Bag(compression, k, time.perf_counter() - began, size, path.stat().st_size)
+    return BagCost(compression, k, time.perf_counter() - began, size, path.stat().st_size)

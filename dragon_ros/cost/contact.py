@@ -11,7 +11,7 @@ _ENDS = {'stop': 'the run stops', 'lock': 'the chain locks', 'track': 'the track
 
 
 @dataclass(frozen=True)
-class Search:
+class SearchCost:
     """One search: its time and states, whether it came to its end, and what it found."""
 
     elapsed_s: float
@@ -24,7 +24,7 @@ class _OutOfTimeError(Exception):
     """The search takes longer than its budget."""
 
 
-def measure(scene: Scene, budget_s: float) -> Search:
+def measure(scene: Scene, budget_s: float) -> SearchCost:
     """Search for the first contact, for about so many seconds at most."""
     began, states = time.perf_counter(), 0
 
@@ -43,7 +43,7 @@ def measure(scene: Scene, budget_s: float) -> Search:
         complete, said = False, f'cut off after {budget_s:g} s, nothing found; --budget gives it longer'
     except DragonError as error:
         complete, said = False, str(error)
-    return Search(time.perf_counter() - began, states, complete, said)
+    return SearchCost(time.perf_counter() - began, states, complete, said)
 
 
 def _said(found: Contact | NoContact) -> str:

@@ -11,8 +11,8 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.cost import accuracy, bags, contact
 from dragon_ros.cost.accuracy import Accuracy, Solver
-from dragon_ros.cost.bags import Bag
-from dragon_ros.cost.contact import Search
+from dragon_ros.cost.bags import BagCost
+from dragon_ros.cost.contact import SearchCost
 from dragon_ros.cost.effects import Price, price
 from dragon_ros.cost.measure import Timing, circumstances
 
@@ -32,8 +32,8 @@ class Costs:
     effects: tuple[str, ...]
     accuracy: Accuracy
     prices: tuple[Price, ...]
-    contact: Search
-    bags: tuple[Bag, ...]
+    contact: SearchCost
+    bags: tuple[BagCost, ...]
     machine: str
 
 
@@ -110,11 +110,11 @@ def _effects_text(costs: Costs) -> str:
                   ('effect', 'in the scene', 'µs per tick', 'bytes per tick'), rows)
 
 
-def _contact_text(found: Search) -> str:
+def _contact_text(found: SearchCost) -> str:
     return f'First contact: {found.found} ({found.states:,} states in {found.elapsed_s:.3g} s)'
 
 
-def _bags_text(found: Sequence[Bag]) -> str:
+def _bags_text(found: Sequence[BagCost]) -> str:
     rows = [(row.compression, f'{row.bytes_per_tick:,.0f}', f'{row.share:.1%}', f'{row.ticks_per_s:,.0f}',
              f'{row.ticks:,}') for row in found]
     return _table('Bags: computed, encoded and written',

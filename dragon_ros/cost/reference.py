@@ -218,7 +218,7 @@ def _arc(u: Number) -> Number:
 
 
 @dataclass
-class _Track:
+class _DecimalTrack:
     """Pieces, the distance along the track at u = anchor of each, and where the head is at t = 0."""
 
     pieces: list[_Piece]
@@ -328,17 +328,17 @@ def _root(function: _Excess, low: Number, high: Number, guess: Number | None) ->
     raise DragonError(_OFF)
 
 
-def _track_of(scene: Scene) -> _Track:
+def _track_of(scene: Scene) -> _DecimalTrack:
     spec = scene.track
     if isinstance(spec, Spiral):
         start = 2 * _PI * Decimal(spec.start_turns)
         winding = _Winding(Decimal(spec.pitch_m) / (2 * _PI), (_ZERO, _ZERO), (_ONE, _ZERO), 1, _BACK, start, None,
                            _ZERO if scene.head.lead == 'head' else start)
-        return _Track([winding], [_ZERO], _ZERO, scene.head.lead == 'head')
+        return _DecimalTrack([winding], [_ZERO], _ZERO, scene.head.lead == 'head')
     return _turn(spec) if isinstance(spec, STurn) else _laid(spec)
 
 
-def _turn(turn: STurn) -> _Track:
+def _turn(turn: STurn) -> _DecimalTrack:
     """Return the S-turn: arcs that turn by twice the angle gamma between track and radius, tan gamma = theta."""
     b, radius = Decimal(turn.pitch_m) / (2 * _PI), Decimal(turn.diameter_m) / 2
     theta = radius / b
@@ -349,7 +349,7 @@ def _turn(turn: STurn) -> _Track:
     out = _Winding(b, (_ZERO, _ZERO), (-_ONE, _ZERO), 1, _AHEAD, theta, theta, Decimal(10) ** 12)
     one = _Round(*_end_of(into), first, -1, _ZERO, 2 * gamma * first)
     two = _Round(*_end_of(one), second, 1, _ZERO, 2 * gamma * second)
-    return _Track([into, one, two, out], [_ZERO, _ZERO, one.last, one.last + two.last], -Decimal(turn.before_m))
+    return _DecimalTrack([into, one, two, out], [_ZERO, _ZERO, one.last, one.last + two.last], -Decimal(turn.before_m))
 
 
 def _arctangent(tangent: Number) -> Number:
@@ -371,7 +371,7 @@ def _end_of(piece: _Piece) -> tuple[Pair, Pair]:
     return (x, y), (dx / length, dy / length)
 
 
-def _laid(track: Composite) -> _Track:
+def _laid(track: Composite) -> _DecimalTrack:
     """Return pieces joined in the plane; the first one open to where the head comes from, unless it winds out."""
     pieces, origins = list[_Piece](), [_ZERO]
     begin = track.pieces[0]
@@ -389,7 +389,7 @@ def _laid(track: Composite) -> _Track:
             pieces.append(_wound(spec, point, heading, first))
         origins.append(origins[-1] + pieces[-1].metres(pieces[-1].last))
         point, heading = _end_of(pieces[-1])
-    return _Track(pieces, origins[:-1], Decimal(track.start_m))
+    return _DecimalTrack(pieces, origins[:-1], Decimal(track.start_m))
 
 
 def _wound(spec: SpiralArc, point: Pair, heading: Pair, first: Number | None) -> _Winding:
@@ -430,7 +430,7 @@ def _gone(scene: Scene, t: Number) -> Pair:
     return far + (t - knots[-1][0]) * knots[-1][1], knots[-1][1]
 
 
-def _places(track: _Track, place: _Place, links: list[Number], way: int) -> Iterator[_Place]:
+def _places(track: _DecimalTrack, place: _Place, links: list[Number], way: int) -> Iterator[_Place]:
     """Yield the places of the handles from the leader on; a link is guessed from the ones of its length before."""
     yield place
     before, last = list[Number](), None
@@ -451,7 +451,7 @@ def _guessed(before: list[Number]) -> Number | None:
     return 4 * (before[0] + before[2]) - 6 * before[1] - before[3]
 
 
-def _followed(track: _Track, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
+def _followed(track: _DecimalTrack, leader: _Place, links: list[Number], way: int, speed: Number) -> Iterator[Point]:
     """Yield point and velocity of the handles from the leader on: a link's ends are equally fast along it."""
     before: tuple[Pair, Pair] | None = None
     for k, u in _places(track, leader, links, way):

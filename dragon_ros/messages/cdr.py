@@ -74,7 +74,7 @@ def stamp_number(t_ns: int) -> int:
     return seconds | rest_ns << 32
 
 
-class Rows:
+class RowLayout:
     """Equal rows of fields in a message: their number, start, stride and fields."""
 
     def __init__(self, count: int, start: int, stride: int, fields: dict[str, tuple[str, int]]) -> None:
@@ -116,7 +116,8 @@ class PoseArrayTemplate(Template):
         writer = Writer()
         self._stamp = writer.header(frame_id)
         writer.put('I', handles)
-        self._poses = Rows(handles, writer.room('d', 7 * handles), 56, {'place': ('<c16', 0), 'turn': ('<c16', 40)})
+        self._poses = RowLayout(handles, writer.room('d', 7 * handles), 56,
+                                {'place': ('<c16', 0), 'turn': ('<c16', 40)})
         super().__init__(writer.finish())
 
     def encode(self, t_ns: int, p: Floats, axis: Floats) -> bytes:
@@ -142,7 +143,8 @@ class VelocitiesTemplate(Template):
             writer.text(label)
             writer.put('I', size, stride)
         writer.put('I', 0, 3 * handles)
-        self._rows = Rows(handles, writer.room('d', 3 * handles), 24, {'velocity': ('<c16', 0), 'speed': ('<f8', 16)})
+        self._rows = RowLayout(handles, writer.room('d', 3 * handles), 24,
+                               {'velocity': ('<c16', 0), 'speed': ('<f8', 16)})
         super().__init__(writer.finish())
 
     def encode(self, velocity_m_s: Floats) -> bytes:
@@ -175,7 +177,7 @@ class CloudTemplate(Template):
             writer.put('I', 1)
         writer.put('?', False)
         writer.put('I', self._STEP, self._STEP * handles, self._STEP * handles)
-        self._points = Rows(handles, writer.room('B', self._STEP * handles), self._STEP, {
+        self._points = RowLayout(handles, writer.room('B', self._STEP * handles), self._STEP, {
             'x': ('<f4', 0), 'y': ('<f4', 4), 'velocity': ('<c16', 16), 'speed': ('<f8', 32), 'handle': ('<u4', 40)})
         writer.put('?', True)
         with memoryview(writer.data) as data:
@@ -205,7 +207,7 @@ class JointsTemplate(Template):
         for name in names:
             writer.text(name)
         writer.put('I', len(names))
-        self._positions = Rows(len(names), writer.room('d', len(names)), 8, {'position': ('<f8', 0)})
+        self._positions = RowLayout(len(names), writer.room('d', len(names)), 8, {'position': ('<f8', 0)})
         writer.put('I', 0, 0)       # neither velocities nor efforts
         super().__init__(writer.finish())
 

@@ -267,7 +267,7 @@ def read_string(data: bytes) -> str:
 
 
 @dataclass(frozen=True)
-class Run:
+class MarkerRun:
     """Consecutive markers with one layout, frame and namespace, ``stride`` bytes apart."""
 
     layout: Layout
@@ -281,7 +281,7 @@ class Run:
 class Markers:
     """Columns of all markers: stamp, number of the run, id, type, action, pose (N, 7) and scale (N, 3)."""
 
-    runs: tuple[Run, ...]
+    runs: tuple[MarkerRun, ...]
     run_of: Ints
     t_ns: Ints
     id: Array
@@ -357,7 +357,7 @@ def _lengths(reader: Reader, layout: Layout) -> tuple[int, ...]:
     return tuple(word.unpack_from(reader.data, at)[0] for at in layout.lengths)
 
 
-def _runs(reader: Reader, count: int) -> Iterator[Run]:
+def _runs(reader: Reader, count: int) -> Iterator[MarkerRun]:
     (markers,) = fields_of('visualization_msgs/msg/MarkerArray')
     most, first = count, True
     while count:
@@ -366,7 +366,8 @@ def _runs(reader: Reader, count: int) -> Iterator[Run]:
         stride = layout.end - layout.start + -(layout.end - layout.start) % 4
         same = 1 if stride % 8 else _alike(reader, layout, stride, min(count, most))
         reader.at = layout.end + (same - 1) * stride
-        yield Run(layout, stride, same, _text(reader, layout.at['header.frame_id']), _text(reader, layout.at['ns']))
+        yield MarkerRun(layout, stride, same, _text(reader, layout.at['header.frame_id']),
+                        _text(reader, layout.at['ns']))
         count -= same
         most = 8 * same         # keeps the time linear if a message has many short runs
 
@@ -399,7 +400,7 @@ def _text(reader: Reader, at: int) -> str:
     return text
 
 
-def _column(reader: Reader, runs: tuple[Run, ...], name: str, kind: str, columns: int) -> Array:
+def _column(reader: Reader, runs: tuple[MarkerRun, ...], name: str, kind: str, columns: int) -> Array:
     """Return one field of all markers, one row each, as a view if there is a single run."""
     parts = [strided(reader.data, reader.order + kind, run.layout.at[name], run.stride, run.count, columns)
              for run in runs]

@@ -13,7 +13,17 @@ import numpy as np
 from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Floats
 from dragon_ros.core.scene import Scene
-from dragon_ros.messages.cdr import Rows, Template, Writer, half_turns, plane, stamp_number, stamp_of, strided, turns_of
+from dragon_ros.messages.cdr import (
+    RowLayout,
+    Template,
+    Writer,
+    half_turns,
+    plane,
+    stamp_number,
+    stamp_of,
+    strided,
+    turns_of,
+)
 
 CUBE, SPHERE, LINE_STRIP, LINE_LIST, TEXT_VIEW_FACING, TRIANGLE_LIST = 1, 2, 4, 5, 9, 11
 ADD, DELETE, DELETE_ALL = 0, 2, 3
@@ -102,7 +112,7 @@ class CubesTemplate(Template):
         stride = offsets[1].stamp - offsets[0].stamp if len(offsets) > 1 else 0
         assert all(after.stamp - before.stamp == stride for before, after in pairwise(offsets))
         start, pose = offsets[0].stamp, offsets[0].pose - offsets[0].stamp
-        self._markers = Rows(len(offsets), start, stride, {
+        self._markers = RowLayout(len(offsets), start, stride, {
             'stamp': ('<u8', 0), 'place': ('<c16', pose), 'turn': ('<c16', pose + 40)})
 
     def encode(self, t_ns: int, centre: Floats, axis: Floats) -> bytes:
@@ -155,10 +165,10 @@ class TrianglesTemplate(Template):
                 benches[f'place {n}'] = places[corner]
 
 
-def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -> Rows:
+def _points(data: memoryview, benches: int, start: int, each: int, z_m: float) -> RowLayout:
     """Lay out ``each`` points per bench, all at one height, and return their rows."""
     strided(data, '<f8', start + 16, 24, each * benches, 1)[:] = z_m
-    return Rows(benches, start, 24 * each, {f'place {n}': ('<c16', 24 * n) for n in range(each)})
+    return RowLayout(benches, start, 24 * each, {f'place {n}': ('<c16', 24 * n) for n in range(each)})
 
 
 def contact_markers(t_ns: int, frame_id: str, benches: Iterable[MarkerSpec], others: Iterable[MarkerSpec]) -> bytes:

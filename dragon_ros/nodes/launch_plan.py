@@ -59,7 +59,7 @@ ARGUMENTS = (
 
 
 @dataclass(frozen=True)
-class Start:
+class LaunchedNode:
     """One executable of the package, with its arguments and ROS parameters.
 
     A parameter ``file`` of the user takes precedence over all parameters except those in ``asked``, which come from
@@ -74,7 +74,7 @@ class Start:
 
 
 @dataclass(frozen=True)
-class Plan:
+class LaunchPlan:
     """The executables to start: the readers (the recorder last), then the source; and the dragon's namespace and frame.
 
     ``notes`` say what is omitted, and why.
@@ -82,26 +82,26 @@ class Plan:
 
     namespace: str
     frame_id: str
-    readers: list[Start]
-    source: Start
+    readers: list[LaunchedNode]
+    source: LaunchedNode
     notes: tuple[str, ...] = ()
 
     @property
-    def recorder(self) -> Start | None:
+    def recorder(self) -> LaunchedNode | None:
         """The recorder, if there is one."""
         return next((one for one in self.readers if one.executable == 'record'), None)
 
 
 @dataclass(frozen=True)
-class _Source:
+class _ObservedNode:
     """A sim or replay, the frame of its messages, and whether a monitor can observe it (None: unknown)."""
 
-    start: Start
+    start: LaunchedNode
     frame_id: str
     seen: bool | None
 
 
-def plan(given: Mapping[str, str]) -> Plan:
+def plan(given: Mapping[str, str]) -> LaunchPlan:
     """Return the plan for the arguments of the launch file, all as text. Raises InputError that names one."""
     namespace = '/' + given['namespace'].strip('/')
     watching = _on(given, 'monitor')
@@ -112,12 +112,12 @@ def plan(given: Mapping[str, str]) -> Plan:
         notes.append('there are no benches to see, so no monitor is started: '
                      + ('the bag has none' if given['replay'] else 'switch on the effect benches of the scene'))
     watch = {'clearance_vector': _on(given, 'clearance_vector'), 'warn_below_m': _number(given, 'warn_below')}
-    readers = [Start('monitor', [], watch)] if watching else []
-    readers += [Start('record', ['--output', given['record']])] if given['record'] else []
+    readers = [LaunchedNode('monitor', [], watch)] if watching else []
+    readers += [LaunchedNode('record', ['--output', given['record']])] if given['record'] else []
     started = [*readers, source.start]
     _refuse_idle(given, [one.executable for one in started], notes)
     finish = [_common(given, one) for one in started]
-    return Plan(namespace, source.frame_id, finish[:-1], finish[-1], tuple(notes))
+    return LaunchPlan(namespace, source.frame_id, finish[:-1], finish[-1], tuple(notes))
 
 
 def _is_given(given: Mapping[str, str], name: str) -> bool:
@@ -134,7 +134,7 @@ def _refuse_idle(given: Mapping[str, str], started: list[str], notes: list[str])
                              f'not started ({why}); leave it out', field=one.name)
 
 
-def _common(given: Mapping[str, str], one: Start) -> Start:
+def _common(given: Mapping[str, str], one: LaunchedNode) -> LaunchedNode:
     """Add the parameters of all nodes."""
     parameters = {'use_sim_time': _on(given, 'use_sim_time'), **one.parameters}
     known = {argument.name for argument in ARGUMENTS}
@@ -168,7 +168,7 @@ def _at_end(given: Mapping[str, str]) -> str:
     return given['at_end'] or ('stop' if given['on_contact'] == 'stop' else 'hold')
 
 
-def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
+def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the simulator.
 
     It starts when the monitor and the recorder have subscribed and all nodes had time to discover each other, since the
@@ -186,14 +186,14 @@ def _sim(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
         if not given['params_file']:        # which may name another scene
             seen = set(_WATCHED) <= {row.name for row in topics}
             wait = [f'{row.name}={_wanted(given, row, watching and seen)}' for row in topics]
-    return _Source(Start('sim', [], {
+    return _ObservedNode(LaunchedNode('sim', [], {
         'scene': given['scene'], 'set': changes or [''], 'accuracy': given['accuracy'], 'at_end': _at_end(given),
         'time_scale': _number(given, 'time_scale'), 'on_contact': given['on_contact'], 'frame_id': frame_id,
         'publish_clock': _on(given, 'use_sim_time'), 'publish_tf': _on(given, 'publish_tf'),
         'wait_subscribers': wait, 'discovery_s': _number(given, 'discovery_s'), **optional}), frame_id, seen)
 
 
-def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Source:
+def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _ObservedNode:
     """Return the replay of a bag in a namespace.
 
     If a monitor runs, recorded monitor topics are omitted, since each topic has one publisher.
@@ -216,8 +216,8 @@ def _replay(given: Mapping[str, str], namespace: str, watching: bool) -> _Source
         waited = [f'{name}={_wanted(given, rows[name], watching)}' for name in played if name in rows]
         arguments += ['--topics', ','.join(played), '--wait-subscribers', ','.join(waited), *_part(given, *span_ns)]
         clock = clock and '/clock' not in names
-    start = Start('replay', arguments, {**parameters, 'publish_clock': clock})
-    return _Source(start, given['frame_id'] or frame_id, seen)
+    start = LaunchedNode('replay', arguments, {**parameters, 'publish_clock': clock})
+    return _ObservedNode(start, given['frame_id'] or frame_id, seen)
 
 
 def _part(given: Mapping[str, str], start_ns: int, end_ns: int) -> list[str]:

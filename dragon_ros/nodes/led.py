@@ -11,7 +11,7 @@ from dragon_ros.core.chain.commanded import Commanded, Walked, next_law, walked_
 from dragon_ros.core.effects.proximity import named_pair, touching
 from dragon_ros.core.errors import FieldError
 from dragon_ros.core.frame import Frame
-from dragon_ros.core.model import Limit, compile_scene
+from dragon_ros.core.model import TravelEnd, compile_scene
 from dragon_ros.core.scene import NS, Scene
 from dragon_ros.core.step import led_tick
 from dragon_ros.nodes.base import STEADY, DragonNode
@@ -131,7 +131,7 @@ class LedFrames:
         self._mind((None, onwards, back)[end])
         return law
 
-    def _mind(self, limit: Limit | None) -> None:
+    def _mind(self, limit: TravelEnd | None) -> None:
         """Report once that it brakes before an end."""
         if limit and not self._brakes:
             what = f'the chain would lock at link {limit.link}' if limit.reason == 'lock' else 'the track ends'

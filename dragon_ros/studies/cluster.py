@@ -53,7 +53,7 @@ _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.
                           'distributed.worker.memory.monitor-interval': '500ms'}
 
 
-class Batch(NamedTuple):
+class BatchResult(NamedTuple):
     """The result of a batch: rows as a Parquet file, the number of rows of each status, and the seconds of work."""
 
     part: bytes
@@ -62,7 +62,7 @@ class Batch(NamedTuple):
 
 
 @dataclass
-class State:
+class StudyProgress:
     """The progress of a study: rows that exist, and the number of rows of each status that this run has computed."""
 
     total: int
@@ -90,13 +90,13 @@ def _scipy() -> str:
         return 'none'
 
 
-def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> Batch:
+def compute(text: str, start: int, stop: int, wanted: dict[str, str]) -> BatchResult:
     """Compute the rows from ``start`` to before ``stop`` on a worker. Raises InputError if its versions differ."""
     _check_same('worker', versions(), wanted)       # a worker may have joined later
     began, study = perf_counter(), parsed(text)
     rows = rows_of(study, range(start, stop))
     statuses = {status: sum(row['status'] == status for row in rows) for status in STATUSES}
-    return Batch(part_of(study, rows), statuses, perf_counter() - began)
+    return BatchResult(part_of(study, rows), statuses, perf_counter() - began)
 
 
 def _check_same(who: str, found: dict[str, str], wanted: dict[str, str]) -> None:
@@ -210,13 +210,13 @@ def _asked(call: Callable[[], Any]) -> Any:
         return error
 
 
-def run(data: DataSet, client: Client, stop: Event, tell: Callable[[State], object]) -> State:
+def run(data: DataSet, client: Client, stop: Event, tell: Callable[[StudyProgress], object]) -> StudyProgress:
     """Compute the missing rows of a data set and write them, until the set is complete or ``stop`` is set.
 
     ``tell`` is called after each batch. Raises DiskError if rows cannot be written, DragonError if the cluster is gone.
     Rows that were written stay, and the next run continues from them.
     """
-    work = _Run(data, client)
+    work = _StudyRun(data, client)
     tell(work.progress)
     try:
         while not work.is_done and not stop.is_set():
@@ -231,7 +231,7 @@ def run(data: DataSet, client: Client, stop: Event, tell: Callable[[State], obje
     return work.progress
 
 
-class _Run:
+class _StudyRun:
     """One run of a study: ranges to compute, batches in flight, and the mean time per row."""
 
     def __init__(self, data: DataSet, client: Client) -> None:
@@ -240,7 +240,7 @@ class _Run:
         self.ahead: dict[Future, tuple[int, int]] = {}
         self._came: Queue[Future] = Queue()
         self._row_s: float | None = None
-        self.progress = State(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
+        self.progress = StudyProgress(data.study.rows, data.study.rows - sum(b - a for a, b in data.missing),
                                  dict.fromkeys(STATUSES, 0))
         self._seen, self._look_again = monotonic(), 0.0
 
@@ -313,7 +313,7 @@ class _Run:
             self._written(start, stop, future.result())
         future.release()
 
-    def _written(self, start: int, stop: int, batch: Batch) -> None:
+    def _written(self, start: int, stop: int, batch: BatchResult) -> None:
         self._data.write(start, stop, batch.part)
         row_s, self.progress.done = batch.spent_s / (stop - start), self.progress.done + stop - start
         self._row_s = row_s if self._row_s is None else (1 - _LATEST) * self._row_s + _LATEST * row_s
@@ -329,7 +329,7 @@ class _Run:
         row = dict.fromkeys(columns_of(self._data.study)) | {
             'index': start, 'status': FAILED, 'version': __version__,
             'reason': 'every worker that computed it died, as for want of memory'}
-        self._written(start, stop, Batch(part_of(self._data.study, [row]), {FAILED: 1}, 0.0))
+        self._written(start, stop, BatchResult(part_of(self._data.study, [row]), {FAILED: 1}, 0.0))
 
 
 def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
@@ -341,8 +341,8 @@ def _in_blocks(ranges: list[tuple[int, int]]) -> Iterator[tuple[int, int]]:
             start = end
 
 
-def complete(data: DataSet, stop: Event, tell: Callable[[State], object], workers: int | None = None,
-             scheduler: str | None = None) -> State:
+def complete(data: DataSet, stop: Event, tell: Callable[[StudyProgress], object], workers: int | None = None,
+             scheduler: str | None = None) -> StudyProgress:
     """Compute the missing rows of a data set on processes of this host or on the cluster of a scheduler (``run``).
 
     If nothing is missing, no process is started.
@@ -350,7 +350,7 @@ def complete(data: DataSet, stop: Event, tell: Callable[[State], object], worker
     check_libraries(data.study)
     if not data.missing:
         data.join_blocks()
-        return State(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))
+        return StudyProgress(data.study.rows, data.study.rows, dict.fromkeys(STATUSES, 0))
     if scheduler is not None and workers is not None:
         raise InputError('--workers: a cluster that is joined brings its own workers; leave it out', field='workers')
     with joined_client(scheduler) if scheduler is not None else local_client(workers) as client:

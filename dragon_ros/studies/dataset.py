@@ -28,7 +28,7 @@ _PART = re.compile(r'part-(\d{10})-(\d{10})\.parquet')
 _TYPES: dict[type, Any] = {int: pa.int64(), float: pa.float64(), bool: pa.bool_(), str: pa.string()}
 
 
-class Part(NamedTuple):
+class RowFile(NamedTuple):
     """A file with the rows from ``start`` to before ``stop``."""
 
     start: int
@@ -63,19 +63,19 @@ class DataSet:
         self.folder, self.study = folder, study
 
     @property
-    def parts(self) -> list[Part]:
+    def parts(self) -> list[RowFile]:
         """The parts in order, without those whose rows another part contains."""
-        kept: list[Part] = []
+        kept: list[RowFile] = []
         for part in sorted(self._files(), key=lambda one: (one.start, -one.stop)):
             if not kept or part.start >= kept[-1].stop:
                 kept.append(part)
         return kept
 
-    def _files(self) -> Iterator[Part]:
+    def _files(self) -> Iterator[RowFile]:
         try:
             for path in (self.folder / ROWS).iterdir():
                 if found := _PART.fullmatch(path.name):
-                    yield Part(int(found[1]), int(found[2]), path)
+                    yield RowFile(int(found[1]), int(found[2]), path)
         except OSError as error:
             raise MissingError(f'{self.folder / ROWS}: cannot be read: {error.strerror}') from None
 
@@ -88,7 +88,7 @@ class DataSet:
     def missing(self) -> list[tuple[int, int]]:
         """The ranges of indices whose rows are missing, as (start, stop) with ``stop`` excluded."""
         out, at = [], 0
-        for part in [*self.parts, Part(self.study.rows, self.study.rows, Path())]:
+        for part in [*self.parts, RowFile(self.study.rows, self.study.rows, Path())]:
             if part.start > at:
                 out.append((at, min(part.start, self.study.rows)))
             at = max(at, part.stop)
@@ -105,7 +105,7 @@ class DataSet:
 
     def write(self, start: int, stop: int, data: bytes) -> None:
         """Write the rows of a range. Raises DiskError."""
-        self._write(Part(start, stop, self._path(start, stop)), data)
+        self._write(RowFile(start, stop, self._path(start, stop)), data)
         block = start // BLOCK * BLOCK
         if start == block and stop - start >= min(BLOCK, self.study.rows - block):
             return
@@ -114,7 +114,7 @@ class DataSet:
     def _path(self, start: int, stop: int) -> Path:
         return self.folder / ROWS / f'part-{start:010d}-{stop:010d}.parquet'
 
-    def _write(self, part: Part, data: bytes) -> None:
+    def _write(self, part: RowFile, data: bytes) -> None:
         temporary = part.path.with_suffix('.tmp')
         try:
             with temporary.open('wb') as file:
@@ -133,7 +133,7 @@ class DataSet:
         parts = [part for part in self.parts if block <= part.start < stop]
         if sum(part.stop - part.start for part in parts) == stop - block and len(parts) > 1:
             table = pa.concat_tables([_read(part, schema_of(self.study)) for part in parts])
-            self._write(Part(block, stop, self._path(block, stop)), _as_bytes(table))
+            self._write(RowFile(block, stop, self._path(block, stop)), _as_bytes(table))
             self.tidy()
 
     def tidy(self) -> None:
@@ -152,7 +152,7 @@ class DataSet:
             self._join(block)
 
 
-def _read(part: Part, schema: pa.Schema) -> pa.Table:
+def _read(part: RowFile, schema: pa.Schema) -> pa.Table:
     try:
         table = pq.read_table(part.path, columns=schema.names)
         if len(table) != part.stop - part.start:

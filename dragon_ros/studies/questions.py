@@ -21,8 +21,7 @@ from dragon_ros.core.search.bounding_box import bounding_box, fits
 from dragon_ros.core.search.certificate import Contact, NoContact
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
-from dragon_ros.core.search.min_pitch import MinPitch as SmallestPitch
-from dragon_ros.core.search.min_pitch import min_pitch
+from dragon_ros.core.search.min_pitch import MinPitch, min_pitch
 from dragon_ros.core.search.near_misses import near_misses
 
 Tell = Callable[[int], object]
@@ -45,7 +44,7 @@ class Asked:
 
 
 @dataclass(frozen=True)
-class FirstContact:
+class FirstContactQuestion:
     """The first contact of the run: time, benches or bench and obstacle, point; how the run ends if there is none."""
 
     columns: ClassVar[dict[str, type]] = {
@@ -69,7 +68,7 @@ class FirstContact:
 
 
 @dataclass(frozen=True)
-class NearMisses:
+class NearMissesQuestion:
     """Near misses before the first contact, closer than ``below_m``: their number, and the closest one."""
 
     below_m: float = 0.01
@@ -95,7 +94,7 @@ class NearMisses:
 
 
 @dataclass(frozen=True)
-class Clearance:
+class ClearanceQuestion:
     """The smallest gap of all benches at time ``at_s``, by default at the end of the run; to obstacles as well."""
 
     at_s: float | None = None
@@ -129,7 +128,7 @@ class Clearance:
 
 
 @dataclass(frozen=True)
-class MinPitch:
+class MinPitchQuestion:
     """The smallest pitch at which the head reaches a circle without contact, from ``start_turns`` (the scene's) on.
 
     If all benches behind the head are equal, it is proved that no pitch from there to ``largest_m`` has a contact. For
@@ -174,7 +173,7 @@ class MinPitch:
 class _Key:
     """The inputs of the smallest pitch; ``tell`` only reports progress and is not compared."""
 
-    def __init__(self, question: MinPitch, dragon: AnyDragon, start_turns: float, tell: Tell) -> None:
+    def __init__(self, question: MinPitchQuestion, dragon: AnyDragon, start_turns: float, tell: Tell) -> None:
         self.values, self.tell = (question, dragon, start_turns), tell
 
     def __hash__(self) -> int:
@@ -185,7 +184,7 @@ class _Key:
 
 
 @lru_cache(maxsize=_SHARED)
-def _pitch_of(key: _Key) -> SmallestPitch:
+def _pitch_of(key: _Key) -> MinPitch:
     """Return the smallest pitch, which rows that differ only in other values share."""
     question, dragon, start_turns = key.values
     return min_pitch(dragon, question.diameter_m, start_turns, question.largest_m, question.within_m, key.tell,
@@ -193,7 +192,7 @@ def _pitch_of(key: _Key) -> SmallestPitch:
 
 
 @dataclass(frozen=True)
-class Fit:
+class FitQuestion:
     """The smallest squares that contain the run, and whether it fits into a square of side ``square_m``."""
 
     square_m: float | None = None
@@ -217,7 +216,7 @@ class Fit:
 
 
 @dataclass(frozen=True)
-class MaxSpeed:
+class MaxSpeedQuestion:
     """The leader's largest speed at which no handle exceeds ``limit_m_s``, between bounds, and the fastest handle."""
 
     limit_m_s: float = 2.0
@@ -239,7 +238,7 @@ class MaxSpeed:
 
 
 @dataclass(frozen=True)
-class Lock:
+class LockQuestion:
     """The lock that ends the run if nothing else does: its time and link."""
 
     columns: ClassVar[dict[str, type]] = {'locks': bool, 'lock_t_s': float, 'lock_link': int, 'lock_proved': bool}
@@ -252,10 +251,11 @@ class Lock:
         return {'locks': True, 'lock_t_s': limit.t_s, 'lock_link': limit.link, 'lock_proved': False}
 
 
-Question = FirstContact | NearMisses | Clearance | MinPitch | Fit | MaxSpeed | Lock
+Question = (FirstContactQuestion | NearMissesQuestion | ClearanceQuestion | MinPitchQuestion | FitQuestion
+            | MaxSpeedQuestion | LockQuestion)
 QUESTIONS: dict[str, type[Question]] = {
-    'contact': FirstContact, 'near_misses': NearMisses, 'clearance': Clearance, 'min_pitch': MinPitch, 'fit': Fit,
-    'max_speed': MaxSpeed, 'lock': Lock}
+    'contact': FirstContactQuestion, 'near_misses': NearMissesQuestion, 'clearance': ClearanceQuestion,
+    'min_pitch': MinPitchQuestion, 'fit': FitQuestion, 'max_speed': MaxSpeedQuestion, 'lock': LockQuestion}
 # The column of each answer that figures show by default.
 MAIN = {'contact': 'contact_t_s', 'near_misses': 'near_miss_gap_m', 'clearance': 'clearance_m',
         'min_pitch': 'min_pitch_m', 'fit': 'fit_centred_high_m', 'max_speed': 'max_speed_m_s', 'lock': 'lock_t_s'}

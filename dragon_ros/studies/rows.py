@@ -56,7 +56,7 @@ def _type_of(study: Study, key: str, variation: object) -> type:
 
 def row_of(study: Study, index: int) -> Row:
     """Return the row of an index; missing answers are None."""
-    return _computed(study, _Drawn.of(study, index))
+    return _computed(study, _DrawnRow.of(study, index))
 
 
 def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
@@ -64,7 +64,7 @@ def rows_of(study: Study, indices: Iterable[int]) -> list[Row]:
 
     They share a compiled model; their values do not depend on that.
     """
-    drawn = sorted((_Drawn.of(study, index) for index in indices), key=lambda one: one.shares)
+    drawn = sorted((_DrawnRow.of(study, index) for index in indices), key=lambda one: one.shares)
     return sorted((_computed(study, one) for one in drawn), key=lambda row: row['index'])
 
 
@@ -74,7 +74,7 @@ def parsed(text: str) -> Study:
     return study_from('study', text)
 
 
-class _Drawn(NamedTuple):
+class _DrawnRow(NamedTuple):
     """The inputs of a row, the mapping of its scene, and the key under which rows share a compiled model."""
 
     number: int
@@ -83,13 +83,13 @@ class _Drawn(NamedTuple):
     shares: str
 
     @classmethod
-    def of(cls, study: Study, index: int) -> '_Drawn':
+    def of(cls, study: Study, index: int) -> '_DrawnRow':
         inputs = values_of(study, index)
         scene = scene_values_of(study, inputs)
         return cls(index, inputs, scene, json.dumps([scene['dragon'], scene['track']]))
 
 
-def _computed(study: Study, drawn: _Drawn) -> Row:
+def _computed(study: Study, drawn: _DrawnRow) -> Row:
     """Return a row with its answers, status and cost."""
     began, row = time.thread_time(), dict.fromkeys(columns_of(study))
     row |= {'index': drawn.number, **drawn.inputs, 'version': __version__, 'scene_sha256': _hash_of(drawn.scene)}

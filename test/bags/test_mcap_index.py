@@ -14,7 +14,7 @@ from mcap.stream_reader import StreamReader
 from dragon_ros.bags.record.loss_accounting import LossAccount
 from dragon_ros.bags.record.simulation_clock import SimulationClock
 from dragon_ros.bags.record.writer_thread import WriterThread
-from dragon_ros.bags.write.mcap import Parts, Stored
+from dragon_ros.bags.write.mcap import FileParts, Stored
 from dragon_ros.bags.write.writer import BagWriter
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.messages.channels import channels
@@ -26,7 +26,7 @@ CHUNKS = st.lists(st.builds(Stored, NUMBERS, NUMBERS, NUMBERS, NUMBERS, NUMBERS,
 
 @given(chunks=CHUNKS)
 def test_chunks_come_back_as_they_were_noted_the_last_one_first(chunks):
-    parts = Parts()
+    parts = FileParts()
     for chunk in chunks:
         parts.add(chunk)
     assert list(parts.chunks()) == chunks[::-1]
@@ -37,7 +37,7 @@ def test_chunks_come_back_as_they_were_noted_the_last_one_first(chunks):
 
 
 def test_the_last_part_goes_first_whatever_it_is():
-    parts = Parts()
+    parts = FileParts()
     for start in (10, 30):
         parts.add(Stored(start, 1, 1, 0, 0, ()))
         parts.others.append((start + 10, MetadataIndex(offset=start + 10, length=1, name='')))

@@ -20,7 +20,7 @@ from dragon_ros.commands.contest.mistakes import (
     solved,
 )
 from dragon_ros.commands.grade.diagnosis import answer_findings, nice, rounded_to, share
-from dragon_ros.commands.grade.layout import Given
+from dragon_ros.commands.grade.layout import GivenResult
 from dragon_ros.commands.grade.tables import COLUMNS, csv_text, json_text, keys_of, looks_like, text_of
 from dragon_ros.commands.grade.team import Team, TeamGrade, answer_grade, grade_team, grades_of
 from dragon_ros.commands.grade.truth import contact_s, state_at, truth_at, turned_scene, wound_scene
@@ -35,7 +35,7 @@ EXACT = solved(arc_length)
 
 def given(p, speed=None, times=TIMES):
     speed = np.full(p.shape[:2], np.nan) if speed is None else speed
-    return Given(times, np.concatenate((p, speed[..., None]), axis=-1))
+    return GivenResult(times, np.concatenate((p, speed[..., None]), axis=-1))
 
 
 def right(result='result1', times=TIMES):

@@ -15,9 +15,9 @@ from dragon_ros.bags.read.folder import files_of, unlisted
 from dragon_ros.bags.read.mcap import (
     MAGIC,
     BagError,
-    Batch,
     Index,
     McapFile,
+    MessageBatch,
     StoredMessage,
     chunk_head,
     is_indexed,
@@ -115,7 +115,7 @@ def _writer(file: McapFile) -> str:
         return ''
 
 
-def _survey(contents: Contents, index: Index, batch: Batch, checks: Checks) -> None:
+def _survey(contents: Contents, index: Index, batch: MessageBatch, checks: Checks) -> None:
     """Count the messages of one batch, and check their lengths."""
     try:
         if batch.place.opcode == Opcode.CHUNK:

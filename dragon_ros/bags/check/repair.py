@@ -15,10 +15,10 @@ from dragon_ros.bags.read.mcap import (
     MAGIC,
     MESSAGE_HEAD,
     BagError,
-    Batch,
     Index,
     Location,
     McapFile,
+    MessageBatch,
     StoredMessage,
     chunk_data,
     chunk_head,
@@ -161,7 +161,7 @@ def _parsed_in(file: McapFile, place: Location) -> int:
     return found
 
 
-def _beyond(file: McapFile, scanned: Index) -> list[Batch]:
+def _beyond(file: McapFile, scanned: Index) -> list[MessageBatch]:
     """Return chunks that the scan did not reach, from the summary."""
     try:
         summary = summary_index(file)

@@ -53,7 +53,7 @@ class BagFrame:
 
 
 @dataclass
-class _Parts:
+class _FrameParts:
     log_ns: int
     poses: Poses
     shown: ShownBenches | None = None
@@ -199,7 +199,7 @@ def frames(bag: BagReader, namespace: str | None = None, start_ns: int | None = 
     yield from _frames(bag, root, ticks.ready(END_OF_TIME_NS))
 
 
-def _frames(bag: BagReader, root: str, ticks: Iterator[_Parts]) -> Iterator[BagFrame]:
+def _frames(bag: BagReader, root: str, ticks: Iterator[_FrameParts]) -> Iterator[BagFrame]:
     for parts in ticks:
         try:
             yield _frame(parts)
@@ -213,7 +213,7 @@ class _Ticks:
     def __init__(self, alone: bool) -> None:
         """``alone`` means that the bag has no benches to wait for."""
         self._alone = alone
-        self._waiting: OrderedDict[int, _Parts] = OrderedDict()
+        self._waiting: OrderedDict[int, _FrameParts] = OrderedDict()
         self._early: OrderedDict[int, ShownBenches] = OrderedDict()
         self._benches = BenchReader()
         self._speeds: tuple[int, Floats] | None = None
@@ -223,7 +223,7 @@ class _Ticks:
         if name == 'handles':
             poses = read_handles(message.data)
             speeds = self._speeds[1] if self._speeds and self._speeds[0] == message.t_ns else None
-            self._waiting[poses.t_ns] = _Parts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
+            self._waiting[poses.t_ns] = _FrameParts(message.t_ns, poses, self._early.pop(poses.t_ns, None), speeds)
         elif name == 'benches':
             self._add_benches(self._benches.read(message.data))
         else:
@@ -243,7 +243,7 @@ class _Ticks:
             if parts.log_ns == log_ns:
                 parts.velocity_m_s = velocity
 
-    def ready(self, now_ns: int) -> Iterator[_Parts]:
+    def ready(self, now_ns: int) -> Iterator[_FrameParts]:
         """Yield, in order, the ticks that are complete at log time ``now_ns``."""
         while self._waiting:
             first = next(iter(self._waiting.values()))
@@ -266,7 +266,7 @@ def _velocities(data: bytes) -> Floats:
     return np.ascontiguousarray(values[:, :2], dtype=np.float64)
 
 
-def _frame(parts: _Parts) -> BagFrame:
+def _frame(parts: _FrameParts) -> BagFrame:
     poses, velocity = parts.poses, parts.velocity_m_s
     if velocity is not None and len(velocity) != len(poses.poses):
         raise MessageError(f'velocities: {len(velocity)} for {len(poses.poses)} handles')

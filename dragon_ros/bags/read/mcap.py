@@ -335,7 +335,7 @@ _UNPACK: dict[str, Callable[[bytes, int], bytes]] = {'': _plain, 'zstd': _zstd, 
 
 
 @dataclass(frozen=True)
-class Batch:
+class MessageBatch:
     """A chunk, or consecutive messages outside chunks: its location, and the times of its messages in ns.
 
     ``messages`` is the number of messages in a chunk by the indexes that follow it; None if it is not needed.
@@ -378,7 +378,7 @@ class Index:
     schemas: dict[int, Schema] = field(default_factory=dict)
     channels: dict[int, Channel] = field(default_factory=dict)
     counts: Counter[int] = field(default_factory=Counter)
-    batches: list[Batch] = field(default_factory=list)
+    batches: list[MessageBatch] = field(default_factory=list)
     metadata: list[Location] = field(default_factory=list)
     attachments: list[Location] = field(default_factory=list)
     statistics: Statistics | None = None
@@ -415,7 +415,7 @@ class Index:
         if len(self.faults) < _MOST_FAULTS:
             self.faults.append(error)
 
-    def survey(self, batch: Batch) -> Iterator[tuple[StoredMessage, bytes]]:
+    def survey(self, batch: MessageBatch) -> Iterator[tuple[StoredMessage, bytes]]:
         """Yield (message, records) of a batch; count messages, register schemas and channels. Raises BagError."""
         data = batch.records()
         for record in batch.inside(data):
@@ -425,7 +425,7 @@ class Index:
             else:
                 self.learn_inside(batch, record, data)
 
-    def learn_inside(self, batch: Batch, record: OtherRecord, data: bytes) -> None:
+    def learn_inside(self, batch: MessageBatch, record: OtherRecord, data: bytes) -> None:
         """Register a schema or a channel in a chunk. Raises BagError."""
         try:
             self.learn(record.opcode, data[record.start:record.end])
@@ -472,7 +472,7 @@ def _take(index: Index, opcode: int, content: bytes) -> None:
     elif opcode == Opcode.CHUNK_INDEX:
         chunk = parse_fields(content, ChunkIndex.read)
         place = _indexed(index.file, Opcode.CHUNK, chunk.chunk_start_offset, chunk.chunk_length)
-        index.batches.append(Batch(index.file, place, chunk.message_start_time, chunk.message_end_time))
+        index.batches.append(MessageBatch(index.file, place, chunk.message_start_time, chunk.message_end_time))
     elif opcode == Opcode.METADATA_INDEX:
         metadata = parse_fields(content, MetadataIndex.read)
         index.metadata.append(_indexed(index.file, Opcode.METADATA, metadata.offset, metadata.length))
@@ -559,7 +559,7 @@ class _Scan:
         elif place.opcode == Opcode.CHUNK:
             self._end_batch()
             head = chunk_head(index.file, place)
-            index.batches.append(Batch(index.file, place, head.start_ns, head.end_ns))
+            index.batches.append(MessageBatch(index.file, place, head.start_ns, head.end_ns))
             self._numbered = 0
         elif place.opcode == Opcode.MESSAGE_INDEX:
             self._number(place)
@@ -598,7 +598,7 @@ class _Scan:
         if self._run:
             first, last, times = self._run[0][0], self._run[-1][0], [t_ns for _, t_ns in self._run]
             whole = Location(Opcode.MESSAGE, first.offset, last.end - first.content)
-            batches.append(Batch(self.index.file, whole, min(times), max(times)))
+            batches.append(MessageBatch(self.index.file, whole, min(times), max(times)))
             self._run = []
 
 

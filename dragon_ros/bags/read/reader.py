@@ -16,9 +16,9 @@ from mcap.records import Attachment, Channel, Metadata
 from dragon_ros.bags.read.folder import files_of
 from dragon_ros.bags.read.mcap import (
     BagError,
-    Batch,
     Index,
     McapFile,
+    MessageBatch,
     OtherRecord,
     StoredMessage,
     is_indexed,
@@ -99,18 +99,18 @@ class BagReader:
         """Yield messages with start_ns <= t < end_ns, by log time. Raises BagError at damage."""
         wanted = None if topics is None else set(topics)
 
-        def choose(batch: Batch, row: StoredMessage) -> bool:
+        def choose(batch: MessageBatch, row: StoredMessage) -> bool:
             return wanted is None or self._name(batch, row) in wanted
         batches = [batch for index in self._indexes for batch in index.batches]
         last_ns = END_OF_TIME_NS if end_ns is None else end_ns
         for batch, row, data in TimeOrder(batches, choose, self._learn).between(start_ns or 0, last_ns):
             yield Message(self._name(batch, row), data[row.start:row.end], row.t_ns, row.sequence, row.publish_ns)
 
-    def _learn(self, batch: Batch, record: OtherRecord, data: bytes) -> None:
+    def _learn(self, batch: MessageBatch, record: OtherRecord, data: bytes) -> None:
         """Check the schemas and channels in a chunk against the index. Raises BagError."""
         self._by_file[batch.file].learn_inside(batch, record, data)
 
-    def _name(self, batch: Batch, row: StoredMessage) -> str:
+    def _name(self, batch: MessageBatch, row: StoredMessage) -> str:
         try:
             return self._names[batch.file][row.channel]
         except KeyError:
@@ -230,7 +230,7 @@ def qos_of(metadata: dict[str, str]) -> dict[str, Any]:
 class ChosenMessage(NamedTuple):
     """A message and the records that contain it."""
 
-    batch: Batch
+    batch: MessageBatch
     row: StoredMessage
     data: bytes
 
@@ -254,8 +254,8 @@ class TimeOrder:
     ``learn`` receives all other records of the batches, and raises BagError if one contradicts the index.
     """
 
-    def __init__(self, batches: Sequence[Batch], choose: Callable[[Batch, StoredMessage], bool],
-                 learn: Callable[[Batch, OtherRecord, bytes], None]) -> None:
+    def __init__(self, batches: Sequence[MessageBatch], choose: Callable[[MessageBatch, StoredMessage], bool],
+                 learn: Callable[[MessageBatch, OtherRecord, bytes], None]) -> None:
         """``batches`` are in file order."""
         self._pieces, self._choose, self._learn = batches, choose, learn
         self._open: OrderedDict[int, _OpenBatch] = OrderedDict()
@@ -291,7 +291,7 @@ class TimeOrder:
             self._open.popitem(last=False)
         return opened
 
-    def _read(self, batch: Batch) -> _OpenBatch:
+    def _read(self, batch: MessageBatch) -> _OpenBatch:
         data, times, starts, ends = batch.records(), array('Q'), array('Q'), array('Q')
         left = 0
         for row in batch.inside(data):

@@ -125,7 +125,7 @@ class Stored(NamedTuple):
             compression=compression, compressed_size=self.size, uncompressed_size=self.raw_size)
 
 
-class Parts:
+class FileParts:
     """The parts of a file in order: chunks and a few others, packed since a long recording has many chunks."""
 
     def __init__(self) -> None:
@@ -293,8 +293,8 @@ def mcap_name(compression: str) -> str:
     return '' if compression == 'none' else compression
 
 
-def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: Parts, compression: str,
-            end: int) -> bytes:
+def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channel], parts: FileParts,
+            compression: str, end: int) -> bytes:
     """Return everything after the last part of a file, which ends at ``end``: data end, index, footer."""
     data_end = record_bytes(records.DataEnd(data_section_crc=0))
     start = end + len(data_end)
@@ -316,7 +316,7 @@ def closing(schemas: Sequence[records.Schema], channels: Sequence[records.Channe
     return data_end + summary + record_bytes(footer) + MAGIC
 
 
-def statistics(schemas: int, channels: int, parts: Parts) -> records.Statistics:
+def statistics(schemas: int, channels: int, parts: FileParts) -> records.Statistics:
     """Return the counts of a file."""
     counts: Counter[int] = Counter()
     for chunk in parts.chunks():
@@ -352,7 +352,7 @@ class McapWriter:
         self._fsync = fsync
         self._schemas: list[records.Schema] = []
         self._channels: list[records.Channel] = []
-        self.parts = Parts()        # the parts written to the file
+        self.parts = FileParts()        # the parts written to the file
         self._open, self._other = OpenChunk(), OpenChunk()
         self._thread = Worker('chunk') if threaded else NoWorker()
         self._end, self._noticed = 0, False

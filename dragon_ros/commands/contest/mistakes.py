@@ -34,7 +34,7 @@ Rule = Callable[[Floats, float], Floats]            # polar angles (T,) and a li
 Gap = Callable[[Floats, float], float]              # handles (N+1, 2) and a width -> metres
 
 
-class Answer(NamedTuple):
+class MistakenAnswer(NamedTuple):
     """What a mistake gives: its key in ``grade.words``, the parameters of its sentence, and the answer."""
 
     key: str
@@ -193,15 +193,15 @@ def head_mistakes() -> dict[tuple[str, tuple[tuple[str, float], ...]], Head]:
             ('euler_radial', (('step', 0.01),)): euler(0.01, radial=False)}
 
 
-def errors_at_300_s() -> Iterator[Answer]:
+def errors_at_300_s() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the distance by which the worst of 224 handles is off at 300 s."""
     at, exact = np.array([300.0]), solved(arc_length)
     for (key, parameters), head in head_mistakes().items():
-        yield Answer(key, dict(parameters), worst_m(placed(head, chord(), at)[0]))
-    yield Answer('along', {}, worst_m(placed(exact, along, at)[0]))
+        yield MistakenAnswer(key, dict(parameters), worst_m(placed(head, chord(), at)[0]))
+    yield MistakenAnswer('along', {}, worst_m(placed(exact, along, at)[0]))
     for short_m in (1e-2, 1e-3, 1e-4, 1e-6):
-        yield Answer('chord_short', {'short': short_m}, worst_m(placed(exact, chord(short_m), at)[0]))
-    yield Answer('paper_grid', {}, worst_m(state(load_scene('winding', ['accuracy=paper']), 300.0).p))
+        yield MistakenAnswer('chord_short', {'short': short_m}, worst_m(placed(exact, chord(short_m), at)[0]))
+    yield MistakenAnswer('paper_grid', {}, worst_m(state(load_scene('winding', ['accuracy=paper']), 300.0).p))
 
 
 # Question 1: speeds.
@@ -286,19 +286,19 @@ def stepped_touch_s(gap: Callable[[float], float], step_s: float) -> float:
     return next(k * step_s for k in range(ceil(405 / step_s), ceil(414 / step_s)) if gap(k * step_s) <= 0)
 
 
-def contact_times_s() -> Iterator[Answer]:
+def contact_times_s() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the time of the first contact."""
     exact, right = solved(arc_length), gap_of({})
-    yield Answer('none', {}, touch_s(exact, chord()))
+    yield MistakenAnswer('none', {}, touch_s(exact, chord()))
     for step_s in (1.0, 0.1, 0.01):
-        yield Answer('looked', {'step': step_s}, stepped_touch_s(right, step_s))
-    yield Answer('bracket_slip_short', {}, touch_s(bracket_slip(), chord()))
+        yield MistakenAnswer('looked', {'step': step_s}, stepped_touch_s(right, step_s))
+    yield MistakenAnswer('bracket_slip_short', {}, touch_s(bracket_slip(), chord()))
     for step_s in (1.0, 0.01):
-        yield Answer('euler', {'step': step_s}, touch_s(euler(step_s), chord()))
+        yield MistakenAnswer('euler', {'step': step_s}, touch_s(euler(step_s), chord()))
     for short_m in (1e-3, 1e-4, 1e-6):
-        yield Answer('chord_short', {'short': short_m}, touch_s(exact, chord(short_m)))
+        yield MistakenAnswer('chord_short', {'short': short_m}, touch_s(exact, chord(short_m)))
     for near_m in (3e-3, 1e-3, 1e-4):
-        yield Answer('near_counts', {'near': near_m}, first_touch_s(_less(right, near_m)))
+        yield MistakenAnswer('near_counts', {'near': near_m}, first_touch_s(_less(right, near_m)))
 
 
 def _less(gap: Callable[[float], float], near_m: float) -> Callable[[float], float]:
@@ -336,14 +336,14 @@ def least_pitch_m(gap: Callable[[float], float], low_m: float, high_m: float) ->
     return high_m
 
 
-def pitches_m() -> Iterator[Answer]:
+def pitches_m() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the smallest pitch."""
-    yield Answer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
+    yield MistakenAnswer('on_circle', {}, least_pitch_m(lambda p: gap_at(p, RADIUS_M), 0.40, 0.44))
     way_m = np.linspace(4.621, 4.627, 20).tolist()  # where they come nearest, within half a turn before the circle
-    yield Answer('front_corners', {}, least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495,
-                                                    0.4503))
+    front_m = least_pitch_m(lambda p: min(gap_at(p, r, front_gap) for r in way_m), 0.4495, 0.4503)
+    yield MistakenAnswer('front_corners', {}, front_m)
     for step_s in (1.0, 0.1):
-        yield Answer('pitch_looked', {'step': step_s}, sampled_pitch_m(step_s))
+        yield MistakenAnswer('pitch_looked', {'step': step_s}, sampled_pitch_m(step_s))
 
 
 # Questions 4 and 5: the turn, and the speeds on it.
@@ -352,13 +352,13 @@ def turn_length_m(gamma: float) -> float:
     return 2 * RADIUS_M * gamma / sin(gamma)
 
 
-def turn_lengths_m() -> Iterator[Answer]:
+def turn_lengths_m() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the length of the turn."""
     theta = RADIUS_M * 2 * pi / 1.7
     slip = atan(atan(theta) + theta + pi)
-    yield Answer('half_turns', {}, pi * RADIUS_M)
-    yield Answer('angle_for_slope', {}, turn_length_m(slip))
-    yield Answer('angle_and_radii', {}, 2 * RADIUS_M * slip)
+    yield MistakenAnswer('half_turns', {}, pi * RADIUS_M)
+    yield MistakenAnswer('angle_for_slope', {}, turn_length_m(slip))
+    yield MistakenAnswer('angle_and_radii', {}, 2 * RADIUS_M * slip)
 
 
 def euler_on_turn_m(times_s: Floats, step_s: float) -> Floats:
@@ -468,7 +468,7 @@ def sampled_speed_m_s(step_s: float) -> float:
     return 2 / float(np.max(np.hypot(velocity[..., 0], velocity[..., 1])))
 
 
-def head_speeds_m_s() -> Iterator[Answer]:
+def head_speeds_m_s() -> Iterator[MistakenAnswer]:
     """Yield mistakes with the largest speed of the head."""
     for step_s in (1.0, 0.5, 0.1):
-        yield Answer('speed_looked', {'step': step_s}, sampled_speed_m_s(step_s))
+        yield MistakenAnswer('speed_looked', {'step': step_s}, sampled_speed_m_s(step_s))

@@ -21,7 +21,7 @@ TITLES = {1: 'Table 1. Positions (m)', 2: 'Table 2. Speeds (m/s)',
 
 
 @dataclass(frozen=True)
-class Cell:
+class PrintedNumber:
     """One printed number beside its true value; in ``printed`` the signs lost in print are restored."""
 
     table: int
@@ -38,7 +38,7 @@ class Cell:
         return float(self.printed) - self.true
 
 
-def cells() -> list[Cell]:
+def cells() -> list[PrintedNumber]:
     """Return every printed number of the three tables."""
     printed = json.loads((configuration_folder() / 'paper' / 'tables.json').read_text(encoding='utf-8'))
     late, signs = printed['table3_reconstructed_time_s'], printed['table3_sign_corrected_x']
@@ -49,7 +49,7 @@ def cells() -> list[Cell]:
                   for handle, row in printed['table3'].items() for quantity in 'xyv']
 
 
-def text(rows: list[Cell]) -> str:
+def text(rows: list[PrintedNumber]) -> str:
     """Return the tables in the paper's layout, with four lines per row: printed, reproduced, true, error."""
     out = []
     for table, group in groupby(rows, lambda cell: cell.table):
@@ -65,27 +65,27 @@ def text(rows: list[Cell]) -> str:
     return '\n'.join(out[1:])
 
 
-def csv_text(rows: list[Cell]) -> str:
+def csv_text(rows: list[PrintedNumber]) -> str:
     """Return one line for each printed number."""
     return csv_of(_values(rows[0]), [_values(cell).values() for cell in rows]).rstrip('\n')
 
 
-def json_text(rows: list[Cell]) -> str:
+def json_text(rows: list[PrintedNumber]) -> str:
     """Return a list of one object for each printed number."""
     return json.dumps([_values(cell) for cell in rows])
 
 
-def xlsx_bytes(rows: list[Cell]) -> bytes:
+def xlsx_bytes(rows: list[PrintedNumber]) -> bytes:
     """Return a workbook with a row for each printed number."""
     return xlsx_of(_values(rows[0]), [tuple(_values(cell).values()) for cell in rows])
 
 
-def _values(cell: Cell) -> dict[str, Any]:
+def _values(cell: PrintedNumber) -> dict[str, Any]:
     return {'table': cell.table, 'handle': cell.handle, 'quantity': cell.quantity, 't_s': cell.t_s,
             'printed': cell.printed, 'reproduced': cell.reproduced, 'true': cell.true, 'error': cell.error}
 
 
-def _lines(label: str, row: list[Cell]) -> list[str]:
+def _lines(label: str, row: list[PrintedNumber]) -> list[str]:
     kinds = {'printed': [cell.printed for cell in row], 'reproduced': [cell.reproduced for cell in row],
              'true': [f'{cell.true:.6f}' for cell in row], 'error': [f'{cell.error:.6f}' for cell in row]}
     return [f'{label if kind == "printed" else "":20}{kind:11}' + ''.join(f'{value:>12}' for value in values)
@@ -97,10 +97,10 @@ def _label(handle: int, quantity: str) -> str:
     return f'{quantity} of {name}' if quantity else name
 
 
-def _cell(table: int, handle: str, quantity: str, t_s: str | float, printed: str) -> Cell:
+def _cell(table: int, handle: str, quantity: str, t_s: str | float, printed: str) -> PrintedNumber:
     at = float(t_s)
-    return Cell(table, int(handle), quantity, at, printed, six_decimals(_value('paper', at, int(handle), quantity)),
-                _value('exact', at, int(handle), quantity))
+    paper, exact = (_value(accuracy, at, int(handle), quantity) for accuracy in ('paper', 'exact'))
+    return PrintedNumber(table, int(handle), quantity, at, printed, six_decimals(paper), exact)
 
 
 def six_decimals(value: float) -> str:
@@ -121,5 +121,5 @@ def _state(tier: str, t_s: float) -> tuple[Chain, Any]:
     return chain, np.hypot(*velocity_of(scene, chain, t_s).T)
 
 
-FORMATS: dict[str, Callable[[list[Cell]], str | bytes]] = {'text': text, 'csv': csv_text, 'json': json_text,
-                                                           'xlsx': xlsx_bytes}
+FORMATS: dict[str, Callable[[list[PrintedNumber]], str | bytes]] = {'text': text, 'csv': csv_text, 'json': json_text,
+                                                                    'xlsx': xlsx_bytes}

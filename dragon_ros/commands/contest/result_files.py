@@ -28,7 +28,7 @@ _NO_NAME = '<c t="inlineStr"><is><t></t></is></c>'
 
 
 @dataclass(frozen=True)
-class Sheet:
+class ResultSheet:
     """One sheet: title, names of columns and rows, and values (rows, columns)."""
 
     title: str
@@ -43,23 +43,23 @@ def handle_names(benches: int) -> list[str]:
     return ['龙头', *(f'第{n}节龙身' for n in range(1, benches - 1)), '龙尾', '龙尾（后）'][-(benches + 1):]
 
 
-def result_1(scene: Scene) -> list[Sheet]:
+def result_1(scene: Scene) -> list[ResultSheet]:
     """Return positions and speeds at 0, 1, ... 300 s."""
     times = [float(t_s) for t_s in range(_FIRST_S, _LAST_S + 1)]
     return _by_time(scene, times, times)
 
 
-def result_2(scene: Scene) -> list[Sheet]:
+def result_2(scene: Scene) -> list[ResultSheet]:
     """Return positions and speeds at the moment of the first contact. Raises InputError where there is none."""
     found = first_contact(scene)
     if not isinstance(found, Contact):
         raise InputError('--contest: result2 is about the first contact, and this scene has none')
     p, speed = _state(scene, [found.t_s])
-    return [Sheet('Sheet1', 'result2', ('横坐标x (m)', '纵坐标y (m)', '速度 (m/s)'),
-                  tuple(handle_names(scene.dragon.benches)), np.column_stack((p[0], speed[0])))]
+    return [ResultSheet('Sheet1', 'result2', ('横坐标x (m)', '纵坐标y (m)', '速度 (m/s)'),
+                        tuple(handle_names(scene.dragon.benches)), np.column_stack((p[0], speed[0])))]
 
 
-def result_4(scene: Scene) -> list[Sheet]:
+def result_4(scene: Scene) -> list[ResultSheet]:
     """Return positions and speeds at -100, -99, ... 100 s, counted from the start of the turn."""
     track = scene.track
     if not isinstance(track, STurn):
@@ -69,13 +69,13 @@ def result_4(scene: Scene) -> list[Sheet]:
     return _by_time(scene, [entry_s + t_s for t_s in shown], shown)
 
 
-def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[Sheet]:
+def _by_time(scene: Scene, times_s: list[float], shown_s: list[float]) -> list[ResultSheet]:
     p, speed = _state(scene, times_s)
     names = handle_names(scene.dragon.benches)
     columns = tuple(f'{t_s:g} s' for t_s in shown_s)
     places = tuple(f'{name}{axis} (m)' for name in names for axis in 'xy')
-    return [Sheet(POSITION, 'positions', columns, places, p.reshape(len(times_s), -1).T),
-            Sheet(SPEED, 'speeds', columns, tuple(map(_speed_row, names)), speed.T)]
+    return [ResultSheet(POSITION, 'positions', columns, places, p.reshape(len(times_s), -1).T),
+            ResultSheet(SPEED, 'speeds', columns, tuple(map(_speed_row, names)), speed.T)]
 
 
 def _speed_row(name: str) -> str:
@@ -115,13 +115,13 @@ def write(folder: Path, wound: Scene, turning: Scene, progress: Callable[[], obj
     return paths
 
 
-def _cells(sheet: Sheet) -> list[list[str]]:
+def _cells(sheet: ResultSheet) -> list[list[str]]:
     """Return values to six decimals, without a minus on zero."""
     rounded: Floats = np.round(sheet.values, 6) + 0.0
     return [['%.6f' % value for value in row] for row in rounded.tolist()]      # noqa: UP031 - half the time
 
 
-def _write_csv(folder: Path, name: str, sheet: Sheet) -> Path:
+def _write_csv(folder: Path, name: str, sheet: ResultSheet) -> Path:
     path = folder / (f'{name}.csv' if sheet.file == name else f'{name}_{sheet.file}.csv')
     with path.open('w', encoding='utf-8-sig', newline='') as file:     # Excel takes a file without the mark for GBK
         writer = csv.writer(file, lineterminator='\n')
@@ -130,7 +130,7 @@ def _write_csv(folder: Path, name: str, sheet: Sheet) -> Path:
     return path
 
 
-def _write_xlsx(path: Path, sheets: list[Sheet]) -> Path:
+def _write_xlsx(path: Path, sheets: list[ResultSheet]) -> Path:
     """Write a book: openpyxl makes all of it but the cells of the sheets, which takes it twenty times as long."""
     from openpyxl import Workbook
     book, saved = Workbook(), BytesIO()
@@ -148,7 +148,7 @@ def _write_xlsx(path: Path, sheets: list[Sheet]) -> Path:
     return path
 
 
-def _filled(page: str, sheet: Sheet, style: int) -> bytes:
+def _filled(page: str, sheet: ResultSheet, style: int) -> bytes:
     """Return a sheet's XML with its cells in place of the one that openpyxl wrote (ECMA-376 part 1, 18.3.1.80)."""
     head, rest = page.split('<sheetData>', 1)
     heads = ''.join(f'<c t="inlineStr"><is><t>{escape(name)}</t></is></c>' for name in ('', *sheet.columns))

@@ -27,7 +27,7 @@ from dragon_ros.commands.contest.mistakes import (
     solved,
 )
 from dragon_ros.commands.grade.layout import HANDLES
-from dragon_ros.commands.grade.truth import State, contact_s, state_at, turned_scene, wound_scene
+from dragon_ros.commands.grade.truth import TrueStates, contact_s, state_at, turned_scene, wound_scene
 from dragon_ros.core.chain.dragon import Dragon
 from dragon_ros.core.errors import DragonError
 from dragon_ros.core.numerics.types import Floats, Ints
@@ -103,7 +103,7 @@ def nice(value: float, within: float = 0.03) -> float:
 
 
 # Positions.
-def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: State) -> Diagnosis:
+def diagnose_positions(result: str, times_s: Floats, given: Floats, truth: TrueStates) -> Diagnosis:
     """Return what is wrong with positions (T, 224, 2)."""
     digits = rounded_to(given)
     found = Diagnosis(undone=given)
@@ -519,7 +519,7 @@ def _moment(theta: float, noise_m: float) -> tuple[list[Finding], Floats | None]
 
 
 @cache
-def _known_contacts() -> tuple[mistakes.Answer, ...]:
+def _known_contacts() -> tuple[mistakes.MistakenAnswer, ...]:
     return tuple(mistakes.contact_times_s())
 
 
@@ -639,7 +639,7 @@ def _along_track(given: Floats, head_m: Floats, turn: STurn) -> tuple[Floats, fl
     return np.stack(metres, axis=-1), float(np.sqrt(np.mean(np.square(aside))))
 
 
-def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: float, speed: float) -> State:
+def _turn_state(times_s: Floats, dragon: Dragon, track: STurn | None, shift_s: float, speed: float) -> TrueStates:
     scene, offset_s = turned_scene(dragon, track)
     return state_at(scene, speed * times_s + shift_s + offset_s)
 
@@ -737,7 +737,7 @@ def _circles_m(times: Floats, head: Floats) -> tuple[float, ...]:
 
 
 # Speeds.
-def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: State, positions: Diagnosis) -> Diagnosis:
+def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis) -> Diagnosis:
     """Return what is wrong with speeds (T, 224)."""
     digits, found = rounded_to(given), Diagnosis(undone=given)
     right = truth.speed_m_s
@@ -768,7 +768,7 @@ def diagnose_speeds(result: str, times_s: Floats, given: Floats, truth: State, p
     return found
 
 
-def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: State, positions: Diagnosis,
+def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: TrueStates, positions: Diagnosis,
                       ) -> Iterator[tuple[Finding, Floats]]:
     """Yield remade speeds (T, 224) with their names; the fewest parameters come first."""
     right = truth.speed_m_s
@@ -782,7 +782,7 @@ def _speed_candidates(result: str, times_s: Floats, given: Floats, truth: State,
     yield from _by_differences(result, times_s, given, right)
 
 
-def _wound_speeds(given: Floats, truth: State, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
+def _wound_speeds(given: Floats, truth: TrueStates, positions: Diagnosis) -> Iterator[tuple[Finding, Floats]]:
     """Yield speeds on the spiral: of the given positions, by the inverted ratio, and by the paper's power law."""
     places = [(truth.handles_m, '')]
     if positions.undone is not None and positions.findings and np.isfinite(positions.undone).all():
@@ -831,7 +831,7 @@ def answer_findings(question: str, value: float) -> list[Finding]:
 
 
 @cache
-def _known_answers(question: str) -> tuple[tuple[mistakes.Answer, ...], float]:
+def _known_answers(question: str) -> tuple[tuple[mistakes.MistakenAnswer, ...], float]:
     make, near = {'pitch_m': (mistakes.pitches_m, 6e-6), 'turn_m': (mistakes.turn_lengths_m, 6e-5),
                   'speed_m_s': (mistakes.head_speeds_m_s, 6e-5)}[question]
     return tuple(make()), near

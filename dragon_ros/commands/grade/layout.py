@@ -11,7 +11,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dragon_ros.commands.grade.reading import Cell, Sheet
+from dragon_ros.commands.grade.reading import Cell, WorkbookSheet
 from dragon_ros.core.numerics.types import Floats, Ints
 
 HANDLES = 224
@@ -47,7 +47,7 @@ class Label(NamedTuple):
 
 
 @dataclass
-class Given:
+class GivenResult:
     """What workbooks give for one result: times (T,), nan where unlabelled; cells (T, 224, 3) of x, y and speed.
 
     ``notes`` are keys of ``words`` with the parameters of their sentences.
@@ -62,7 +62,7 @@ class Given:
         return bool(np.isfinite(self.cells[..., QUANTITIES.index(quantity)]).any())
 
 
-def given_by(sheets: Iterable[Sheet], refuse: Callable[[str, dict[str, object]], Exception]) -> Given:
+def given_by(sheets: Iterable[WorkbookSheet], refuse: Callable[[str, dict[str, object]], Exception]) -> GivenResult:
     """Return what sheets give together. Raises what ``refuse`` makes of a key of ``words``."""
     parts: list[tuple[Floats, Floats]] = []
     notes: list[tuple[str, dict[str, object]]] = []
@@ -78,7 +78,7 @@ def given_by(sheets: Iterable[Sheet], refuse: Callable[[str, dict[str, object]],
     return _joined(parts, notes)
 
 
-def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str, object]]]) -> Given:
+def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str, object]]]) -> GivenResult:
     """Return the cells of all sheets on all of their times; what a later sheet gives again is left out."""
     times = np.unique(np.concatenate([times for times, _ in parts])) if parts else np.empty(0)
     cells = np.full((times.size, HANDLES, 3), np.nan)
@@ -86,10 +86,10 @@ def _joined(parts: list[tuple[Floats, Floats]], notes: list[tuple[str, dict[str,
         at = np.searchsorted(times, own) if not np.isnan(own).all() else np.full(own.size, times.size - 1)
         room = cells[at]
         cells[at] = np.where(np.isnan(room), values, room)
-    return Given(times, cells, notes)
+    return GivenResult(times, cells, notes)
 
 
-class _Block(NamedTuple):
+class _SheetBlock(NamedTuple):
     """The values of a sheet (rows, columns), the labels of its rows and columns, and where it begins."""
 
     values: Floats
@@ -100,7 +100,7 @@ class _Block(NamedTuple):
     as_text: bool                   # whether numbers stand there as text
 
 
-def _block_of(sheet: Sheet, refuse: Callable[[str, dict[str, object]], Exception]) -> _Block | None:
+def _block_of(sheet: WorkbookSheet, refuse: Callable[[str, dict[str, object]], Exception]) -> _SheetBlock | None:
     """Return the values of a sheet and its labels, None where it has none."""
     rows = _trimmed(sheet.rows)
     if not rows:
@@ -121,9 +121,9 @@ def _block_of(sheet: Sheet, refuse: Callable[[str, dict[str, object]], Exception
     columns = [list(each) for each in zip(*_carried([row[left:] for row in heads]), strict=True)] or [
         [] for _ in range(width - left)]
     labels = _transposed(_carried(_transposed([row[:left] for row in rows[top:]])))
-    return _Block(values, labels or [[] for _ in rows[top:]], columns,
-                  [[row[n] for row in heads] for n in range(left)],
-                  ' '.join(str(cell) for row in titles for cell in row if cell is not None), as_text)
+    return _SheetBlock(values, labels or [[] for _ in rows[top:]], columns,
+                       [[row[n] for row in heads] for n in range(left)],
+                       ' '.join(str(cell) for row in titles for cell in row if cell is not None), as_text)
 
 
 def _transposed(rows: list[list[Cell]]) -> list[list[Cell]]:
@@ -218,7 +218,8 @@ def _is_progression(numbers: list[float]) -> bool:
     return bool(np.all(np.abs(steps - steps[0]) < 1e-6 * steps[0]) or np.all(values == np.round(values)))
 
 
-def _check_merged(sheet: Sheet, top: int, left: int, refuse: Callable[[str, dict[str, object]], Exception]) -> None:
+def _check_merged(sheet: WorkbookSheet, top: int, left: int,
+                  refuse: Callable[[str, dict[str, object]], Exception]) -> None:
     """Refuse merged cells among the values; headings may be merged."""
     if not sheet.merged:
         return
@@ -274,7 +275,7 @@ def _handle_of(text: str) -> int | None:
     return int(next(one for one in found.groups() if one is not None)) if found else None
 
 
-class _Axis(NamedTuple):
+class _AxisLabels(NamedTuple):
     """Codes of the labels of rows, or of columns: handles and quantities, ``_NONE`` where unknown, and times."""
 
     handle: Ints
@@ -282,7 +283,7 @@ class _Axis(NamedTuple):
     t_s: Floats
 
 
-def _understood(sheet: Sheet, block: _Block, before: list[tuple[Floats, Floats]],
+def _understood(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]],
                 ) -> tuple[tuple[Floats, Floats] | None, list[tuple[str, dict[str, object]]]]:
     """Return the times and cells of a block, and notes about it."""
     notes: list[tuple[str, dict[str, object]]] = []
@@ -330,7 +331,7 @@ def _row_label(cells: list[Cell], keys: list[str]) -> Label:
     return label
 
 
-def _context(sheet: Sheet, block: _Block, before: list[tuple[Floats, Floats]], rows: list[Label],
+def _context(sheet: WorkbookSheet, block: _SheetBlock, before: list[tuple[Floats, Floats]], rows: list[Label],
              columns: list[Label]) -> int:
     """Return the code of the quantity of a whole sheet: by its name, its title, or by having one number a handle."""
     text = f'{_normal(sheet.name)} {_normal(block.text)}'
@@ -368,7 +369,7 @@ def _told(label: Label, is_time: bool, base: float) -> Label:
     return label.over(Label(t_s=label.number) if is_time else Label(handle=int(label.number - base)))
 
 
-def _by_shape(block: _Block, rows: list[Label], columns: list[Label]) -> tuple[list[Label], list[Label], bool]:
+def _by_shape(block: _SheetBlock, rows: list[Label], columns: list[Label]) -> tuple[list[Label], list[Label], bool]:
     """Return labels by place where no handle is named: 448 lines are x and y of each, 672 have the speed, too."""
     if _handles_on(rows) + _handles_on(columns) == 0:
         for number, labels in enumerate((rows, columns)):
@@ -396,10 +397,10 @@ def _twice(labels: list[Label]) -> list[Label]:
     return out
 
 
-def _axis(labels: list[Label]) -> _Axis:
-    return _Axis(np.array([_NONE if one.handle is None else one.handle for one in labels], dtype=np.int64),
-                 np.array([_NONE if one.quantity is None else QUANTITIES.index(one.quantity) for one in labels]),
-                 np.array([np.nan if one.t_s is None else one.t_s for one in labels], dtype=np.float64))
+def _axis(labels: list[Label]) -> _AxisLabels:
+    return _AxisLabels(np.array([_NONE if one.handle is None else one.handle for one in labels], dtype=np.int64),
+                       np.array([_NONE if one.quantity is None else QUANTITIES.index(one.quantity) for one in labels]),
+                       np.array([np.nan if one.t_s is None else one.t_s for one in labels], dtype=np.float64))
 
 
 def _both(rows: Ints, columns: Ints, otherwise: int) -> Ints:

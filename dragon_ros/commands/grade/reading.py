@@ -43,7 +43,7 @@ _UNVALUED = re.compile(rb'<(?:[\w.-]+:)?c((?:\s[^>]*)?)>\s*<(?:[\w.-]+:)?f(?:\s[
 _SIZES = 64 * 1024
 
 
-class Sheet(NamedTuple):
+class WorkbookSheet(NamedTuple):
     """A sheet: its name, its rows of cells, and its merged ranges as (first row, first column, last row, last column).
 
     Rows and columns count from 0.
@@ -54,7 +54,7 @@ class Sheet(NamedTuple):
     merged: tuple[tuple[int, int, int, int], ...]
 
 
-def read_book(path: Path) -> list[Sheet]:
+def read_book(path: Path) -> list[WorkbookSheet]:
     """Return the sheets of an XLSX workbook. Raises InputError in one line for whatever is not one, or too large."""
     data = _bytes_of(path)
     try:
@@ -65,7 +65,8 @@ def read_book(path: Path) -> list[Sheet]:
         if len(merged) > BOOK_SHEETS:
             raise InputError(f'{path}: has {len(merged)} sheets; the most are {BOOK_SHEETS}')
         files = _files_of_sheets(parts)
-        return [Sheet(name, rows, merged.get(files.get(name, ''), ())) for name, rows in _read(path, _plain(parts))]
+        return [WorkbookSheet(name, rows, merged.get(files.get(name, ''), ()))
+                for name, rows in _read(path, _plain(parts))]
     except InputError:
         raise
     except (zipfile.BadZipFile, zlib.error, struct.error, EOFError, LookupError, NotImplementedError, OSError,

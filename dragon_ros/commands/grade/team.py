@@ -17,7 +17,7 @@ from dragon_ros.commands.grade.diagnosis import (
     diagnose_speeds,
 )
 from dragon_ros.commands.grade.heat import Heat, heat_of
-from dragon_ros.commands.grade.layout import HANDLES, Given, given_by
+from dragon_ros.commands.grade.layout import HANDLES, GivenResult, given_by
 from dragon_ros.commands.grade.reading import read_book
 from dragon_ros.commands.grade.truth import RESULTS, contact_s, truth_at
 from dragon_ros.commands.grade.words import sentence
@@ -107,7 +107,7 @@ def grade_team(team: Team) -> TeamGrade:
     """Return the grade of a team; whatever cannot be read is one line of its problems."""
     problems: list[str] = []
     notes: list[tuple[str, dict[str, object]]] = []
-    given: dict[str, Given] = {}
+    given: dict[str, GivenResult] = {}
     for path in team.files:
         try:
             _take(path, given, notes)
@@ -125,7 +125,7 @@ def grade_team(team: Team) -> TeamGrade:
                      tuple(problems))
 
 
-def _take(path: Path, given: dict[str, Given], notes: list[tuple[str, dict[str, object]]]) -> None:
+def _take(path: Path, given: dict[str, GivenResult], notes: list[tuple[str, dict[str, object]]]) -> None:
     """Add what a workbook gives. Raises InputError."""
     def refuse(key: str, parameters: dict[str, object]) -> InputError:
         return InputError(f'{path}: {sentence(key, parameters)}')
@@ -143,13 +143,13 @@ def _take(path: Path, given: dict[str, Given], notes: list[tuple[str, dict[str, 
             given[held] = part
 
 
-def _by_result(found: Given, named: str | None) -> list[tuple[str, Given]]:
+def _by_result(found: GivenResult, named: str | None) -> list[tuple[str, GivenResult]]:
     """Return what a workbook holds by result: cells without a time are those of the contact."""
     untimed = np.isnan(found.times_s)
-    out = [('result2', Given(found.times_s[untimed], found.cells[untimed]))] if untimed.any() else []
-    timed = Given(found.times_s[~untimed], found.cells[~untimed])
+    out = [('result2', GivenResult(found.times_s[untimed], found.cells[untimed]))] if untimed.any() else []
+    timed = GivenResult(found.times_s[~untimed], found.cells[~untimed])
     if timed.times_s.size == 1 and named == 'result2':
-        return [('result2', Given(np.array([np.nan]), timed.cells))]
+        return [('result2', GivenResult(np.array([np.nan]), timed.cells))]
     if timed.times_s.size:
         before = timed.times_s.min() < 0
         late = timed.times_s.max() > 200
@@ -158,7 +158,7 @@ def _by_result(found: Given, named: str | None) -> list[tuple[str, Given]]:
     return out
 
 
-def grades_of(result: str, given: Given) -> list[SheetGrade]:
+def grades_of(result: str, given: GivenResult) -> list[SheetGrade]:
     """Return the grades of positions and speeds of a result."""
     truth = truth_at(result, given.times_s)
     places, speeds = given.cells[..., :2], given.cells[..., 2]

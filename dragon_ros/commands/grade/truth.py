@@ -22,7 +22,7 @@ _BEFORE_S = 300.0               # the turn, likewise
 _LATEST_S = 1000.0
 
 
-class State(NamedTuple):
+class TrueStates(NamedTuple):
     """Handles (T, 224, 2) in m and speeds (T, 224) in m/s; nan where there is no state."""
 
     handles_m: Floats
@@ -54,7 +54,7 @@ def turned_scene(dragon: Dragon | None = None, track: STurn | None = None) -> tu
     return Scene(dragon=dragon or Dragon(), track=replace(track or default, before_m=_BEFORE_S), run=run), _BEFORE_S
 
 
-def state_at(scene: Scene, times_s: Floats) -> State:
+def state_at(scene: Scene, times_s: Floats) -> TrueStates:
     """Return the state of a scene at many times, nan where it has none."""
     end_s = compile_scene(scene).end.t_s
     there = (times_s >= 0) & (times_s <= end_s)
@@ -65,7 +65,7 @@ def state_at(scene: Scene, times_s: Floats) -> State:
         chain = states(scene, times)
         velocity = velocity_of(scene, chain, times)
         handles[there], speed[there] = chain.p, np.hypot(velocity[..., 0], velocity[..., 1])
-    return State(handles, speed)
+    return TrueStates(handles, speed)
 
 
 @cache
@@ -73,7 +73,7 @@ def _scene_of(result: str) -> tuple[Scene, float]:
     return turned_scene() if result == 'result4' else wound_scene()
 
 
-def truth_at(result: str, times_s: Floats) -> State:
+def truth_at(result: str, times_s: Floats) -> TrueStates:
     """Return the right state of a result at its times; result2 has the time of the contact."""
     scene, offset_s = _scene_of(result)
     return state_at(scene, (np.full(times_s.size, contact_s()) if result == 'result2' else times_s) + offset_s)

@@ -38,7 +38,7 @@ _RANGES = {'benches': (1, 400, 1), 'count': (1, 400, 1), 'head_length_m': (0.6, 
 
 
 @dataclass(frozen=True)
-class Field:
+class PageValue:
     """A value on the page: its key as in ``--set``, what it is now (None: not set), and what its slider covers."""
 
     key: str
@@ -160,13 +160,13 @@ class Variants:
             return vars(Answer(_plainly(wrong)))
 
 
-def fields_of(scene: Scene) -> list[Field]:
+def fields_of(scene: Scene) -> list[PageValue]:
     """Return the fields of a scene: each number of its dragon, track, head, run and venue that stands by itself."""
     values = scene_values(scene)
     return [one for section in _SECTIONS if section in values for one in _fields(section, values[section])]
 
 
-def _fields(key: str, value: Any) -> list[Field]:
+def _fields(key: str, value: Any) -> list[PageValue]:
     name = key.rpartition('.')[2]
     if isinstance(value, dict):
         return [one for part, inner in value.items() for one in _fields(f'{key}.{part}', inner)]
@@ -178,7 +178,7 @@ def _fields(key: str, value: Any) -> list[Field]:
     low, high, step = _RANGES.get(name, (0.0, 2 * abs(value or 1.0), 0.01))
     if value is not None:
         low, high = min(low, value), max(high, value)
-    return [Field(key, value, low, high, step)]
+    return [PageValue(key, value, low, high, step)]
 
 
 def _number(key: str, text: str) -> str:

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.enclosures.ball_arithmetic import Ball, side_by_side
-from dragon_ros.core.enclosures.on_spiral import Motion, Spans, corners, spans
+from dragon_ros.core.enclosures.on_spiral import Spans, SpiralMotion, corners, spans
 from dragon_ros.core.numerics.types import Floats
 
 
@@ -72,7 +72,7 @@ def _from_nothing(ball: Ball) -> Ball:
     return side_by_side([Ball(none, none), ball])
 
 
-def _motion(theta: Ball, delta: Ball, chord: Ball) -> Motion:
+def _motion(theta: Ball, delta: Ball, chord: Ball) -> SpiralMotion:
     link = spans(theta, delta)
     grown = _growth(link)
     late, one, two = grown.m[:, :-1], grown.delta_1, grown.delta_2
@@ -82,5 +82,5 @@ def _motion(theta: Ball, delta: Ball, chord: Ball) -> Motion:
             + (p + 0.5 * one) * delta * one + half * (one.squared() + delta * two))
     share, turned = chord.squared().inverse(), _from_nothing(one.running_sum())
     w = turned[:, :-1] + 0.5 * one + share * turns
-    return Motion(theta, theta - grown.m, grown.a, turned, w,
-                  grown.a[:, :-1] + 0.5 * two + share * (rate - 2 * turns))
+    return SpiralMotion(theta, theta - grown.m, grown.a, turned, w,
+                        grown.a[:, :-1] + 0.5 * two + share * (rate - 2 * turns))

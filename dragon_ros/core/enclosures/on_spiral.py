@@ -324,7 +324,7 @@ class Spans:
 
 
 @dataclass(frozen=True)
-class Motion:
+class SpiralMotion:
     """Handles (M, K+1): angle, p, a, and ``turned``: p less what is common to all; links (M, K): turning and its rate.
 
     What is common to all is left out of the links' turning too: only differences count there.
@@ -357,7 +357,7 @@ def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | Non
         return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
 
 
-def corners(moving: Motion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
+def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
     """Return bounds as ``bend`` does, or (P, 2) of some pairs; arms grow by ``growth`` of their length a unit.
 
     An arm of a bench that turns by W against the other one accelerates by i (W' + 2 growth W) - W^2 times itself.
@@ -374,23 +374,23 @@ def corners(moving: Motion, arm: Floats, growth: float = 0.0, pairs: _Pairs | No
     return np.where(np.isfinite(out), out, np.inf)
 
 
-def _middles(moving: Motion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
+def _middles(moving: SpiralMotion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
     """Return bounds of how middles of benches accelerate as seen from those of leading ones, in frames that turn."""
     one, two, three, four = (_acceleration(moving, at, w, w_rate) for at in pairs)
     return 0.5 * (one + two + three + four)
 
 
-def _acceleration(moving: Motion, handle: At, w: Ball, w_rate: Ball) -> Floats:
+def _acceleration(moving: SpiralMotion, handle: At, w: Ball, w_rate: Ball) -> Floats:
     theta, p, a = moving.theta[handle], moving.p[handle], moving.a[handle]
     v = moving.turned[handle] - w
     outwards, across = a - theta * v.squared(), 2 * p * v + theta * (a - w_rate)
     return np.hypot(outwards.most, across.most)
 
 
-def _motion(theta: Ball, slopes: _Slopes) -> Motion:
+def _motion(theta: Ball, slopes: _Slopes) -> SpiralMotion:
     p, a = _handles(slopes)
     turned = slopes.psi_1 + 1
-    return Motion(theta, p, a, p, p[:, :-1] * turned, a[:, :-1] * turned + p[:, :-1].squared() * slopes.psi_2)
+    return SpiralMotion(theta, p, a, p, p[:, :-1] * turned, a[:, :-1] * turned + p[:, :-1].squared() * slopes.psi_2)
 
 
 def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:

@@ -32,7 +32,7 @@ _ASIDE: Floats = np.array([[1.0], [1], [-1], [-1]])
 
 
 @dataclass(frozen=True)
-class Placement:
+class RelativePoses:
     """Pairs of rectangles A and B; B seen from A: centre (x, y), axis (cos, sin), and half sizes."""
 
     x: Floats
@@ -42,10 +42,10 @@ class Placement:
     a: tuple[Floats, Floats]
     b: tuple[Floats, Floats]
 
-    def mirrored(self) -> 'Placement':
+    def mirrored(self) -> 'RelativePoses':
         """Return A seen from B."""
-        return Placement(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
-                         self.cos, -self.sin, self.b, self.a)
+        return RelativePoses(-self.x * self.cos - self.y * self.sin, self.x * self.sin - self.y * self.cos,
+                             self.cos, -self.sin, self.b, self.a)
 
     @property
     def _extents(self) -> tuple[Floats, Floats]:
@@ -91,25 +91,25 @@ def rounding_m(far_m: Floats | float, half_m: float) -> Floats | float:
     return _ROUNDED * (far_m + half_m)
 
 
-def placement(benches: Benches, i: Index, j: Index) -> Placement:
+def placement(benches: Benches, i: Index, j: Index) -> RelativePoses:
     """Return benches j as seen from benches i; the last axes but one are benches, i and j may be any indices."""
     offset = _at(benches.centre, j) - _at(benches.centre, i)
     u, w = _at(benches.axis, i), _at(benches.axis, j)
     x, y, u_x, u_y, w_x, w_y = offset[..., 0], offset[..., 1], u[..., 0], u[..., 1], w[..., 0], w[..., 1]
-    return Placement(x * u_x + y * u_y, y * u_x - x * u_y, u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x,
-                     (_at(benches.half_length, i), _at(benches.half_width, i)),
-                     (_at(benches.half_length, j), _at(benches.half_width, j)))
+    return RelativePoses(x * u_x + y * u_y, y * u_x - x * u_y, u_x * w_x + u_y * w_y, u_x * w_y - u_y * w_x,
+                         (_at(benches.half_length, i), _at(benches.half_width, i)),
+                         (_at(benches.half_length, j), _at(benches.half_width, j)))
 
 
 def seen_from(centre: tuple[Complexes, Complexes], axis: tuple[Complexes, Complexes], a: tuple[Any, Any],
-              b: tuple[Any, Any]) -> Placement:
+              b: tuple[Any, Any]) -> RelativePoses:
     """Return rectangles with half sizes ``b`` as seen from others with ``a``; centres and axes are complex numbers."""
     back = np.conj(axis[0])
     offset, turn = (centre[1] - centre[0]) * back, axis[1] * back
-    return Placement(offset.real, offset.imag, turn.real, turn.imag, a, b)
+    return RelativePoses(offset.real, offset.imag, turn.real, turn.imag, a, b)
 
 
-def parted_between(states: Sequence[Placement], sag: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
+def parted_between(states: Sequence[RelativePoses], sag: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
     """Return how far pairs are apart at least between their ``states``, and how far for the sag: the largest ratio.
 
     In between corners leave the lines (or the bilinear surface) through their places at the states by no more than
@@ -179,7 +179,7 @@ def parted_pairs(centre: Complexes, axis: Complexes, benches: Benches, i: Ints, 
             apart[best, np.arange(best.size)])
 
 
-def signed_gap(pairs: Placement) -> Floats:
+def signed_gap(pairs: RelativePoses) -> Floats:
     """Return the signed gap of each pair in metres."""
     axis_a, near_a = pairs.separations()
     axis_b, near_b = pairs.mirrored().separations()
@@ -215,7 +215,7 @@ def gap_of(benches: Benches, i: int, j: int) -> float:
 
 def _separation(x: float, y: float, cos: float, sin: float, a: tuple[float, float],
                 b: tuple[float, float]) -> tuple[float, float]:
-    """Return ``Placement.separations`` for one pair."""
+    """Return ``RelativePoses.separations`` for one pair."""
     turned = (cos < 0) ^ (sin < 0) ^ (x < 0) ^ (y < 0)
     x, y, c, s = abs(x), abs(y), abs(cos), abs(sin)
     (a_x, a_y), (half, side) = a, b
@@ -270,7 +270,7 @@ class Witnesses:
 
 
 @dataclass(frozen=True)
-class _Side:
+class _CornersOnEdges:
     """Corners of the owners against edges of the others: separation, how far past the edge's ends, and what is it."""
 
     separation: Floats
@@ -316,7 +316,7 @@ def witnesses(benches: Benches, i: Ints, j: Ints) -> Witnesses:
                      np.where(second, two.edge, one.edge))
 
 
-def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _Side:
+def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _CornersOnEdges:
     """Return each owner's corner that decides, as seen from the other bench."""
     view = placement(benches, other, owner)
     half, side = view.b
@@ -326,7 +326,7 @@ def _side(benches: Benches, owner: Ints, other: Ints, gap: Floats) -> _Side:
     apart, inside = _apart(corners, size), _overlapping(corners, size, np.stack((view.x, view.y)))
     chosen = [np.where(gap > 0, a, b) for a, b in zip(apart, inside, strict=True)]
     separation, past, corner, edge, x, y = chosen
-    return _Side(separation, past, corner, edge, np.stack((x, y), axis=-1))
+    return _CornersOnEdges(separation, past, corner, edge, np.stack((x, y), axis=-1))
 
 
 def _apart(corners: Floats, size: Floats) -> tuple[Array, ...]:

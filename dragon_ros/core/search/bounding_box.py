@@ -39,7 +39,7 @@ from dragon_ros.core.model import Model, compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.driver import Boxes, divisible, run
+from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
 from dragon_ros.core.tiers import EXACT
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
@@ -152,7 +152,7 @@ def turning_m(track: Track, link_m: float) -> list[float]:
     return [float(along_m) for along_m in track.distances(np.zeros(angles.size, dtype=np.int64), angles)]
 
 
-class _Reaching:
+class _Reaching(InOrder):
     """A search for what is farthest out on each side: the best so far, where it was met, and what was put aside."""
 
     at_once = _AT_ONCE
@@ -169,15 +169,6 @@ class _Reaching:
         """Search intervals (2, M) of the way of one kind of bench."""
         self._bench, self._kind = bench, kind
         run(self, Boxes(*intervals[:, None]).cut(_FIRST))
-
-    def ahead(self, boxes: Boxes) -> Array:
-        """Return all: their bounds are not known before they are judged."""
-        return np.ones(boxes.size, dtype=bool)
-
-    def order(self, boxes: Boxes) -> Floats:
-        """Return the order along the track."""
-        out: Floats = boxes.low[0]
-        return out
 
     def judge(self, boxes: Boxes) -> Boxes:
         """Bound intervals, put aside those that hold nothing more, and cut the others."""

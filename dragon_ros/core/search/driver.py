@@ -65,6 +65,19 @@ class Search(Protocol[C]):
         ...
 
 
+class InOrder:
+    """A search for a largest or smallest value over cells along a track or in time: it goes through all, in order."""
+
+    def ahead(self, cells: Cells) -> Bools:
+        """Return all: their bounds are not known before they are judged."""
+        return np.ones(cells.size, dtype=bool)
+
+    def order(self, cells: Any) -> Floats:
+        """Return where cells begin."""
+        out: Floats = cells.low[0]
+        return out
+
+
 def run(search: Search[C], cells: C) -> None:
     """Search cells until none waits."""
     waiting = [cells]
@@ -214,7 +227,7 @@ def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[
 
 
 @dataclass(frozen=True)
-class _Batch:
+class _Intervals:
     """Intervals: ``pairs`` (2, M) of rows of samples, their windows and what they are judged with (M,)."""
 
     samples: Any
@@ -227,10 +240,10 @@ class _Batch:
         """How many intervals."""
         return int(self.window.size)
 
-    def some(self, keep: Bools | Ints) -> '_Batch':
+    def some(self, keep: Bools | Ints) -> '_Intervals':
         """Return some intervals with the samples that they need."""
         used, rows = np.unique(self.pairs[:, keep], return_inverse=True)
-        return _Batch(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.group[keep])
+        return _Intervals(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.group[keep])
 
 
 class _Clearing:
@@ -250,19 +263,19 @@ class _Clearing:
         samples, first = space.sample(np.concatenate([*windows.values()]), of), np.flatnonzero(np.diff(of) == 0)
         pairs = np.stack((first, first + 1))
         space.begin(samples, pairs, of[first])
-        self.roots = _Batch(samples, pairs, of[first], np.arange(first.size))
+        self.roots = _Intervals(samples, pairs, of[first], np.arange(first.size))
 
-    def ahead(self, batch: _Batch) -> Bools:
+    def ahead(self, batch: _Intervals) -> Bools:
         """Return which intervals begin before the first place that cannot be cleared."""
         out: Bools = self.order(batch) < self._limit[batch.window]
         return out
 
-    def order(self, batch: _Batch) -> Floats:
+    def order(self, batch: _Intervals) -> Floats:
         """Return the progress at which intervals begin."""
         out: Floats = self._sign[batch.window] * batch.samples.places[batch.pairs[0]]
         return out
 
-    def judge(self, batch: _Batch) -> _Batch:
+    def judge(self, batch: _Intervals) -> _Intervals:
         """Judge intervals, keep those that are clear, and cut the others."""
         places = batch.samples.places[batch.pairs]
         space, progress = self._space, self._sign[batch.window] * places
@@ -282,7 +295,7 @@ class _Clearing:
         left = replace(batch, group=judged.group).some(rest)
         return self._cut(left, judged.parts[rest]) if np.any(rest) else left
 
-    def _cut(self, batch: _Batch, parts: Ints) -> _Batch:
+    def _cut(self, batch: _Intervals, parts: Ints) -> _Intervals:
         """Cut intervals, each into so many equal parts."""
         count, (start, stop) = batch.window.size, batch.samples.places[batch.pairs]
         of, nth = np.repeat(np.arange(count), parts - 1), _counted(parts - 1) + 1
@@ -299,7 +312,7 @@ class _Clearing:
         backs = np.empty_like(fronts)
         backs[:-1], backs[-1] = fronts[1:], batch.pairs[1, -1]
         backs[np.cumsum(parts) - 1] = batch.pairs[1]
-        return _Batch(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner])
+        return _Intervals(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner])
 
     def result(self, number: int) -> Cleared:
         """Return what of a window is cleared up to the first interval that is not."""

@@ -218,7 +218,7 @@ def _time_to(travel: RangeOfTravel, gone_m: float) -> float:
 
 
 def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
-            progress: Callable[[int], object]) -> tuple['_Search', str]:
+            progress: Callable[[int], object]) -> tuple['_FamilySearch', str]:
     """Return the finished search, and why it did not have to go further."""
     travel = _travel(scene, nominal)
     begin_m, end_m, why = travel.gone_m(travel.start_s), travel.gone_m(travel.end_s), 'run'
@@ -228,7 +228,7 @@ def _search(scene: Scene, family: Family, nominal: Contact | NoContact,
     if begin_m >= end_m:
         raise InputError('--within: there is nothing to prove: the head rests, or starts where links may lock or '
                          'benches touch; start earlier or further out')
-    search = _Search(family, begin_m, end_m, progress)
+    search = _FamilySearch(family, begin_m, end_m, progress)
     search.run()
     return search, why
 
@@ -250,7 +250,7 @@ def _blame(scene: Scene, within: Mapping[str, float], nominal: Contact | NoConta
 
 
 @dataclass(frozen=True)
-class _Boxes:
+class _PairBoxes:
     """Boxes (5, n) of variables of ``sliding_pair``, which bench is the inner one (n,), and when they count.
 
     ``gone_m`` is what the leader has gone at least where a pair of the box occurs.
@@ -261,17 +261,18 @@ class _Boxes:
     inner: Ints
     gone_m: Floats
 
-    def some(self, which: Array | slice) -> '_Boxes':
+    def some(self, which: Array | slice) -> '_PairBoxes':
         """Return some of them."""
-        return _Boxes(self.low[:, which], self.high[:, which], self.inner[which], self.gone_m[which])
+        return _PairBoxes(self.low[:, which], self.high[:, which], self.inner[which], self.gone_m[which])
 
-    def __add__(self, other: '_Boxes') -> '_Boxes':
+    def __add__(self, other: '_PairBoxes') -> '_PairBoxes':
         """Return these and others."""
-        return _Boxes(np.concatenate((self.low, other.low), axis=1), np.concatenate((self.high, other.high), axis=1),
-                      np.concatenate((self.inner, other.inner)), np.concatenate((self.gone_m, other.gone_m)))
+        low, high = (np.concatenate(ends, axis=1) for ends in ((self.low, other.low), (self.high, other.high)))
+        return _PairBoxes(low, high, np.concatenate((self.inner, other.inner)),
+                          np.concatenate((self.gone_m, other.gone_m)))
 
 
-class _Search:
+class _FamilySearch:
     """Branch and bound over boxes, those first that the leader can reach first.
 
     ``frontier_m`` is how far it can go without getting to a box that is not clear; at ``limit_m`` it gets to a pair of
@@ -299,7 +300,7 @@ class _Search:
             boxes = boxes.some(boxes.gone_m < min(self.limit_m, self._end_m))
         self.frontier_m = min(self.limit_m, self._end_m)
 
-    def _first(self) -> _Boxes:
+    def _first(self) -> _PairBoxes:
         """Return boxes that hold all pairs up to the end, in steps of the inner bench's place."""
         family, scale = self.family, self.family.scale
         inner = max(family.inward_rad(self._end_m), family.innermost_rad)
@@ -314,14 +315,14 @@ class _Search:
         parts = [self._row(_HEAD, inner, outer, family.head_link_m), self._row(_BODY, rear, tail, family.body_link_m)]
         return parts[0] + parts[1]
 
-    def _row(self, inner: int, first: float, last: float, link_m: tuple[float, float]) -> _Boxes:
+    def _row(self, inner: int, first: float, last: float, link_m: tuple[float, float]) -> _PairBoxes:
         ends = np.linspace(first, last, 2 + int((last - first) / _FIRST_RAD))
         scale, other_m, same = self.family.scale, self.family.body_link_m, np.ones(ends.size - 1)
         low = np.array([ends[:-1], 0 * same, scale[0] * same, link_m[0] * same, other_m[0] * same])
         high = np.array([ends[1:], np.inf * same, scale[1] * same, link_m[1] * same, other_m[1] * same])
         return self._reached(low, high, np.full(same.size, inner))
 
-    def _reached(self, low: Floats, high: Floats, inner: Ints) -> _Boxes:
+    def _reached(self, low: Floats, high: Floats, inner: Ints) -> _PairBoxes:
         """Return boxes with how far the leader has at least gone when the inner bench is there.
 
         For a body bench that is when bench 1 is. The head is the shortest link further in, which spans least where it
@@ -334,9 +335,9 @@ class _Search:
             head = (rear - least_span(head, chord)) * _OUT
         theta = high[THETA].copy()
         theta[body] = head
-        return _Boxes(low, high, inner, self.family.gone_m(theta, high[SCALE]))
+        return _PairBoxes(low, high, inner, self.family.gone_m(theta, high[SCALE]))
 
-    def _halves(self, boxes: _Boxes) -> _Boxes:
+    def _halves(self, boxes: _PairBoxes) -> _PairBoxes:
         """Return the halves of those boxes that are not clear."""
         self.states += boxes.gone_m.size
         self._tell(boxes.gone_m.size)
@@ -354,14 +355,14 @@ class _Search:
         return self._cut(near, np.where(np.all(np.isfinite(kept.spread), axis=0), np.argmax(kept.spread, axis=0),
                                         np.argmax(wide[[THETA, AHEAD]], axis=0)))
 
-    def _cut(self, boxes: _Boxes, rows: Ints) -> _Boxes:
+    def _cut(self, boxes: _PairBoxes, rows: Ints) -> _PairBoxes:
         each = np.arange(rows.size)
         low, high = boxes.low.copy(), boxes.high.copy()
         low[rows, each] = high[rows, each] = 0.5 * (boxes.low[rows, each] + boxes.high[rows, each])
         lower = self._reached(boxes.low, high, boxes.inner)
         return lower + self._reached(low, boxes.high, boxes.inner)
 
-    def _near(self, boxes: _Boxes) -> _Boxes:
+    def _near(self, boxes: _PairBoxes) -> _PairBoxes:
         """Return what is left of boxes without places that the other bench cannot have, or has too far out to touch.
 
         Its link is nowhere nearer to the centre than sqrt(theta^2 - c^2 / 4) if its front handle is at theta
@@ -377,7 +378,7 @@ class _Search:
         which = first <= last
         low, high = low.copy(), high.copy()
         low[AHEAD], high[AHEAD] = first, last
-        return _Boxes(low, high, boxes.inner, boxes.gone_m).some(which)
+        return _PairBoxes(low, high, boxes.inner, boxes.gone_m).some(which)
 
     def _strips(self, low: Floats, high: Floats, inner: Ints) -> tuple[Floats, Floats, Ints]:
         """Return from where to where the other bench may be ahead, within a box, and the nearest bench that may.
@@ -404,7 +405,7 @@ class _Search:
             nearest = np.where(met & (nearest == 0), bench, nearest)
         return first, last, nearest
 
-    def _note(self, boxes: _Boxes, found: Separations) -> None:
+    def _note(self, boxes: _PairBoxes, found: Separations) -> None:
         """Keep the first place of the leader at which a pair overlaps: in the corner of a box that looks worst.
 
         Only a lower end for what can be proved, which nothing is concluded from; so plain floats will do.

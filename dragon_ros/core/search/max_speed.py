@@ -35,7 +35,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.roots import illinois
 from dragon_ros.core.numerics.types import Array, Floats, Ints
 from dragon_ros.core.scene import Scene
-from dragon_ros.core.search.driver import Boxes, divisible, run
+from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
 from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
@@ -96,7 +96,7 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
     return found
 
 
-class _Speeding:
+class _Speeding(InOrder):
     """A search over times. The best so far: log of the largest speed met, when, and of which handle."""
 
     at_once = _MOST     # all: a bound tells most where the best of all is known
@@ -119,15 +119,6 @@ class _Speeding:
         number = handle if leader.direction == BEHIND else leader.links_m.size - handle
         return MaxSpeed(ratio, number, float(gone[0]) + 0.0,
                         leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
-
-    def ahead(self, boxes: Boxes) -> Array:
-        """Return all: their bounds are not known before they are judged."""
-        return np.ones(boxes.size, dtype=bool)
-
-    def order(self, boxes: Boxes) -> Floats:
-        """Return the order of times."""
-        out: Floats = boxes.low[0]
-        return out
 
     def judge(self, boxes: Boxes) -> Boxes:
         """Bound intervals, keep the bounds of those that hold nothing faster, and cut the others."""

@@ -16,7 +16,7 @@ from dragon_ros.core.model import compile_scene
 from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, SweptBench, bench_of, by_length, intervals_of
-from dragon_ros.core.search.driver import Boxes, divisible, run
+from dragon_ros.core.search.driver import Boxes, InOrder, divisible, run
 from dragon_ros.core.search.obstacle_bounds import ObstacleBounds, corners_of
 from dragon_ros.core.search.venue import check_sides
 from dragon_ros.core.tiers import EXACT
@@ -85,7 +85,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
 
 
 @dataclass(frozen=True)
-class _Cells:
+class _EdgeIntervals:
     """Intervals of the track (2, M), and an edge for each."""
 
     ends: Floats
@@ -96,17 +96,22 @@ class _Cells:
         """How many."""
         return int(self.edge.size)
 
-    def some(self, which: Array) -> '_Cells':
-        """Return some of them."""
-        return _Cells(self.ends[:, which], self.edge[which])
+    @property
+    def low(self) -> Floats:
+        """Where they begin (1, M)."""
+        return self.ends[:1]
 
-    def cut(self) -> '_Cells':
+    def some(self, which: Array) -> '_EdgeIntervals':
+        """Return some of them."""
+        return _EdgeIntervals(self.ends[:, which], self.edge[which])
+
+    def cut(self) -> '_EdgeIntervals':
         """Return equal parts of each."""
         parts = Boxes(self.ends[:1], self.ends[1:]).cut(_PARTS)
-        return _Cells(np.concatenate((parts.low, parts.high)), np.repeat(self.edge, _PARTS))
+        return _EdgeIntervals(np.concatenate((parts.low, parts.high)), np.repeat(self.edge, _PARTS))
 
 
-class _Nearing:
+class _Nearing(InOrder):
     """A search for the smallest gap to each obstacle: the best so far, where, and what was put aside."""
 
     at_once = _AT_ONCE
@@ -125,7 +130,7 @@ class _Nearing:
         self._bounds, self._kind = ObstacleBounds(bench, self._around), kind
         run(self, self._roots(Boxes(*intervals[:, None])))
 
-    def _roots(self, boxes: Boxes) -> _Cells:
+    def _roots(self, boxes: Boxes) -> _EdgeIntervals:
         """Return the cells that may matter: an edge is at least as far as its distance from a middle, less the rest.
 
         What is nearest to any middle bounds the gap to each obstacle from above.
@@ -145,12 +150,13 @@ class _Nearing:
         for rows in parts:
             np.minimum.at(nearest, self._around.owner, np.min(self._away(middle[index[0, rows]]), axis=0))
         nearest = np.minimum(nearest, self.best)
-        cells = list[_Cells]()
+        cells = list[_EdgeIntervals]()
         for rows in parts:
             away = 0.5 * (self._away(middle[index[0, rows]]) + self._away(middle[index[1, rows]]) - way[rows, None])
             row, edge = np.nonzero(away - arm <= nearest[self._around.owner])
-            cells.append(_Cells(np.stack((boxes.low[0, rows[row]], boxes.high[0, rows[row]])), edge))
-        return _Cells(np.concatenate([one.ends for one in cells], axis=1), np.concatenate([one.edge for one in cells]))
+            cells.append(_EdgeIntervals(np.stack((boxes.low[0, rows[row]], boxes.high[0, rows[row]])), edge))
+        return _EdgeIntervals(np.concatenate([one.ends for one in cells], axis=1),
+                              np.concatenate([one.edge for one in cells]))
 
     def _away(self, points: Complexes) -> Floats:
         """Return distances (M, E) of points from edges."""
@@ -159,16 +165,7 @@ class _Nearing:
         out: Floats = np.hypot(np.maximum(np.abs(seen.real) - around.half_m, 0.0), seen.imag)
         return out
 
-    def ahead(self, cells: _Cells) -> Array:
-        """Return all: their bounds are not known before they are judged."""
-        return np.ones(cells.size, dtype=bool)
-
-    def order(self, cells: _Cells) -> Floats:
-        """Return the order along the track."""
-        out: Floats = cells.ends[0]
-        return out
-
-    def judge(self, cells: _Cells) -> _Cells:
+    def judge(self, cells: _EdgeIntervals) -> _EdgeIntervals:
         """Bound the gaps of cells, put aside those that hold nothing smaller, and cut the others."""
         places, index = np.unique(cells.ends, return_inverse=True)
         index, states, owner = index.reshape(2, -1), self._bounds.bench.states(places), self._around.owner[cells.edge]

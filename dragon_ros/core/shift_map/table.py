@@ -100,7 +100,7 @@ class Elsewhere(Enum):
 _ELSEWHERE = Elsewhere.ELSEWHERE
 
 
-class _Side(NamedTuple):
+class _SegmentCells(NamedTuple):
     """The cells on one segment, in the order of ``sense`` times the coordinate, which grows backwards."""
 
     sense: float
@@ -129,9 +129,9 @@ class Entrance:
         return np.arange(self.lead_in.nodes if self.lead_in else self.tile.table.nodes, dtype=np.float64)
 
     @cached_property
-    def sides(self) -> list[_Side | None]:
+    def sides(self) -> list[_SegmentCells | None]:
         """The cells by segment."""
-        (_, segment, middle, _, _), out = self.chart, list[_Side | None]()
+        (_, segment, middle, _, _), out = self.chart, list[_SegmentCells | None]()
         fore = middle[:, 0] - 1 / middle[:, 2]
         for k in range(len(self.tile.track.segments)):
             cells = np.flatnonzero(segment == k)
@@ -141,7 +141,7 @@ class Entrance:
             sense = float(np.sign(middle[cells[0], 2]))
             low = sense * self.fore.u.hi if self.fore.segment == k else -inf
             high = sense * self.rear.u.hi if self.rear.segment == k else inf
-            out.append(_Side(sense, low, high, (sense * fore[cells]).tolist(), cells.tolist()))
+            out.append(_SegmentCells(sense, low, high, (sense * fore[cells]).tolist(), cells.tolist()))
         return out
 
     @cached_property

@@ -37,7 +37,7 @@ _GROWTH, _CLOSE = 1.2, 1e-6     # of a blend, until its radius suffices, and the
 
 
 @dataclass(frozen=True, eq=False)
-class Stretch:
+class SmoothPart:
     """A smooth part of a drawn line: points (n,) in m as complex numbers, and unit headings (n,).
 
     ``drawn`` (m,) are the drawn points, from which these were taken, and ``drawn_at_m`` (m,) their distances along it.
@@ -65,9 +65,9 @@ def gone_m(points: Complexes) -> Floats:
     return np.concatenate(([0.0], np.cumsum(np.abs(np.diff(points)))))
 
 
-def _stretch(points: Complexes, headings: Complexes) -> Stretch:
+def _stretch(points: Complexes, headings: Complexes) -> SmoothPart:
     """Return a stretch that keeps all drawn points."""
-    return Stretch(points, headings, points, gone_m(points))
+    return SmoothPart(points, headings, points, gone_m(points))
 
 
 @dataclass(frozen=True)
@@ -103,7 +103,7 @@ class Cubic(NamedTuple):
 
     controls: tuple[complex, complex, complex, complex]
 
-    def stretch(self, sag_m: float) -> Stretch:
+    def stretch(self, sag_m: float) -> SmoothPart:
         """Return samples whose chords deviate from the curve by at most ``sag_m``: 1 / 8 of the second derivative."""
         a, b, c, d = self.controls
         bend = 6 * max(abs(a - 2 * b + c), abs(b - 2 * c + d))
@@ -121,7 +121,7 @@ class EllipseArc(NamedTuple):
     start_rad: float
     sweep_rad: float
 
-    def stretch(self, sag_m: float) -> Stretch:
+    def stretch(self, sag_m: float) -> SmoothPart:
         """Return samples whose chords deviate from the curve by at most ``sag_m``."""
         a, b = self.axes
         count = _samples(abs(self.sweep_rad) * sqrt((abs(a) + abs(b)) / (8 * sag_m)))
@@ -136,7 +136,7 @@ def _samples(count: float) -> int:
     return min(_MOST_SAMPLES, 9 + ceil(count))
 
 
-def _sampled(points: Complexes, rates: Complexes) -> Stretch:
+def _sampled(points: Complexes, rates: Complexes) -> SmoothPart:
     """Return a stretch of points and derivatives; if a derivative vanishes, the heading is that of the chords."""
     chords = np.diff(points)
     small = np.abs(rates) <= 1e-9 * float(np.max(np.abs(rates), initial=0.0))
@@ -171,13 +171,13 @@ def along(parts: Sequence[DrawnPart], radius_m: float, least_m: float, tolerance
     return best
 
 
-def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[Stretch]:
+def _stretches(part: DrawnPart, eased_m: float, tolerance_m: float) -> list[SmoothPart]:
     if isinstance(part, Cubic | EllipseArc):
         return [part.stretch(_FINE * tolerance_m)]
     return through(part, _eased(part, eased_m), tolerance_m - eased_m)
 
 
-def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[Stretch]:
+def through(drawn: Complexes, eased: Complexes, tolerance_m: float) -> list[SmoothPart]:
     """Return the stretches of a line through points (n,): legs, and curves if arcs through points stay near the legs.
 
     A leg of length h between headings that differ by phi deviates by h phi / 8 from an arc. Points near the line
@@ -218,7 +218,7 @@ def _eased(points: Complexes, within_m: float) -> Complexes:
     return out
 
 
-def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> Stretch:
+def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> SmoothPart:
     """Return a stretch through some points; each heading is that of the circle through the point and its neighbours."""
     points = eased[numbers]
     legs = np.diff(points)
@@ -228,18 +228,18 @@ def _curve(drawn: Complexes, eased: Complexes, numbers: Ints) -> Stretch:
     along = ((drawn[between] - points[leg]) * ways[leg].conjugate()).real
     at_m = np.maximum.accumulate(gone_m(points)[leg] + np.clip(along, 0.0, long[leg]))
     if len(points) == 2:
-        return Stretch(points, np.repeat(ways, 2), drawn[between], at_m)
+        return SmoothPart(points, np.repeat(ways, 2), drawn[between], at_m)
     inner = ways[:-1] * long[1:] + ways[1:] * long[:-1]
     inner = np.where(np.abs(inner) > _SAME * (long[1:] + long[:-1]), inner, 1j * ways[:-1])
     inner /= np.abs(inner)
     first, last = ways[0] ** 2 / inner[0], ways[-1] ** 2 / inner[-1]     # as far from the leg on its other side
-    return Stretch(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
+    return SmoothPart(points, np.concatenate(([first], inner, [last])), drawn[between], at_m)
 
 
-class _Drawn:
+class _SmoothLine:
     """Stretches end to end; distances in m are measured along them."""
 
-    def __init__(self, stretches: Sequence[Stretch]) -> None:
+    def __init__(self, stretches: Sequence[SmoothPart]) -> None:
         self.stretches = [one for one in stretches if len(one.points) > 1]
         self.begins_m = np.concatenate(([0.0], np.cumsum([one.gone_m[-1] for one in self.stretches])))
         self.reaches_m: dict[tuple[tuple[float, float], float], float | None] = {}      # by place and radius
@@ -278,7 +278,7 @@ class _Drawn:
             heading = 1j * one.headings[n]
         return complex(one.points[n] + part * (one.points[n + 1] - one.points[n])), complex(heading / abs(heading))
 
-    def between(self, low_m: float, high_m: float) -> list[tuple[float, Stretch]]:
+    def between(self, low_m: float, high_m: float) -> list[tuple[float, SmoothPart]]:
         """Return the stretches between two distances, cut there, and where each begins."""
         out, hair = [], _SAME * self.length_m
         for begin, one in zip(self.begins_m.tolist(), self.stretches, strict=False):
@@ -287,7 +287,7 @@ class _Drawn:
                 out.append((first, self._cut(begin, one, first, last)))
         return out
 
-    def _cut(self, begin: float, one: Stretch, first: float, last: float) -> Stretch:
+    def _cut(self, begin: float, one: SmoothPart, first: float, last: float) -> SmoothPart:
         (a, at), (b, to) = self.pose(first, True), self.pose(last, False)
         hair = _SAME * self.length_m
         inner = (one.gone_m > first - begin + hair) & (one.gone_m < last - begin - hair)
@@ -316,8 +316,8 @@ class _Blend:
         return min(bow.radius_m for bow in self.bows)
 
 
-def _routed(stretches: Sequence[Stretch], radius_m: float, least_m: float, tolerance_m: float) -> Route:
-    drawn = _Drawn(stretches)
+def _routed(stretches: Sequence[SmoothPart], radius_m: float, least_m: float, tolerance_m: float) -> Route:
+    drawn = _SmoothLine(stretches)
     if not drawn.stretches:
         raise InputError('the drawing has no length; draw a line', field='drawing')
     corners = drawn.corners()
@@ -345,7 +345,7 @@ def _joined(places: list[tuple[float, float]]) -> list[tuple[float, float]]:
     return out
 
 
-def _blends(drawn: _Drawn, corners: list[tuple[float, float]], radius_m: float, least_m: float) -> list[_Blend]:
+def _blends(drawn: _SmoothLine, corners: list[tuple[float, float]], radius_m: float, least_m: float) -> list[_Blend]:
     """Return a blend for each corner; corners too close for two blends share one."""
     while corners:
         wide, slim = ([_reach_m(drawn, place, at_m) for place in corners] for at_m in (radius_m, least_m))
@@ -380,7 +380,7 @@ def _between(low: float | None, high: float | None, shares: list[float | None]) 
     return small if high is None or high < small else small + share * (high - small)
 
 
-def _reach_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float | None:
+def _reach_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
     """Return how far before and behind a place the biarc of a radius begins and ends; None if it does not fit.
 
     Between two lines it is one arc, and reaches R tan(phi / 2).
@@ -390,7 +390,7 @@ def _reach_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> floa
     return drawn.reaches_m[place, radius_m]
 
 
-def _shortest_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float | None:
+def _shortest_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float | None:
     room = max(place[0], drawn.length_m - place[1])
     reach, failed = _tangent_m(drawn, place, radius_m), 0.0
     while _bent(drawn, place, reach, radius_m) is None:
@@ -403,7 +403,7 @@ def _shortest_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> f
     return min(reach, room)
 
 
-def _tangent_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> float:
+def _tangent_m(drawn: _SmoothLine, place: tuple[float, float], radius_m: float) -> float:
     """Return the reach of a corner between two lines, or a small one to begin with."""
     low, high = place
     turn = abs(cmath.phase(drawn.pose(high, True)[1] / drawn.pose(low, False)[1]))
@@ -412,7 +412,7 @@ def _tangent_m(drawn: _Drawn, place: tuple[float, float], radius_m: float) -> fl
     return max(0.05 * radius_m, 0.05 * (high - low))
 
 
-def _bent(drawn: _Drawn, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
+def _bent(drawn: _SmoothLine, place: tuple[float, float], reach_m: float, radius_m: float) -> tuple[Bow, Bow] | None:
     """Return the biarc from before to behind a place if its radii suffice and no arc turns by half a turn."""
     low, high = _ends(drawn, place, reach_m)
     found = biarc(*drawn.pose(low, False), *drawn.pose(high, True))
@@ -421,19 +421,19 @@ def _bent(drawn: _Drawn, place: tuple[float, float], reach_m: float, radius_m: f
     return found
 
 
-def _blend(drawn: _Drawn, place: tuple[float, float], reach_m: float) -> _Blend:
+def _blend(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> _Blend:
     bows = _bent(drawn, place, reach_m, 0.0)
     if bows is None:
         raise _unwalkable(drawn, *place, 0.0)
     return _Blend(*_ends(drawn, place, reach_m), bows, place[0] == place[1])
 
 
-def _ends(drawn: _Drawn, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
+def _ends(drawn: _SmoothLine, place: tuple[float, float], reach_m: float) -> tuple[float, float]:
     """Return the distances so far before and behind a place, clipped to the ends of the drawing."""
     return max(0.0, place[0] - reach_m), min(drawn.length_m, place[1] + reach_m)
 
 
-def _unwalkable(drawn: _Drawn, low_m: float, high_m: float, least_m: float) -> InputError:
+def _unwalkable(drawn: _SmoothLine, low_m: float, high_m: float, least_m: float) -> InputError:
     """Return the error for a place at which no arc fits."""
     at, _ = drawn.pose(0.5 * (low_m + high_m), True)
     return InputError(
@@ -442,7 +442,7 @@ def _unwalkable(drawn: _Drawn, low_m: float, high_m: float, least_m: float) -> I
         f'a larger radius or longer legs, or use shorter benches', field='drawing', place_m=(at.real, at.imag))
 
 
-class _Part(NamedTuple):
+class _FittedArcs(NamedTuple):
     """Arcs along the drawn line between two distances."""
 
     low_m: float
@@ -450,17 +450,17 @@ class _Part(NamedTuple):
     bows: tuple[Bow, ...]
 
 
-def _fit(drawn: _Drawn, blends: list[_Blend], tolerance_m: float,
-         least_m: float) -> tuple[list[_Part], list[tuple[float, float]]]:
+def _fit(drawn: _SmoothLine, blends: list[_Blend], tolerance_m: float,
+         least_m: float) -> tuple[list[_FittedArcs], list[tuple[float, float]]]:
     """Return the parts of the track between blends, and the intervals in which it would bend too tightly."""
-    parts, tight = list[_Part](), list[tuple[float, float]]()
+    parts, tight = list[_FittedArcs](), list[tuple[float, float]]()
     ends = [0.0, *(end for blend in blends for end in (blend.low_m, blend.high_m)), drawn.length_m]
     for low, high in zip(ends[::2], ends[1::2], strict=True):
         for begin, one in drawn.between(low, high):
             if one.is_straight:
                 way = complex(one.points[1] - one.points[0])
                 bow = Bow(complex(one.points[0]), way / abs(way), abs(way), 0.0)
-                parts.append(_Part(begin, begin + abs(way), (bow,)))
+                parts.append(_FittedArcs(begin, begin + abs(way), (bow,)))
                 continue
             found = fitted(one.points, one.headings, tolerance_m, least_m)
             for (first, last), bows in zip(found.spans, found.biarcs, strict=True):
@@ -468,11 +468,11 @@ def _fit(drawn: _Drawn, blends: list[_Blend], tolerance_m: float,
                 if bows is None:
                     tight.append(span)
                 else:
-                    parts.append(_Part(*span, bows))
+                    parts.append(_FittedArcs(*span, bows))
     return parts, _joined(tight)
 
 
-def _laid(drawn: _Drawn, blends: list[_Blend], parts: list[_Part], tolerance_m: float) -> Route:
+def _laid(drawn: _SmoothLine, blends: list[_Blend], parts: list[_FittedArcs], tolerance_m: float) -> Route:
     """Return the route of blends and parts in order, each piece laid at the end of the one before."""
     order = sorted([*((part.low_m, part.bows) for part in parts), *((blend.low_m, blend.bows) for blend in blends)],
                    key=lambda some: some[0])
@@ -489,7 +489,7 @@ def _laid(drawn: _Drawn, blends: list[_Blend], parts: list[_Part], tolerance_m: 
     return Route(_pieces(bows), tuple(_change(drawn, blend) for blend in blends), apart_m + shift_m, lead_in_m)
 
 
-def _apart_m(drawn: _Drawn, part: _Part, sag_m: float) -> float:
+def _apart_m(drawn: _SmoothLine, part: _FittedArcs, sag_m: float) -> float:
     """Return the Hausdorff distance of arcs from the drawn line there."""
     lines = drawn.drawn_between(part.low_m, part.high_m), np.concatenate([bow.points(sag_m) for bow in part.bows])
     ends = (LineString(np.stack((some.real, some.imag), axis=1)) for some in lines)
@@ -511,9 +511,9 @@ def _shift_m(bows: list[Bow], laid: list[Bow]) -> float:
     return worst
 
 
-def _change(drawn: _Drawn, blend: _Blend) -> Change:
+def _change(drawn: _SmoothLine, blend: _Blend) -> Change:
     at, _ = drawn.pose(0.5 * (blend.low_m + blend.high_m), True)
-    off_m = _apart_m(drawn, _Part(blend.low_m, blend.high_m, blend.bows), _MEASURED * blend.radius_m)
+    off_m = _apart_m(drawn, _FittedArcs(blend.low_m, blend.high_m, blend.bows), _MEASURED * blend.radius_m)
     return Change((at.real, at.imag), blend.radius_m, off_m, blend.is_corner)
 
 

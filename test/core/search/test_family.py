@@ -12,7 +12,7 @@ from dragon_ros.core.errors import DragonError, FieldError, InputError
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.scene import Run, Scene
 from dragon_ros.core.search.certificate import Contact, NoContact
-from dragon_ros.core.search.family import _HEAD, _Search, family_of, first_contact_within
+from dragon_ros.core.search.family import _HEAD, _FamilySearch, family_of, first_contact_within
 from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.tracks.composite import Place, track_of
 from dragon_ros.core.tracks.segments import BEHIND
@@ -134,7 +134,8 @@ def test_a_run_that_starts_where_links_might_lock_is_refused():
 
 def test_the_last_bench_of_any_dragon_of_a_family_is_within_what_a_box_says_which_is_little_more():
     family = family_of(replace(SMALL, dragon=Dragon(12)), BOX)
-    search, unit, theta = _Search(family, 0.0, 60.0, lambda states: None), track_of(Spiral(2 * np.pi)), (30.0, 30.001)
+    search, unit = _FamilySearch(family, 0.0, 60.0, lambda states: None), track_of(Spiral(2 * np.pi))
+    theta = 30.0, 30.001
     low, high = (np.array([[theta[end]], [(5.5, 8.0)[end]], [family.scale[end]], [family.head_link_m[end]],
                            [family.body_link_m[end]]]) for end in (0, 1))
     _, last, _ = search._strips(low, high, np.array([_HEAD]))
