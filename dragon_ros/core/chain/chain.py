@@ -264,6 +264,7 @@ class MarchedLink(NamedTuple):
 def marched(track: Track, links_m: Floats, leader: Place, direction: int) -> Chain:
     """Return the chain of a leader by forward placement: of the head (``direction`` BEHIND), or of the tail.
 
+    On a single spiral all handles are solved ``together``, elsewhere one after the other; both take as long.
     Raises as ``forward``.
     """
     blocks = blocks_of(links_m, direction)

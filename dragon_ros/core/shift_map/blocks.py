@@ -8,7 +8,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from dragon_ros.core.chain.chain import Chain, MarchedLink, MarchedLinks, PlacedLinks, arrays_of, join
-from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many
+from dragon_ros.core.chain.forward import Block, blocks_of, forward, forward_many, locked
 from dragon_ros.core.numerics.double_double import DoubleDouble
 from dragon_ros.core.numerics.types import Floats, Ints, read_only
 from dragon_ros.core.shift_map.table import Product, ShiftMap, Spot, Spots, links_of_tile
@@ -256,15 +256,18 @@ class Placement:
         return spent
 
     def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
-        """Return the place of the next handle, and evaluations: ``forward`` for one link, without its lists.
+        """Return the place of the next handle, and evaluations.
 
-        Live ticks march single links only, and have no time for those.
+        It exists beside ``forward``, whose bits it has, since live ticks march single links: what ``forward`` looks up
+        for each block is kept in ``step``, and there are no lists.
         """
         following, spent = step.next(here[1], link_m, self.direction)
         if step.low <= following[0] <= step.high:
             return Place(here[0], following), spent
-        handles = forward(self.track, (Block(i, i + 1, link_m),), here, self.direction)
-        return handles.place(1), spent + handles.evaluations
+        if self.direction == BEHIND and here[0] == 0 and self.track.from_afar:
+            raise locked(self.track, i, here[1][0], link_m)
+        there, more = self.track.across(here, link_m, self.direction)
+        return there, spent + more
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
