@@ -13,6 +13,7 @@ from dragon_ros.core.search.family import FamilyProof
 from dragon_ros.scenes.load import scene_values
 
 _VERSION = 2        # of the format and of what its claims mean; certificates up to 0.2.0 have none, and count as 1
+_WITH_VENUE = 3     # of certificates of a scene with a venue
 _MOST = 20_000      # rows of a certificate: hints where to cut
 _NAMES = {ALL: 'all', 0: 'head', 1: 'body'}
 
@@ -23,9 +24,6 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
     It has what is claimed and where to cut; the bounds of the intervals are the solver's own, and nobody needs them.
     """
     proof = found.certificate
-    if scene.venue is not None:
-        raise InputError('--certificate: certificates are of benches alone, and this scene has a venue; leave it out '
-                         '(--set venue=null)')
     if not proof.complete:
         raise InputError('--certificate: this run has none: benches come together so slowly that the last stretch '
                          'before the contact cannot be told from it')
@@ -34,8 +32,7 @@ def as_values(scene: Scene, found: Contact | NoContact) -> dict[str, Any]:
 
 def claim_of(found: Contact | NoContact) -> dict[str, Any] | None:
     """Return what a certificate claims of a run, without its scene and intervals; None where there is none."""
-    obstacle = isinstance(found, Contact) and found.obstacle
-    return _contact(found) if found.certificate.complete and not obstacle else None
+    return _contact(found) if found.certificate.complete else None
 
 
 def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
@@ -44,7 +41,11 @@ def of_claim(scene: Scene, claim: Any) -> dict[str, Any]:
 
 
 def _certificate(scene: Scene, contact: Any, rows: list[dict[str, Any]]) -> dict[str, Any]:
-    return {'version': _VERSION, 'scene': scene_values(scene), 'contact': contact, 'intervals': rows}
+    values, version = scene_values(scene), _VERSION
+    if scene.venue is not None:     # what is proved is that nothing touches, whatever gap is wanted, anywhere on earth
+        values['venue'] = {key: values['venue'][key] for key in ('obstacles', 'inside') if values['venue'].get(key)}
+        version = _WITH_VENUE
+    return {'version': version, 'scene': values, 'contact': contact, 'intervals': rows}
 
 
 def family_values(scene: Scene, proof: FamilyProof) -> dict[str, Any]:
@@ -56,7 +57,8 @@ def _contact(found: Contact | NoContact) -> dict[str, Any]:
     if not isinstance(found, Contact):
         return {'t_s': None}
     grazing = {'grazing': True} if found.grazing_m else {}
-    return {'t_s': found.t_s, 'benches': list(found.benches), **grazing}
+    obstacle = {'obstacle': found.obstacle.name} if found.obstacle else {}
+    return {'t_s': found.t_s, 'benches': list(found.benches), **obstacle, **grazing}
 
 
 def _rows(intervals: Sequence[Interval]) -> list[dict[str, Any]]:

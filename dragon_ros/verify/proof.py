@@ -12,9 +12,10 @@ from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.family import prove_family
 from dragon_ros.verify.posture import Dragon, Pose, Posture, gap, overlap
 from dragon_ros.verify.ranges import Range, ranges
-from dragon_ros.verify.reading import Claims, Contact, FamilyClaims, Pieces, Scene, Spiral
+from dragon_ros.verify.reading import Claims, Contact, FamilyClaims, Pieces, Scene, Spiral, Venue
 from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
+from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
 _SLACK = 1e-9               # of a metre of the leader's way, or of the longest bench if that is shorter
 _WIDEST = 1e-6              # likewise: no slack is wider, however slowly benches come together
@@ -72,6 +73,9 @@ class _Proof:
         bend = None if self._track.to_centre else _bend(self._track, self._dragon)
         self._leader = Leader(self._track, self._dragon, scene.tail_leads, budget)
         self._cover = Cover(self._track, self._dragon, bend, budget, progress)
+        self._obstacles = ObstacleCover(self._track, self._dragon, bend, budget, progress)
+        self._obstacles.edges = Edges(scene.venue or Venue((), None), self._dragon.longest_m)
+        self._met: list[Pose] = []
         start = complex(self._track.point(self._track.place_at(self._track.start)))
         self._repeated = repeated(scene.lengths_m)
         self._unit, self._coarse = min(1.0, self._dragon.longest_m), _coarse(abs(start))
@@ -86,7 +90,7 @@ class _Proof:
         run = self._run(None)
         self._clear(run.whole, run.part, run.part)
         less = f", less {_metres(run.slack_m)} of the leader's way" if run.slack_m else ''
-        return (f'no two benches touch from {self._scene.start_s!r} s to the end of the run at {run.end_s:.12g} s '
+        return (f'{self._clear_words} from {self._scene.start_s!r} s to the end of the run at {run.end_s:.12g} s '
                 f'({run.why}){less}')
 
     def _before(self, contact: Contact) -> str:
@@ -102,7 +106,7 @@ class _Proof:
         way = ways[0]
         if contact.grazing:
             self._check_grazing(contact, poses, slack_m)
-            touching = f'benches {_pair(contact)} come within {_metres(slack_m)} of each other there'
+            touching = f'{_pair(contact)} come within {_metres(slack_m)} of each other there'
         else:
             way, touching = self._overlapping(contact, ways, slack_m)
         part = _up_to(run.part, way, slack_m)
@@ -111,8 +115,18 @@ class _Proof:
             return f'the run starts with its contact at {t_s!r} s: {touching}'
         takes = way.takes_s(start_s, slack_m)
         when = f' (which it goes from {takes[0]!r} to {takes[1]!r} s)' if takes else ''
-        return (f'no two benches touch from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of the '
+        return (f'{self._clear_words} from {start_s!r} s to the contact at {t_s!r} s, less {_metres(slack_m)} of the '
                 f"leader's way{when}, and {touching}")
+
+    @property
+    def _clear_words(self) -> str:
+        """What is proved of all benches, in words."""
+        venue = self._scene.venue
+        if venue is None:
+            return 'no two benches touch'
+        also = ' and '.join([*(['touches an obstacle'] if venue.obstacles else []),
+                             *(['leaves the inside'] if venue.inside else [])])
+        return f'no two benches touch, and none {also.replace(" and ", " or ")},'
 
     def _run(self, until_s: float | None) -> Run:
         return run_of(self._scene.law, self._leader, self._scene, until_s, _SLACK * self._unit)
@@ -148,27 +162,36 @@ class _Proof:
         return min(slack_m, _WIDEST * self._unit * self._coarse)
 
     def _poses(self, contact: Contact, gone: arb) -> tuple[Pose, Pose]:
-        """Return the two benches of a contact when the leader has gone so far."""
-        first, second = contact.benches
+        """Return the two benches of a contact when the leader has gone so far; or one, and an edge of the obstacle.
+
+        That edge is the nearest one where this was asked first, at the contact.
+        """
+        first, second = contact.benches[0], contact.benches[-1]
         self._budget.spend(second)
         posture = Posture(self._track, self._dragon, 0, self._track.place_at(self._leader.head(gone)))
-        return posture.pose(first), posture.pose(second)
+        if contact.obstacle is None:
+            return posture.pose(first), posture.pose(second)
+        pose = posture.pose(first)
+        self._met = self._met or self._obstacles.edges.met(pose, contact.obstacle, self._coarse)
+        if not self._met:
+            raise Refused(f'contact: {_pair(contact)} are far from each other then')
+        return pose, self._met[0]
 
     @staticmethod
     def _check_grazing(contact: Contact, poses: tuple[Pose, Pose], near_m: Fraction) -> None:
         """Refuse a grazing of benches that are not near each other."""
         away = gap(*poses)
         if not size(away) < near_m:
-            raise Refused(f'contact: benches {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
+            raise Refused(f'contact: {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
     def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:
         """Return how the leader goes on to where the benches of a contact are proved to overlap, and that they do."""
         for way in ways:
             after_m = way.after_m(slack_m)
             poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))
-            if overlap(*poses):
-                return way, f'benches {_pair(contact)} overlap {_metres(max(after_m, Fraction(0)))} after it'
-        raise Refused(f"contact: {_metres(after_m)} of the leader's way after {contact.t_s!r} s benches "
+            if overlap(*poses) or any(overlap(poses[0], edge) for edge in self._met):
+                return way, f'{_pair(contact)} overlap {_metres(max(after_m, Fraction(0)))} after it'
+        raise Refused(f"contact: {_metres(after_m)} of the leader's way after {contact.t_s!r} s "
                       f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
     def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
@@ -184,6 +207,11 @@ class _Proof:
             places = self._places(part)
         every = ways(self._dragon, places)
         self._cover.clear(every, self._hints(every, places))
+        if self._scene.venue is not None:
+            gone = exact(self._scene.law.gone_m(Fraction(self._scene.start_s)))
+            head = Posture(self._track, self._dragon, 0, self._track.place_at(self._leader.head(gone)))
+            self._obstacles.clear(ways_by_length(self._dragon, places), {})
+            check_sides(self._scene.venue, head.pose(0))
 
     def _places(self, gone: Range) -> list[Range]:
         """Return where all front handles are while the leader has gone between two distances."""
@@ -258,7 +286,9 @@ def _bend(track: Track, dragon: Dragon) -> float:
 
 
 def _pair(contact: Contact) -> str:
-    return f'{contact.benches[0]} and {contact.benches[1]}'
+    if contact.obstacle is not None:
+        return f'bench {contact.benches[0]} and {contact.obstacle!r}'
+    return f'benches {contact.benches[0]} and {contact.benches[1]}'
 
 
 def _metres(value: float | Fraction) -> str:

@@ -9,6 +9,7 @@ import sys
 from collections.abc import Callable
 from dataclasses import dataclass
 from fractions import Fraction
+from itertools import pairwise
 from math import isfinite
 from pathlib import Path
 from typing import Any
@@ -16,11 +17,15 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
-VERSION = 2         # of certificates: the newest that is read; those up to 0.2.0 have none, and count as 1
+VERSION = 3         # of certificates: the newest that is read; those up to 0.2.0 have none, and count as 1
+_WITH_VENUE = 3     # the version of those with a venue
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
 MOST_BENCHES = 100_000
 MOST_PIECES = 1000
+MOST_CORNERS = 100_000
+_LONGEST_NAME = 100     # characters
+_INSIDE = 'inside'      # the name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
 _LEAST_LINK = 2e-10     # of the longest bench: the direction of a shorter link is lost in what floats round
@@ -92,6 +97,28 @@ class Pieces:
 
 
 @dataclass(frozen=True)
+class Obstacle:
+    """Lines that no bench may touch, each through its points; those that bound an ``area`` end where they start."""
+
+    name: str
+    lines: tuple[tuple[tuple[float, float], ...], ...]
+    area: bool
+
+
+@dataclass(frozen=True)
+class Venue:
+    """Obstacles, and the outline that benches must not leave."""
+
+    obstacles: tuple[Obstacle, ...]
+    inside: Obstacle | None
+
+    @property
+    def all(self) -> tuple[Obstacle, ...]:
+        """All of them."""
+        return (*self.obstacles, *([self.inside] if self.inside else []))
+
+
+@dataclass(frozen=True)
 class Scene:
     """The plain numbers that decide about contact; ``stop_s`` None means as far as the model goes."""
 
@@ -103,6 +130,7 @@ class Scene:
     tail_leads: bool
     start_s: float
     stop_s: float | None
+    venue: Venue | None = None
 
     @property
     def links_m(self) -> tuple[Fraction, ...]:
@@ -123,11 +151,12 @@ class Row:
 
 @dataclass(frozen=True)
 class Contact:
-    """The claimed contact; ``grazing`` where nobody can say if the benches touch."""
+    """The claimed contact, of two benches or of one and an obstacle; ``grazing`` where nobody can say if they touch."""
 
     t_s: float
-    benches: tuple[int, int]
+    benches: tuple[int, ...]
     grazing: bool
+    obstacle: str | None = None
 
 
 @dataclass(frozen=True)
@@ -192,6 +221,8 @@ def _claims(values: Any) -> Claims:
     top = _keys('', values, {'scene', 'contact', 'intervals'}, {'version'})
     version = int(_number('version', top.get('version', 1), 1, VERSION, whole=True))
     scene = _scene(top['scene'])
+    if scene.venue and version < _WITH_VENUE:
+        raise Refused(f'scene.venue: certificates with a venue have version {_WITH_VENUE}, this one {version}')
     rows = _list('intervals', top['intervals'], 0, MOST_ROWS)
     benches = len(scene.lengths_m)
     return Claims(scene, _contact(top['contact'], scene),
@@ -206,6 +237,8 @@ def _family(values: dict[str, Any]) -> FamilyClaims:
     top = _keys('', values, {'family', 'scene', 'within', 'proved_s'})
     _number('family', top['family'], FAMILY_VERSION, FAMILY_VERSION, whole=True)
     scene, within = _scene(top['scene']), _keys('within', top['within'], set(), _TOLERANCES)
+    if scene.venue:
+        raise Refused('scene.venue: nobody checks what a family meets there; leave it out')
     latest_s = _LATEST_S if scene.stop_s is None else scene.stop_s
     return FamilyClaims(scene, {key: _number(f'within.{key}', value, 0, 1e12) for key, value in within.items()},
                         _number('proved_s', top['proved_s'], scene.start_s, latest_s))
@@ -232,35 +265,89 @@ def _lead(name: str, value: Any, benches: int) -> int | None:
 
 
 def _contact(value: Any, scene: Scene) -> Contact | None:
-    given = _keys('contact', value, {'t_s'}, {'benches', 'grazing'})
+    given = _keys('contact', value, {'t_s'}, {'benches', 'grazing', 'obstacle'})
     if given['t_s'] is None:
-        if given.get('benches') is not None or given.get('grazing'):
+        if given.get('benches') is not None or given.get('grazing') or given.get('obstacle') is not None:
             raise Refused('contact: a run without one names no benches')
         return None
     t_s = _number('contact.t_s', given['t_s'], scene.start_s, _LATEST_S)
-    pair = _list('contact.benches', given.get('benches'), 2, 2)
-    first, second = (int(_number(f'contact.benches[{n}]', bench, 0, len(scene.lengths_m) - 1, whole=True))
-                     for n, bench in enumerate(pair))
-    if first > second - 2:
-        raise Refused(f'contact.benches: {first} and {second} are not two benches with another one in between, the '
-                      'inner one first')
+    obstacle = given.get('obstacle')
+    if obstacle is not None and obstacle not in [one.name for one in (scene.venue.all if scene.venue else ())]:
+        raise Refused(f'contact.obstacle: {_shown(obstacle)} is none of the venue')
+    count = 2 if obstacle is None else 1
+    benches = tuple(int(_number(f'contact.benches[{n}]', bench, 0, len(scene.lengths_m) - 1, whole=True))
+                    for n, bench in enumerate(_list('contact.benches', given.get('benches'), count, count)))
+    if obstacle is None and benches[0] > benches[1] - 2:
+        raise Refused(f'contact.benches: {benches[0]} and {benches[1]} are not two benches with another one in '
+                      'between, the inner one first')
     grazing = given.get('grazing', False)
     if not isinstance(grazing, bool):
         raise Refused(f'contact.grazing: {_shown(grazing)} is neither true nor false')
-    return Contact(t_s, (first, second), grazing)
+    return Contact(t_s, benches, grazing, obstacle)
 
 
 def _scene(value: Any) -> Scene:
     # The optional ones say how a run is shown, recorded or computed, and nothing about where benches are.
     scene = _keys('scene', value, {'dragon', 'track', 'head', 'run'},
-                  {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about'})
+                  {'noise', 'trails', 'accuracy', 'effects', 'solver', 'markers', 'about', 'venue'})
     lengths, width_m, inset_m = _dragon(scene['dragon'])
     law, tail_leads = _head(scene['head'])
     run = _keys('scene.run', scene['run'], {'start_s', 'stop_s'}, {'rate_hz'})
     start_s = _number('scene.run.start_s', run['start_s'], 0, _LATEST_S)
     stop_s = None if run['stop_s'] is None else _number('scene.run.stop_s', run['stop_s'], start_s, _LATEST_S)
+    venue = None if scene.get('venue') is None else _venue(scene['venue'])
     return Scene(lengths, width_m, inset_m, _kind('scene.track', scene['track'], _TRACKS), law, tail_leads, start_s,
-                 stop_s)
+                 stop_s, venue)
+
+
+def _venue(value: Any) -> Venue:
+    """Return a venue. A margin may not stand in it: what is proved is that nothing touches, at any gap."""
+    given = _keys('scene.venue', value, set(), {'obstacles', 'inside'})
+    listed = _list('scene.venue.obstacles', given.get('obstacles') or [], 0, MOST_CORNERS)
+    obstacles = tuple(_kind(f'scene.venue.obstacles[{n}]', one, _OBSTACLES) for n, one in enumerate(listed))
+    inside = None if given.get('inside') is None else Obstacle(
+        _INSIDE, (_points('scene.venue.inside', given['inside'], 3),), True)
+    out = Venue(obstacles, inside)
+    names = [one.name for one in out.all]
+    if len(set(names)) < len(names) or not names:
+        raise Refused('scene.venue: it has no obstacle, or two of one name')
+    if sum(len(line) for one in out.all for line in one.lines) > 2 * MOST_CORNERS:
+        raise Refused(f'scene.venue: it has more than {MOST_CORNERS} corners')
+    return out
+
+
+def _polygon(name: str, value: dict[str, Any]) -> Obstacle:
+    _keys(name, value, {'kind', 'name', 'points_m'}, {'holes_m'})
+    holes = _list(f'{name}.holes_m', value.get('holes_m') or [], 0, MOST_CORNERS)
+    rings = [_points(f'{name}.points_m', value['points_m'], 3),
+             *(_points(f'{name}.holes_m[{n}]', hole, 3) for n, hole in enumerate(holes))]
+    return Obstacle(_named(name, value['name']), tuple(rings), True)
+
+
+def _wall(name: str, value: dict[str, Any]) -> Obstacle:
+    _keys(name, value, {'kind', 'name', 'points_m'})
+    return Obstacle(_named(name, value['name']), (_points(f'{name}.points_m', value['points_m'], 2),), False)
+
+
+_OBSTACLES: dict[str, Callable[[str, dict[str, Any]], Obstacle]] = {'polygon': _polygon, 'line': _wall}
+
+
+def _named(name: str, value: Any) -> str:
+    if not isinstance(value, str) or not 0 < len(value) <= _LONGEST_NAME or not value.isprintable() or value == _INSIDE:
+        raise Refused(f'{name}.name: {_shown(value)} is no name of an obstacle')
+    return value
+
+
+def _points(name: str, value: Any, fewest: int) -> tuple[tuple[float, float], ...]:
+    """Return the points of a line, from three on of a ring, which is closed."""
+    points = []
+    for n, one in enumerate(_list(name, value, fewest, MOST_CORNERS)):
+        x, y = (_number(f'{name}[{n}]', each, -1e9, 1e9) for each in _list(f'{name}[{n}]', one, 2, 2))
+        points.append((x, y))
+    points += points[:1] if fewest > 2 else []
+    if any(one == two for one, two in pairwise(points)):
+        raise Refused(f'{name}: two points that follow each other are one')
+    return tuple(points)
 
 
 def _dragon(value: Any) -> tuple[tuple[float, ...], float, float]:

@@ -1,0 +1,253 @@
+"""The obstacles of a venue in balls: that benches keep clear of their edges, and on which side the dragon starts.
+
+An edge is a rectangle of no width. What parts two benches parts a bench and an edge (``interval``), with an edge that
+rests: seen from it the bench's corners have the acceleration of its middle and of its turning, seen from the bench the
+edge's ends have that of a resting point. Only the part of an edge that the bench can reach counts; the rest is further
+away than the bench goes. Benches hang together, so that where none meets an edge all stay on one side of every outline.
+"""
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from itertools import pairwise
+from math import ceil, floor, inf
+
+from flint import acb, arb
+
+from dragon_ros.verify.balls import below, exact, hypot_above, size, up
+from dragon_ros.verify.cover import Cover, Stuck, Way
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.interval import Interval, size_of
+from dragon_ros.verify.posture import AXES, Bench, Dragon, Pose, Posture, about, overlap, separation
+from dragon_ros.verify.reading import Obstacle, Venue
+from dragon_ros.verify.segments import HALF, ZERO, Link
+
+_ROUNDED = 1e-12    # of coordinates: more than a dozen operations on floats lose of a distance
+_CELL = 4.0         # times the longest bench: the side of a cell of the index
+_MOST_CELLS = 1000  # along an edge; longer edges are looked at always
+_REACH = 2.0        # times the longest bench: intervals over which a bench goes further are cut at once
+_NEAR_M = 1e-5      # edges of an obstacle within this of a bench, times how coarse floats are, may be what it touches
+_INSIDE_HEAD = [(0.0, 0.0), (0.37, 0.21), (-0.41, 0.33), (0.19, -0.57), (-0.23, -0.47), (0.61, 0.71)]
+                    # shares of half a length and half a width: points of a bench, some of them level with no corner
+
+
+@dataclass(frozen=True, eq=False)
+class Edge:
+    """An edge of an obstacle, between two points that floats are exactly."""
+
+    name: str
+    start: complex
+    stop: complex
+
+    def near(self, point: complex, reach_m: float) -> Pose | None:
+        """Return the part of it that may be within a distance of a point, or more of it; None if nothing is.
+
+        A point of the edge is as far away at least as its foot on the edge's line is from the point's.
+        """
+        way, seen = self.stop - self.start, point - self.start
+        length = abs(way)
+        reach_m += _ROUNDED * (abs(point) + abs(self.start) + abs(self.stop))
+        along, aside = ((seen * way.conjugate()).real / length, abs((seen * way.conjugate()).imag) / length)
+        low, high = max(0.0, (along - reach_m) / length), min(1.0, (along + reach_m) / length)
+        return None if aside > reach_m or low > high else self._part(low, high)
+
+    def _part(self, low: float, high: float) -> Pose:
+        """Return the part between two shares of the edge."""
+        start, stop = _exact(self.start), _exact(self.stop)
+        way = stop - start
+        one, two = start + way * exact(low), start + way * exact(high)
+        length, middle = abs(way), (one + two) * HALF
+        axis = way / length
+        shape = Bench(Link(ZERO, 0.0), HALF * (exact(high) - exact(low)) * length, ZERO)
+        return Pose(shape, middle, axis, complex(middle), complex(axis), _width(middle), _width(axis))
+
+
+def _exact(z: complex) -> acb:
+    return acb(exact(z.real), exact(z.imag))
+
+
+def _width(value: acb) -> float:
+    return up(float(value.real.rad()) + float(value.imag.rad()))
+
+
+class Edges:
+    """All edges of a venue, by the cells of the plane that they pass."""
+
+    def __init__(self, venue: Venue, longest_m: float) -> None:
+        """Take a venue; ``longest_m`` is the length of the longest bench."""
+        self.every = [Edge(one.name, *pair) for one in venue.all for line in one.lines for pair in _pairs(line)]
+        self._cell, self._long = _CELL * longest_m, list[Edge]()
+        self._cells: dict[tuple[int, int], list[Edge]] = {}
+        for edge in self.every:
+            count = ceil(abs(edge.stop - edge.start) / self._cell)
+            if count > _MOST_CELLS:
+                self._long.append(edge)
+                continue
+            for cell in {cell for n in range(count) for cell in self._passed(edge, n / count, (n + 1) / count)}:
+                self._cells.setdefault(cell, []).append(edge)
+
+    def _passed(self, edge: Edge, low: float, high: float) -> Iterator[tuple[int, int]]:
+        """Return the cells that a part of an edge may pass."""
+        one, two = (edge.start + share * (edge.stop - edge.start) for share in (low, high))
+        return self._within(min(one.real, two.real), max(one.real, two.real), min(one.imag, two.imag),
+                            max(one.imag, two.imag))
+
+    def _within(self, left: float, right: float, bottom: float, top: float) -> Iterator[tuple[int, int]]:
+        """Return the cells of a box, and of a hair around it."""
+        hair = _ROUNDED * (abs(left) + abs(right) + abs(bottom) + abs(top) + self._cell)
+        for i in range(floor((left - hair) / self._cell), floor((right + hair) / self._cell) + 1):
+            for j in range(floor((bottom - hair) / self._cell), floor((top + hair) / self._cell) + 1):
+                yield i, j
+
+    def near(self, point: complex, reach_m: float) -> list[Edge]:
+        """Return the edges that may come within a distance of a point."""
+        x, y = point.real, point.imag
+        found = {id(edge): edge for cell in self._within(x - reach_m, x + reach_m, y - reach_m, y + reach_m)
+                 for edge in self._cells.get(cell, ())}
+        return [*found.values(), *self._long]
+
+    def met(self, bench: Pose, name: str, coarse: float) -> list[Pose]:
+        """Return the edges of an obstacle that a bench may touch, or come near to, the nearest first."""
+        reach_m = 2 * (bench.shape.arm_m + bench.unsure_m + _NEAR_M * coarse)
+        parts = [part for edge in self.every if edge.name == name and (part := edge.near(bench.near, reach_m))]
+        return sorted(parts, key=lambda part: max(about(bench, part)))
+
+
+def _pairs(line: Sequence[tuple[float, float]]) -> list[tuple[complex, complex]]:
+    return list(pairwise(complex(x, y) for x, y in line))
+
+
+class SweptBench(Interval):
+    """The leading bench of an interval, and edges that it keeps clear of."""
+
+    def meets(self, edges: Edges, reach_m: float) -> str | None:
+        """Return the obstacle of the first edge from which the bench is not proved clear; None if of all.
+
+        Raises Refused where they overlap at an end.
+        """
+        moved_m = self._moved_m(0)
+        if not moved_m <= reach_m:
+            return 'what is near'
+        pose = self._ends[0].pose(0)
+        reach_m = up(pose.shape.arm_m + moved_m) + pose.unsure_m
+        for edge in edges.near(pose.near, reach_m):
+            part = edge.near(pose.near, reach_m)
+            self.tested += part is not None
+            if part and not (self._parts(part) or self._stays(part, moved_m)):
+                if any(overlap(end.pose(0), part) for end in self._ends):
+                    raise Met(edge.name, 0 if overlap(self._ends[0].pose(0), part) else 1)
+                return repr(edge.name)
+        return None
+
+    def _parts(self, part: Pose) -> bool:
+        """Return whether an edge line parts bench and edge at both ends by more than corners leave straight lines."""
+        ends = [(end.pose(0), part) for end in self._ends]
+        rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
+        half = len(AXES) // 2
+        for k in (max(range(*half_range), key=rough.__getitem__) for half_range in ((0, half), (half, len(AXES)))):
+            sag = self._sag_at(part, AXES[k].other) if rough[k] > 0 else inf
+            if rough[k] > sag and self._parted(ends, k, rough[k], sag):
+                return True
+        return False
+
+    def _sag_at(self, part: Pose, other: bool) -> float:
+        """Return how far corners leave straight lines: those of the bench seen from the edge, or the edge's ends."""
+        front, rear, turning = self._motion(0).speeds, self._motion(1).speeds, self._turning(0)
+        acceleration = HALF * (front.acceleration + rear.acceleration)
+        turned = hypot_above(size(turning.rate), up(size(turning.w) * size(turning.w)))
+        if other:
+            bend = size_of(acceleration) + self._benches[self._lead].arm_m * turned
+        else:
+            velocity = HALF * (front.velocity + rear.velocity)
+            away = part.middle - self._middle(0)
+            seen = acceleration - velocity * acb(0, 2 * turning.w) + away * acb(turning.w * turning.w, turning.rate)
+            bend = size_of(seen) + part.shape.arm_m * turned
+        sag = up(up(bend) * up(self._length * self._length) / 8)
+        return sag if sag == sag else inf
+
+    def _stays(self, part: Pose, moved_m: float) -> bool:
+        """Return whether gaps at both ends exceed all that the bench goes in between."""
+        gaps = 0.0
+        for end in self._ends:
+            rough = about(end.pose(0), part)
+            gaps += below(separation(end.pose(0), part, AXES[rough.index(max(rough))]))
+        return gaps > up(moved_m)
+
+
+class Met(Refused):
+    """The bench is proved to overlap an edge at an end of an interval."""
+
+    def __init__(self, name: str, end: int) -> None:
+        """Take the obstacle and the number of the end."""
+        super().__init__(f'it overlaps {name!r}')
+        self.name, self.end = name, end
+
+
+class ObstacleCover(Cover):
+    """Clears the ways of all benches, those of one length together, of the edges of a venue."""
+
+    edges: Edges
+
+    def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> Stuck | None:
+        """Return what of a venue the benches of a length are not proved clear of between two places."""
+        placed = begin.placed + end.placed
+        interval = SweptBench(self._track, self._dragon, way.lead, (begin, end), self._bend)
+        try:
+            name = interval.meets(self.edges, _REACH * self._dragon.longest_m)
+        except Met as found:
+            place = (low, high)[found.end]
+            raise Refused(f'a bench of {self._dragon.lengths_m[way.lead]!r} m overlaps {found.name!r} where its front '
+                          f'handle is {float(place):.12g} m along the track') from None
+        finally:
+            self.budget.spend(begin.placed + end.placed - placed + interval.tested)
+            self.budget.check()
+        length_m = self._dragon.lengths_m[way.lead]
+        return None if name is None else Stuck(f'a bench of {length_m!r} m and {name} could not be proved apart')
+
+
+def ways_by_length(dragon: Dragon, places: Sequence[tuple[arb, arb]]) -> list[Way]:
+    """Return what the benches of each length go through: where one lies depends on that and on its front handle."""
+    sets: dict[float, list[int]] = {}
+    for bench, length_m in enumerate(dragon.lengths_m):
+        sets.setdefault(length_m, []).append(bench)
+    return [Way(benches[0], tuple((bench, places[bench]) for bench in benches)) for benches in sets.values()]
+
+
+def check_sides(venue: Venue, head: Pose) -> None:
+    """Refuse a venue in which the dragon starts within an obstacle, or not within the inside.
+
+    That is asked of one point of the head: where no bench touches an edge, all are on the side on which it is.
+    """
+    areas = [one for one in venue.all if one.area]
+    for along, aside in _INSIDE_HEAD:
+        lever = acb(head.shape.half_length * exact(along), head.shape.half_width * exact(aside))
+        point = head.middle + head.axis * lever
+        sides = [_covers(one, point) for one in areas]
+        if None not in sides:
+            for one, covered in zip(areas, sides, strict=True):
+                if covered != (one is venue.inside):
+                    raise Refused(f'scene.venue: the run starts {"not " * (not covered)}within {one.name!r}')
+            return
+    raise Refused('scene.venue: on which side of an outline the run starts could not be proved')
+
+
+def _covers(area: Obstacle, point: acb) -> bool | None:
+    """Return whether a point lies within an odd number of an area's rings; None where its ball does not tell."""
+    odd = False
+    for line in area.lines:
+        for one, two in _pairs(line):
+            over = [_over(end, point) for end in (one, two)]
+            if None in over:
+                return None
+            if over[0] == over[1]:
+                continue
+            start, way = _exact(one), _exact(two) - _exact(one)
+            cross = way.real * (point.imag - start.imag) - way.imag * (point.real - start.real)
+            if not (cross > 0 or cross < 0):
+                return None
+            odd ^= bool(cross > 0) == bool(over[1])     # the edge passes to the right of the point
+    return odd
+
+
+def _over(end: complex, point: acb) -> bool | None:
+    """Return whether a corner is above a point; None where its ball does not tell."""
+    y = exact(end.imag)
+    return True if y > point.imag else False if y < point.imag else None

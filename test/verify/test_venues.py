@@ -1,0 +1,277 @@
+"""Obstacles in the checker: what it proves, what it refuses, and that its bounds hold for all that lies in between."""
+import copy
+import json
+import re
+from math import pi
+
+import numpy as np
+import pytest
+import shapely
+from certificates import proved, refusal, written
+from flint import acb, arb
+from hypothesis import given
+from hypothesis import strategies as st
+from properties import examples
+from venues import MORE, SCENES, with_venue
+
+from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.scene import Run, Scene
+from dragon_ros.core.search import obstacle_contact
+from dragon_ros.core.search.first_contact import first_contact
+from dragon_ros.core.tracks.spec import Arc, Composite, Line
+from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
+from dragon_ros.scenes.certificate import as_values
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.posture import Bench, Pose, Posture
+from dragon_ros.verify.posture import Dragon as Checked
+from dragon_ros.verify.reading import Obstacle, claims_of
+from dragon_ros.verify.reading import Venue as Told
+from dragon_ros.verify.segments import Link
+from dragon_ros.verify.track import Place, track_of
+from dragon_ros.verify.venue import Edge, Edges, SweptBench, check_sides
+
+ALONG = Scene(Dragon(5), Composite((Line(200.0),), 20.0), run=Run(stop_s=60.0))
+WALL = LineObstacle('wall', ((60.0, -2.0), (60.0, 2.0)))
+TENT = PolygonObstacle('tent', ((40.0, 0.5), (44.0, 0.5), (44.0, 3.0), (40.0, 3.0)))
+HALL = ((-5.0, -4.0), (90.0, -4.0), (90.0, 4.0), (-5.0, 4.0))
+AHEAD, CLEAR = (Scene(ALONG.dragon, ALONG.track, run=run, venue=Venue(obstacles, HALL, margin_m=0.2))
+                for obstacles, run in (((WALL, TENT), ALONG.run), ((TENT,), Run(stop_s=30.0))))
+
+
+@pytest.mark.parametrize('name', SCENES | MORE)
+def test_what_the_solver_finds_in_a_venue_is_proved(name):
+    said = proved(written(with_venue((SCENES | MORE)[name], 12)))
+    assert said.startswith(('no two benches touch, and none touches an obstacle or leaves the inside, from',
+                            'the run starts with its contact'))
+
+
+def test_what_is_proved_says_which_bench_and_obstacle_overlap():
+    assert proved(written(AHEAD)) == (
+        'no two benches touch, and none touches an obstacle or leaves the inside, from 0.0 s to the contact at '
+        "39.725 s, less 1 nm of the leader's way, and bench 0 and 'wall' overlap 1 nm after it")
+    assert proved(written(CLEAR)).endswith('from 0.0 s to the end of the run at 30 s (it stops)')
+    alone = Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0), venue=Venue((WALL,)))
+    assert proved(written(alone)).startswith('no two benches touch, and none touches an obstacle, from')
+
+
+def test_venues_have_a_version_of_their_own_and_no_margin_stands_in_a_certificate():
+    assert written(AHEAD)['version'] == 3
+    assert written(ALONG)['version'] == 2
+    assert set(written(AHEAD)['scene']['venue']) == {'obstacles', 'inside'}
+
+
+def changed(values, change):
+    out = copy.deepcopy(values)
+    change(out, out['scene']['venue'])
+    return out
+
+
+def claim(**contact):
+    return lambda values, venue: values['contact'].update(contact)
+
+
+def corner(n, to_m, ring=0):
+    def change(values, venue):
+        venue['obstacles'][ring]['points_m'][n] = to_m
+    return change
+
+
+def put(**keys):
+    return lambda values, venue: venue.update(keys)
+
+
+def listed(**keys):
+    return lambda values, venue: venue['obstacles'][0].update(keys)
+
+
+TAMPERED = {
+    'another obstacle': (AHEAD, claim(obstacle='tent'), 'contact: .*far from|do not overlap'),
+    'an unknown obstacle': (AHEAD, claim(obstacle='door'), "contact.obstacle: 'door' is none of the venue"),
+    'another bench': (AHEAD, claim(benches=[1]), 'far from each other'),
+    'two benches and an obstacle': (AHEAD, claim(benches=[0, 2]), 'contact.benches: .* a list of 1'),
+    'a bench alone': (AHEAD, claim(obstacle=None), 'contact.benches: .* a list of 2'),
+    'later': (AHEAD, claim(t_s=39.725 + 3e-9), "overlaps 'wall'"),
+    'much later': (AHEAD, claim(t_s=41.0), 'do not overlap|far from|overlaps'),
+    'earlier': (AHEAD, claim(t_s=39.725 - 3e-9), 'do not overlap'),
+    'none': (AHEAD, lambda values, venue: values.update(contact={'t_s': None}), "overlaps 'wall'"),
+    'none, with an obstacle': (AHEAD, lambda values, venue: values.update(contact={'t_s': None, 'obstacle': 'wall'}),
+                               'a run without one names'),
+    'a corner in the way': (CLEAR, corner(0, [40.0, -1.0]), "overlaps 'tent'|'tent' could not be proved apart"),
+    'a corner that is a hair in the way': (CLEAR, corner(0, [40.0, 0.149999]), "'tent'"),
+    'the wall moved': (AHEAD, corner(0, [60.5, -2.0]), 'do not overlap'),
+    'the wall away': (AHEAD, lambda values, venue: venue['obstacles'].pop(0), "'wall' is none of the venue"),
+    'the wall renamed': (AHEAD, listed(name='door'), "'wall' is none of the venue"),
+    'two of one name': (AHEAD, listed(name='tent'), 'two of one name'),
+    'no name': (AHEAD, listed(name=''), 'is no name of an obstacle'),
+    'a name that is taken': (AHEAD, listed(name='inside'), 'is no name of an obstacle'),
+    'an outline that is crossed': (CLEAR, put(inside=[[-5, -4], [48.0, -4.0], [48.0, 4.0], [-5.0, 4.0]]), "'inside'"),
+    'an outline elsewhere': (CLEAR, put(inside=[[-5, 4], [90, 4], [90, 9], [-5, 9]]), "starts not within 'inside'"),
+    'a tent over all': (CLEAR, lambda values, venue: venue['obstacles'][0].update(
+        points_m=[[-50, -50], [150, -50], [150, 50], [-50, 50]]), "starts within 'tent'"),
+    'a margin': (CLEAR, put(margin_m=0.2), 'margin_m: nobody checks what this key says'),
+    'a place on earth': (CLEAR, put(origin_deg=[0, 0]), 'origin_deg: nobody checks'),
+    'no obstacle at all': (CLEAR, lambda values, venue: venue.clear(), 'has no obstacle'),
+    'an older version': (CLEAR, lambda values, venue: values.update(version=2), 'have version 3'),
+    'a newer version': (CLEAR, lambda values, venue: values.update(version=4), 'version: 4.0 is not within'),
+    'a point twice': (CLEAR, corner(1, [40.0, 0.5]), 'two points that follow each other are one'),
+    'no number': (CLEAR, corner(1, [40.0, 'x']), 'is no number'),
+    'far beyond': (CLEAR, corner(1, [1e10, 0.5]), 'is not within'),
+    'too few corners': (CLEAR, listed(points_m=[[40, 1], [41, 1]]), 'a list'),
+    'another kind': (CLEAR, listed(kind='circle'), 'none of the kinds polygon, line'),
+    'a key': (CLEAR, listed(height_m=2.0), 'nobody checks what this key says')}
+
+
+@pytest.mark.parametrize('name', TAMPERED)
+def test_a_certificate_that_is_changed_is_refused(name):
+    scene, change, why = TAMPERED[name]
+    assert re.search(why, refusal(changed(written(scene), change)))
+
+
+def test_a_run_without_a_venue_touches_no_obstacle_and_a_family_has_none():
+    values = written(Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0)))
+    values['contact'] = {'t_s': 5.0, 'benches': [0], 'obstacle': 'wall'}
+    assert "'wall' is none of the venue" in refusal(values)
+    family = {'family': 1, 'scene': written(CLEAR)['scene'], 'within': {}, 'proved_s': 1.0}
+    assert 'scene.venue: nobody checks' in refusal(family)
+
+
+def test_a_solver_that_misses_the_wall_is_refused(monkeypatch):
+    monkeypatch.setattr(obstacle_contact.Obstacles, 'clear', lambda self, stop_m: None)
+    assert "overlaps 'wall'" in refusal(as_values(AHEAD, first_contact(AHEAD)))
+
+
+# Bounds
+
+
+def swept(scene, lead, low, high):
+    """Return an interval of the checker, and the posture at a share of the way of its leading handle."""
+    told = claims_of(json.dumps(written(scene)).encode()).scene
+    track, dragon = track_of(told), Checked(told)
+    ends = [Posture(track, dragon, lead, track.place_at(arb(place))) for place in (low, high)]
+    bend = None if track.to_centre else track.bend
+
+    def between(share):
+        one, two = (end.place(0) for end in ends)
+        if one.segment == two.segment and not one.loose and not two.loose:
+            return Posture(track, dragon, lead, Place(one.segment, one.u + (two.u - one.u) * share)).pose(0)
+        return Posture(track, dragon, lead, track.place_at(arb(low) + (arb(high) - arb(low)) * share)).pose(0)
+    return SweptBench(track, dragon, lead, ends, bend), between
+
+
+def corners(pose):
+    """The corners of a bench, or the ends of an edge."""
+    along, aside = pose.shape.sizes
+    return np.array([pose.near + pose.heading * complex(i * along, j * aside) for i in (1, -1) for j in (1, -1)])
+
+
+@pytest.mark.parametrize(('low', 'high', 'tight'), [
+    (16.0, 16.2, 0.52), (14.0, 14.05, 0.52), (13.5, 14.1, 0.1), (11.0, 12.5, 0.01), (5.0, 6.0, 0)])
+def test_corners_leave_straight_lines_by_no_more_than_the_sag(low, high, tight):
+    """On the street: on its first bend, onto it, and before it; seen from an edge, and from the bench."""
+    scene = Scene(SCENES['street'].dragon, SCENES['street'].track, run=Run(stop_s=1.0))
+    interval, between = swept(scene, 0, low, high)
+    poses = [between(share) for share in np.linspace(0, 1, 21).tolist()]
+    part = Edge('post', poses[10].near + 1.0 + 1j, poses[10].near + 1.5 + 2j).near(poses[10].near, 9.0)
+    shares = np.linspace(0, 1, 21)[:, None]
+    for other in (False, True):
+        seen = np.array([corners(pose) if other else (corners(part) - pose.near) / pose.heading for pose in poses])
+        off = np.abs(seen - seen[0] - shares * (seen[-1] - seen[0]))
+        sag = interval._sag_at(part, other)
+        assert np.max(off) <= sag + 1e-12
+        assert np.max(off) >= tight * sag
+
+
+@pytest.mark.parametrize('name', ['street', 'turn', 'spiral', 'mixed spiral', 'coils', 'a link of no length'])
+def test_what_is_proved_clear_of_an_edge_is_clear_of_it_in_between(name):
+    """Edges at random beside an interval: where ``meets`` says none, shapely sees none at any place of it."""
+    scene, rng = (SCENES | MORE)[name], np.random.default_rng(5)
+    scene = Scene(scene.dragon, scene.track, scene.head, Run(scene.run.start_s, scene.run.start_s + 0.5))
+    start_m = float(track_of(claims_of(json.dumps(written(scene)).encode()).scene).start)
+    proved_ones = 0
+    for n in range(40):
+        low = start_m + rng.uniform(-1.0, 1.0)
+        interval, between = swept(scene, 0, low, low + float(rng.choice([0.003, 0.1, 0.6])))
+        poses = [between(share) for share in np.linspace(0, 1, 9).tolist()]
+        at = poses[4].near + rng.normal(0, 1.2) + 1j * rng.normal(0, 1.2)
+        stop = at + rng.choice([0.05, 1.0, 80.0]) * np.exp(2j * pi * rng.random())
+        edges = Edges(Told((Obstacle('post', (((at.real, at.imag), (stop.real, stop.imag)),), False),), None), 3.41)
+        line = shapely.LineString([(at.real, at.imag), (stop.real, stop.imag)])
+        try:
+            met = interval.meets(edges, 2.0)
+        except Refused:
+            met = 'post'
+        boxes = [shapely.MultiPoint([(z.real, z.imag) for z in corners(pose)]).convex_hull for pose in poses]
+        if met is None:
+            proved_ones += 1
+            assert not any(shapely.intersects(box, line) for box in boxes), n
+        else:
+            assert min(shapely.distance(box, line) for box in boxes) < 0.4, n
+    assert proved_ones >= 5
+
+
+PLANE = st.builds(complex, st.floats(-9, 9), st.floats(-9, 9))
+
+
+@examples(60)
+@given(PLANE, PLANE, PLANE, st.floats(0.01, 6))
+def test_the_part_of_an_edge_holds_all_of_it_within_reach(start, stop, point, reach_m):
+    if abs(stop - start) < 1e-6:
+        return
+    part = Edge('wall', start, stop).near(point, reach_m)
+    whole = start + np.linspace(0, 1, 201) * (stop - start)
+    within = whole[np.abs(whole - point) <= reach_m]
+    if part is None:
+        assert not within.size
+        return
+    along = ((within - part.near) * np.conj(part.heading)).real
+    assert np.all(np.abs(along) <= part.shape.sizes[0] + 1e-9)
+    assert abs(part.shape.sizes[0]) <= reach_m + 1e-6
+
+
+@examples(30)
+@given(st.lists(st.tuples(PLANE, st.floats(-4, 3), st.floats(0, 6)), min_size=1, max_size=9), PLANE, st.floats(0.01, 5))
+def test_the_index_finds_every_edge_within_reach(edges, point, reach_m):
+    lines = [((z.real, z.imag), ((z + 10**size * np.exp(1j * angle)).real, (z + 10**size * np.exp(1j * angle)).imag))
+             for z, size, angle in edges]
+    index = Edges(Told(tuple(Obstacle(f'{n}', (line,), False) for n, line in enumerate(lines)), None), 0.3)
+    found = {edge.name for edge in index.near(point, reach_m)}
+    spot = shapely.Point(point.real, point.imag)
+    away = [shapely.distance(shapely.LineString(line), spot) for line in lines]
+    assert {f'{n}' for n, away_m in enumerate(away) if away_m <= reach_m} <= found
+
+
+@examples(60)
+@given(st.lists(PLANE, min_size=3, max_size=7, unique=True), PLANE)
+def test_sides_are_those_of_shapely(ring, point):
+    points = [(z.real, z.imag) for z in ring]
+    outline = shapely.Polygon(points)
+    bench = Bench(Link(arb(0), 0.0), arb(1e-6), arb(1e-6))
+    head = Pose(bench, _ball(point), _ball(1), point, 1 + 0j, 0.0, 0.0)
+    spot = shapely.Point(point.real, point.imag)
+    if not outline.is_valid or shapely.distance(outline.exterior, spot) < 1e-5:
+        return
+    area = Obstacle('tent', ((*points, points[0]),), True)
+    covered = shapely.contains_xy(outline, point.real, point.imag)
+    for venue, wrong in ((Told((area,), None), covered), (Told((), Obstacle('inside', area.lines, True)), not covered)):
+        if wrong:
+            with pytest.raises(Refused, match='the run starts'):
+                check_sides(venue, head)
+        else:
+            check_sides(venue, head)
+
+
+def _ball(z):
+    return acb(arb(complex(z).real), arb(complex(z).imag))
+
+
+def test_a_courtyard_is_outside_of_its_house():
+    """A polygon with a hole: the dragon starts in the hole."""
+    house = PolygonObstacle('house', ((-50.0, -50.0), (250.0, -50.0), (250.0, 50.0), (-50.0, 50.0)),
+                            (((-30.0, -9.0), (230.0, -9.0), (230.0, 9.0), (-30.0, 9.0)),))
+    assert proved(written(Scene(ALONG.dragon, ALONG.track, run=Run(stop_s=9.0), venue=Venue((house,)))))
+
+
+def test_long_walls_beside_the_track_are_proved_clear_in_few_intervals():
+    walls = tuple(LineObstacle(f'{side}', ((-far, side), (far, side))) for side, far in ((0.16, 1e6), (-0.16, 500.0)))
+    bend = Composite((Line(100.0), Arc(30.0, 20.0)), 20.0)
+    assert proved(written(Scene(ALONG.dragon, bend, run=Run(stop_s=60.0), venue=Venue(walls))))
