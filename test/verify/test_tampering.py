@@ -142,7 +142,7 @@ TAMPERINGS = [
     ('start', ('intervals',), [{'lead': 'head', 'start_m': 412.0, 'stop_m': 412.2, 'behind': 11}],
      'more than the track'),
     # Claims that nobody checks, and scenes that leave something open
-    ('contact', ('version',), 3, 'not within 1.0 and 2.0'), ('contact', ('version',), 0, 'not within'),
+    ('contact', ('version',), 4, 'not within 1.0 and 3.0'), ('contact', ('version',), 0, 'not within'),
     ('contact', ('version',), '2', 'no whole number'), ('contact', ('version',), 2.0, 'no whole number'),
     ('contact', ('start_gap_m',), 0.1, 'nobody checks'), ('contact', ('certified',), True, 'nobody checks'),
     ('contact', ('contact', 'uncertainty_s'), 1e-12, 'nobody checks'),
