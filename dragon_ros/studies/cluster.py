@@ -47,10 +47,14 @@ _START_S = 120.0        # for a thread of this process
 _NO_WORKERS_S = 60.0    # before an error says that there is no worker
 # Dask's HTTP routes are for its dashboard, which is off. Its profiler is off too: sampling a hundred times per second
 # took a tenth of a worker's time.
+# By default a worker gives memory back from 64 KB on, and fetching it anew takes as long as the arithmetic with it.
 _ALONE: dict[str, Any] = {'distributed.scheduler.http.routes': [], 'distributed.worker.http.routes': [],
                           'distributed.worker.profile.enabled': False, 'distributed.admin.tick.interval': '1s',
                           'distributed.admin.system-monitor.interval': '5s',
-                          'distributed.worker.memory.monitor-interval': '500ms'}
+                          'distributed.worker.memory.monitor-interval': '500ms',
+                          'distributed.nanny.pre-spawn-environ': {
+                              'MALLOC_TRIM_THRESHOLD_': 2**28, 'MALLOC_MMAP_THRESHOLD_': 2**25,
+                              'OMP_NUM_THREADS': 1, 'OPENBLAS_NUM_THREADS': 1}}
 
 
 class BatchResult(NamedTuple):

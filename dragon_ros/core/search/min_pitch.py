@@ -168,6 +168,10 @@ class _Runs:
         dragon, diameter_m, start_turns = self._given
         return coming_in(dragon, pitch_m, start_turns, diameter_m)
 
+    def check(self, pitch_m: float) -> None:
+        """Refuse a pitch at which nothing comes in. Raises FieldError."""
+        self._scene(pitch_m)
+
     def contact(self, pitch_m: float) -> Contact | None:
         """Return the first contact on the way in."""
         found = first_contact(self._scene(pitch_m), self._progress)
@@ -194,24 +198,23 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
 def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
     """Halve the bracket of mixed benches. Raises FieldError where its ends are not a contact and none.
 
-    Halving asks the head, which is the first to touch as a rule, and the ends ask all benches.
+    Halving asks the head, which is the first to touch as a rule; what is left is asked of all benches. So the bracket
+    that was given is examined only where nothing of it is cut off.
     """
     if smallest_m is None:
         raise FieldError('smallest_m', None, 'the pitch of mixed benches is halved between two bounds',
                          'give a pitch at which benches touch')
     number('smallest_m', smallest_m, above=0.0)
     number('largest_m', largest_m, above=smallest_m, high=1e6)
-    touches = FieldError('largest_m', largest_m, 'benches touch at it', 'give a larger one')
-    if runs.head_touches(largest_m):
-        raise touches
-    if not runs.head_touches(smallest_m) and not runs.contact(smallest_m):
-        raise FieldError('smallest_m', smallest_m, 'no benches touch at it', 'give a smaller one')
+    runs.check(smallest_m)
     low_m, high_m = _bisected(runs.head_touches, smallest_m, largest_m, within_m)
     if runs.contact(high_m):
-        if runs.contact(largest_m):
-            raise touches
+        if high_m == largest_m or runs.contact(largest_m):
+            raise FieldError('largest_m', largest_m, 'benches touch at it', 'give a larger one')
         low_m, high_m = _bisected(runs.contact, high_m, largest_m, within_m)
     touch = runs.contact(low_m)
+    if touch is None and low_m == smallest_m:
+        raise FieldError('smallest_m', smallest_m, 'no benches touch at it', 'give a smaller one')
     assert touch
     inner, outer = touch.benches
     return MinPitch(low_m, high_m, (inner, outer), runs.radius_m(low_m, touch.t_s), largest_m, runs.states, False)
