@@ -71,6 +71,9 @@ SUBSTITUTES = {
     './dragon plot speeds': ('plot speeds --time 0,60 --dpi 30 --output speeds.png', 'in small, out of docs/pictures'),
     './dragon plot dragon --time 60,240 --dpi': ('plot dragon --time 60 --dpi 30 --output dragon.png',
                                                  'in small, out of docs/pictures'),
+    './dragon plot dragon --scene street --time 67': (
+        'plot dragon --scene street --time 67 --around head --dpi 30 --output around.png',
+        'in small, out of docs/pictures'),
     './dragon plot contact --dpi': ('plot contact --dpi 30 --output contact.png', 'in small, out of docs/pictures'),
     './dragon plot clearance --dpi': ('plot clearance --set run.start_s=400 --dpi 30 --output clearance.png',
                                       'in small, out of docs/pictures'),
