@@ -11,6 +11,7 @@ from hypothesis import HealthCheck, Phase, settings
 
 def pytest_addoption(parser):
     parser.addoption('--minutes', type=float, help='fuzz (test/fuzz) for this long instead of a few seconds')
+    parser.addoption('--first-seed', type=int, default=1, help='of the fuzz with --minutes, after an earlier run')
     parser.addoption('--long', action='store_true', help='also run all that is marked as long: further cases, clusters')
 
 

@@ -14,7 +14,7 @@ from rclpy.qos_overriding_options import QoSOverridingOptions
 from rclpy.subscription import Subscription
 
 from dragon_ros.core.errors import DragonError, InputError, did_you_mean, shown
-from dragon_ros.nodes import logs
+from dragon_ros.nodes import logs, qos
 from dragon_ros.nodes.params import NAMES, Parameter
 
 
@@ -85,6 +85,7 @@ _NO_CLOCK_S = 3.0
 _QOS = 'qos_overrides.'         # prefix of parameters that override the QoS of a topic, as everywhere in ROS 2
 _POLICIES = ('history', 'depth', 'reliability', 'durability', 'deadline', 'lifespan', 'liveliness',
              'liveliness_lease_duration')
+_WAITING = {'history': 'keep_all', 'reliability': 'reliable', 'lifespan': None}     # what a waiting publisher needs
 _MISSPELT = 0.85                # of difflib: rate_hx is rate_hz (0.86), publish_rate of others is not publish_tf (0.82)
 
 
@@ -164,6 +165,10 @@ class DragonNode(Node):
         for policy in policies:
             if policy not in _POLICIES:
                 raise InputError(f'parameter {prefix}{policy}: is no policy; they are {", ".join(_POLICIES)}')
+            if kind == 'publisher' and qos.waits(arguments[-1]) and self._given[prefix + policy] != _WAITING.get(
+                    policy, self._given[prefix + policy]):
+                raise InputError(f'parameter {prefix}{policy}: a run as fast as its readers follow loses nothing, and '
+                                 'therefore keeps this policy; leave it out, or set time_scale above 0')
         try:
             return create(*arguments, **options, qos_overriding_options=QoSOverridingOptions(
                 [QoSPolicyKind[policy.upper()] for policy in policies]))

@@ -27,7 +27,7 @@ class Feature:
 
 @dataclass(frozen=True)
 class Drawing:
-    """The features of a file, and the longitude and latitude of its origin; None where it was in metres."""
+    """The features of a file, and the longitude and latitude of its origin; None if none is known."""
 
     features: tuple[Feature, ...]
     origin_deg: tuple[float, float] | None = None
@@ -37,13 +37,12 @@ def read_drawing(path: Path, origin_deg: tuple[float, float] | None = None) -> D
     """Return the features of a GeoJSON (``.geojson``, ``.json``) or WKT (``.wkt``, one a line) file, in metres.
 
     Degrees become metres east and north of ``origin_deg`` (longitude, latitude), or of the middle of all that is drawn.
+    Metres stay as they are; there ``origin_deg`` says where (0, 0) lies.
     Raises MissingError where it cannot be read, InputError where it is none.
     """
     text = _text_of(path)
     if path.suffix.lower() == '.wkt':
-        if origin_deg is not None:
-            raise InputError(f'{path}: WKT is in metres here; leave out origin_deg', field='origin_deg')
-        return Drawing(tuple(_wkt_features(path, text)))
+        return Drawing(tuple(_wkt_features(path, text)), origin_deg)
     if path.suffix.lower() not in ('.geojson', '.json'):
         raise InputError(f'{path}: the suffix is none of .geojson, .json and .wkt; rename it')
     return _geojson(path, text, origin_deg)
@@ -163,9 +162,7 @@ def _geojson(path: Path, text: str, origin_deg: tuple[float, float] | None) -> D
         raise InputError(f'{path}: is empty; draw obstacles, or a polygon named {INSIDE}')
     crs = _crs(path, values)
     if crs is None:
-        if origin_deg is not None:
-            raise InputError(f'{path}: is in metres; leave out origin_deg', field='origin_deg')
-        return Drawing(features)
+        return Drawing(features, origin_deg)
     return _projected(path, features, crs, origin_deg)
 
 

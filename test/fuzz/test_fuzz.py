@@ -95,17 +95,18 @@ def test_only_the_package_s_own_errors_come_out(name, tmp_path, request):
             with not_stuck():
                 target.run(path.read_bytes())
         target.seeds.extend(path.read_bytes() for path in kept(name))
-        found = [fuzz(target, _SHORT)] if minutes is None else long(name, target, 60 * minutes / len(TARGETS))
+        found = [fuzz(target, _SHORT)] if minutes is None else long(
+            name, target, 60 * minutes / len(TARGETS), request.config.getoption('first_seed'))
     for one in filter(None, found):
         raise one[1]
 
 
-def long(name: str, target: Target, for_s: float) -> list[tuple[bytes, BaseException] | None]:
+def long(name: str, target: Target, for_s: float, first: int) -> list[tuple[bytes, BaseException] | None]:
     """Fuzz with one seed after the other until the time is over; say each minute where it is, and sum up."""
-    until, told, number, found = time.monotonic() + for_s, time.monotonic(), 0, {}
+    until, told, rounds, found = time.monotonic() + for_s, time.monotonic(), 0, {}
     while time.monotonic() < until:
-        number += 1
-        one = fuzz(target, _ROUND, number)
+        one = fuzz(target, _ROUND, first + rounds)
+        rounds += 1
         if one:
             key = f'{type(one[1]).__name__}: {one[1]}'[:100]
             found.setdefault(key, one)
@@ -113,9 +114,9 @@ def long(name: str, target: Target, for_s: float) -> list[tuple[bytes, BaseExcep
             (CORPUS / name / sha256(one[0]).hexdigest()[:16]).write_bytes(one[0])
         if time.monotonic() - told > 60:
             told = time.monotonic()
-            say(f'{name}: {number * _ROUND} inputs, {until - told:.0f} s left, {len(found)} findings')
+            say(f'{name}: {rounds * _ROUND} inputs, {until - told:.0f} s left, {len(found)} findings')
     peak_mb = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / 1000
-    say(f'{name}: {number * _ROUND} inputs, {len(found)} findings, {peak_mb:.0f} MB at most', *found)
+    say(f'{name}: {rounds * _ROUND} inputs, {len(found)} findings, {peak_mb:.0f} MB at most', *found)
     return list(found.values())
 
 

@@ -479,6 +479,13 @@ def test_the_quality_of_a_topic_can_be_overridden_and_what_cannot_gets_a_word(st
         assert 'Traceback' not in failed.text
 
 
+@pytest.mark.parametrize('given', ['reliability:=best_effort', 'history:=keep_last', 'lifespan:=1000000'])
+def test_a_run_as_fast_as_its_readers_follow_cannot_be_made_to_lose_messages(start, given):
+    sim = start('sim', '--ros-args', '-p', 'time_scale:=0.0', '-p', f'qos_overrides./dragon/handles.publisher.{given}')
+    assert sim.end() == 2, sim.text
+    assert 'leave it out, or set time_scale above 0' in sim.text
+
+
 def test_the_dragon_as_a_robot_is_published_and_latched_where_asked_for(start, node):
     from nav_msgs.msg import Path as TrackPath
     from sensor_msgs.msg import JointState

@@ -174,7 +174,6 @@ def test_bad_files_are_refused_in_one_line(tmp_path, name, text, says):
 @pytest.mark.parametrize(('venue', 'says'), [
     ('{file: 3}', 'venue.file: 3 is not the name of a file'),
     ('{file: v.wkt, origin_deg: 3}', 'origin_deg: 3 is no place'),
-    ('{file: v.wkt, origin_deg: [1, 2]}', 'leave out origin_deg'),
     ('{origin_deg: [1, 2]}', 'has obstacles or an inside'),
     ('{inside: "0 0, 1 0, 1 1", origin_deg: [1, 91]}', 'origin_deg: 91 is not possible, the largest is 90'),
     ('{file: v.wkt, obstacles: []}', r'venue.obstacles: v.wkt brings it too; leave one out'),
@@ -184,6 +183,18 @@ def test_a_file_is_named_as_a_whole(tmp_path, venue, says):
     (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {venue}')
     with pytest.raises(DragonError, match=says):
         load_scene(str(tmp_path / 'scene.yaml'))
+
+
+@pytest.mark.parametrize(('name', 'content'), [
+    ('v.wkt', 'wall: LINESTRING (0 3, 50 3)'),
+    ('v.geojson', {'type': 'LineString', 'units': 'm', 'coordinates': [[0, 3], [50, 3]]})])
+def test_a_file_in_metres_stays_as_it_is_where_its_origin_is_given(tmp_path, name, content):
+    written(tmp_path, content, name)
+    for given, origin_deg in (('', None), (', origin_deg: [113.1, 23]', (113.1, 23.0))):
+        (tmp_path / 'scene.yaml').write_text(f'{TRACK}venue: {{file: {name}{given}}}')
+        venue = load_scene(str(tmp_path / 'scene.yaml')).venue
+        assert venue.origin_deg == origin_deg
+        assert [tuple(point) for point in venue.obstacles[0].points_m] == [(0, 3), (50, 3)]
 
 
 def test_the_origin_of_a_file_in_degrees_stays_with_the_scene(tmp_path):

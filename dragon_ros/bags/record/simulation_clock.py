@@ -121,11 +121,10 @@ class SimulationClock:
         return abs(source_ns - after_ns) <= abs(source_ns - before_ns)
 
     def _give_up(self) -> None:
-        """Take a message from those that wait too long: for a run that begins late, or for a tick that never came."""
+        """Take messages from those that wait too long: for a run that begins late, or for a tick that never came."""
         if self._marks:
-            first, self._held = self._held[0], self._held[1:]
-            self._sent.pop(first.topic)
-            self._log(first)
+            self._sent.clear()
+            self._release(lambda held: True)
             return
         left = self._held.pop(next((n for n, held in enumerate(self._held) if not held.latched), 0))
         self._held_bytes -= len(left.data)
@@ -162,7 +161,9 @@ class SimulationClock:
         if at < 0:
             return self._early_time_of(held, first_ns)
         mark = self._marks[at]
-        if held.exact and (self._is_gap(at) or self._is_second(held, mark)):
+        if held.latched and held.exact and self._is_gap(at):
+            mark = self._marks[at + 1]      # it came in by then, and still holds
+        elif held.exact and (self._is_gap(at) or self._is_second(held, mark)):
             self.unpaired[held.topic] += 1
             return None
         self._last[held.topic] = mark
