@@ -5,6 +5,7 @@ apart, which are long and overlap themselves, and of what both their ends pass i
 that leaves out about step^2 / 8 R.
 """
 from dataclasses import dataclass
+from functools import cached_property
 from math import ceil
 from typing import Any
 
@@ -24,18 +25,28 @@ _MOST_PLACES = 40_000   # then the step grows
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
-    """Polygons that the head and that the body sweeps, in m; and the parts (n,) it is made of.
+    """The area that the head and the body sweep, in m, and the parts (n,) that it is made of.
 
     ``at_m`` (n,) grows: the distances along the track that front handles have there. ``long_m`` is the
     length of the longest bench.
     """
 
-    head: Any
-    body: Any
+    head_parts: Any
+    body_parts: Any
     parts: Any
     at_m: Floats
     step_m: float
     long_m: float
+
+    @cached_property
+    def head(self) -> Any:
+        """The polygon that the head sweeps."""
+        return union_all(self.head_parts)
+
+    @cached_property
+    def body(self) -> Any:
+        """The polygon that the body sweeps."""
+        return union_all(self.body_parts)
 
     @property
     def whole(self) -> Any:
@@ -50,7 +61,7 @@ def swept_area(scene: Scene) -> SweptArea:
     spans = [intervals_of(ranges, benches) for benches in kinds]
     step_m = max(STEP_M, sum(float(np.sum(high - low)) for low, high in spans) / _MOST_PLACES)
     parts = [_placed(ranges, int(benches[0]), span, step_m) for benches, span in zip(kinds, spans, strict=True)]
-    head, body = union_all(parts[0][1]), union_all(np.concatenate([benches for _, benches in parts[1:] or parts]))
+    head, body = parts[0][1], np.concatenate([benches for _, benches in parts[1:] or parts])
     at_m, placed = (np.concatenate(some) for some in zip(*parts, strict=True))
     order = np.argsort(at_m)
     return SweptArea(head, body, placed[order], at_m[order], step_m, float(np.max(scene.dragon.bench_lengths_m)))

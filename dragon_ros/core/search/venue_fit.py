@@ -9,7 +9,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from dragon_ros.core.errors import FieldError
-from dragon_ros.core.geometry.rectangles import axes_of, benches_of
 from dragon_ros.core.geometry.signed_distance import rounding_m
 from dragon_ros.core.geometry.venue import Surroundings, surroundings_of
 from dragon_ros.core.model import compile_scene
@@ -26,6 +25,7 @@ _PARTS = 4          # into which a cell is cut
 _FIRST_M = 2.0      # as long are the first intervals, about
 _MOST_FIRST = 20_000    # of them, for one kind of bench
 _PAIRS_AT_ONCE = 2_000_000      # places and edges whose distances are taken together, for the memory
+_SAME_M = 4e-12     # twice what positions may err by: a gap that is so little below the margin may have it
 _MOST = 3_000_000   # cells that are looked at
 
 
@@ -55,7 +55,7 @@ class VenueFit:
     @property
     def lacking(self) -> tuple[ObstacleGap, ...]:
         """What a bench touches, or comes nearer to than the margin, the worst first."""
-        return tuple(one for one in self.gaps if one.high_m < self.margin_m or one.high_m <= 0)
+        return tuple(one for one in self.gaps if one.high_m < self.margin_m - _SAME_M or one.high_m <= 0)
 
     @property
     def fits(self) -> bool | None:
@@ -80,7 +80,7 @@ def venue_fit(scene: Scene, within_m: float = 1e-6, progress: Callable[[int], ob
     for kind, benches in enumerate(kinds):
         if benches.size:
             search.run(bench_of(ranges, int(benches[0])), intervals_of(ranges, benches), kind)
-    found = [_gap(ranges, kinds, search, number) for number in range(len(around.names))]
+    found = _gaps(ranges, kinds, search)
     return VenueFit(tuple(sorted(found, key=lambda one: one.high_m)), scene.venue.margin_m, search.looks)
 
 
@@ -143,18 +143,23 @@ class _Nearing(InOrder):
         middle = np.mean(corners_of(states), axis=1)
         way = np.max(self._bounds.ways(states.rows(index[0]), states.rows(index[1])), axis=1)
         arm = float(np.hypot(*self._bounds.half_m))
-        count, edges = boxes.size, self._around.owner.size
-        every = max(1, _PAIRS_AT_ONCE // edges)
-        parts = [np.arange(first, min(first + every, count)) for first in range(0, count, every)]
-        nearest = np.full(len(self.best), np.inf)
-        for rows in parts:
-            np.minimum.at(nearest, self._around.owner, np.min(self._away(middle[index[0, rows]]), axis=0))
-        nearest = np.minimum(nearest, self.best)
+        count, owner = boxes.size, self._around.owner
+        every = max(1, _PAIRS_AT_ONCE // owner.size)
+        firsts = np.flatnonzero(np.concatenate(([True], owner[1:] != owner[:-1])))      # owners grow
+        nearest, kept = self.best.copy(), list[tuple[Ints, Ints, Floats]]()
+        for first in range(0, count, every):
+            rows = np.arange(first, min(first + every, count))
+            used, at = np.unique(index[:, rows], return_inverse=True)
+            away, at = self._away(middle[used]), at.reshape(2, -1)
+            least = np.min(np.minimum.reduceat(away, firsts, axis=1), axis=0)
+            nearest[owner[firsts]] = np.minimum(nearest[owner[firsts]], least)
+            low = 0.5 * (away[at[0]] + away[at[1]] - way[rows, None]) - arm
+            row, edge = np.nonzero(low <= nearest[owner])       # of those so far: later ones leave out more
+            kept.append((rows[row], edge, low[row, edge]))
         cells = list[_EdgeIntervals]()
-        for rows in parts:
-            away = 0.5 * (self._away(middle[index[0, rows]]) + self._away(middle[index[1, rows]]) - way[rows, None])
-            row, edge = np.nonzero(away - arm <= nearest[self._around.owner])
-            cells.append(_EdgeIntervals(np.stack((boxes.low[0, rows[row]], boxes.high[0, rows[row]])), edge))
+        for rows, edge, low in kept:
+            near = low <= nearest[owner[edge]]
+            cells.append(_EdgeIntervals(np.stack((boxes.low[0, rows[near]], boxes.high[0, rows[near]])), edge[near]))
         return _EdgeIntervals(np.concatenate([one.ends for one in cells], axis=1),
                               np.concatenate([one.edge for one in cells]))
 
@@ -189,18 +194,26 @@ class _Nearing(InOrder):
             self.where[owner[n]] = self._kind, float(places[n])
 
 
-def _gap(ranges: HandleRanges, kinds: list[Ints], search: _Nearing, number: int) -> ObstacleGap:
-    """Return what was found of an obstacle, with a bench that is there, and when."""
-    kind, along_m = search.where[number]
-    low, high = ranges.ranges_m[:, kinds[kind]]
-    bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
-    t_s, scene, around = ranges.when_s(bench, along_m), ranges.scene, search._around
-    chain = ranges.chain(scene.head.travelled_m(t_s))
-    benches, edge = benches_of(chain, scene.dragon, axes_of(chain)), np.flatnonzero(around.owner == number)
-    high_m = float(np.min(around.gaps(benches, np.full(edge.size, bench), edge)))
+def _gaps(ranges: HandleRanges, kinds: list[Ints], search: '_Nearing') -> list[ObstacleGap]:
+    """Return what was found of each obstacle, with a bench that is there, and when."""
+    scene, around = ranges.scene, search._around
     size_m = compile_scene(scene).size_m
     error_m = EXACT.promise_for_m(size_m) + float(rounding_m(max(size_m, around.far_m), float(np.max(
         scene.dragon.bench_lengths_m) + scene.dragon.width_m)))
-    x, y = benches.centre[bench].tolist()
-    return ObstacleGap(around.names[number], min(high_m, float(min(search.low[number], search.best[number]))) - error_m,
-                       high_m, bench, t_s, (x, y))
+    out, firsts = dict[int, ObstacleGap](), np.searchsorted(around.owner, np.arange(len(around.names) + 1))
+    for kind, benches in enumerate(kinds):
+        numbers = [number for number, (found, _) in enumerate(search.where) if found == kind]
+        if not numbers:
+            continue
+        places = np.array([search.where[number][1] for number in numbers])
+        bounds = ObstacleBounds(bench_of(ranges, int(benches[0])), around)
+        states, (low, high) = bounds.bench.states(places), ranges.ranges_m[:, benches]
+        middles = np.mean(corners_of(states), axis=1)
+        for row, number in enumerate(numbers):
+            edge = np.arange(firsts[number], firsts[number + 1])
+            high_m = float(np.min(bounds.gaps(states.rows(np.full(edge.size, row)), edge)))
+            bench = int(benches[np.argmax(np.minimum(places[row] - low, high - places[row]))])
+            low_m = min(high_m, float(min(search.low[number], search.best[number]))) - error_m
+            out[number] = ObstacleGap(around.names[number], low_m, high_m, bench, ranges.when_s(
+                bench, float(places[row])), (float(middles[row].real), float(middles[row].imag)))
+    return [out[number] for number in range(len(around.names))]
