@@ -14,7 +14,8 @@ DESCRIPTION = 'robot_description'
 
 def once(scene: Scene, frame_id: str) -> dict[str, bytes]:
     """Return the latched messages that a scene requests, by topic, without the scene itself."""
-    wanted = ['track', *(['path'] if Effect.PATH in scene.effects else [])]
+    wanted = ['track', *(['path'] if Effect.PATH in scene.effects else []),
+              *(['venue'] if scene.venue is not None else [])]
     return {name: ENCODE[name](scene, frame_id) for name in wanted}
 
 
@@ -36,10 +37,15 @@ def path_message(scene: Scene, frame_id: str) -> bytes:
     return bytes(writer.finish())
 
 
+def _venue(scene: Scene, frame_id: str) -> bytes:
+    from dragon_ros.messages.venue_markers import venue_message  # few scenes have a venue
+    return venue_message(scene, frame_id)
+
+
 def _robot(scene: Scene, _: str) -> bytes:
     from dragon_ros.messages.urdf import urdf_of  # imports an XML library, and few runs need it
     return string_message(urdf_of(scene))
 
 
 ENCODE: dict[str, Callable[[Scene, str], bytes]] = {
-    'track': track_marker, 'path': path_message, DESCRIPTION: _robot}
+    'track': track_marker, 'path': path_message, 'venue': _venue, DESCRIPTION: _robot}

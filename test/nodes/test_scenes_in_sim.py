@@ -30,8 +30,10 @@ def recorded(start, bag, scene, changes):
         result = compare_with_model(run, loaded)
         assert result.faults == []
         assert result.equal == len(topics) * (compile_scene(loaded).last_tick + 1)
-        # these are latched and published once
-        return {topic.name.removeprefix('/dragon/') for topic in run.topics} - {'track', 'scene', 'path'}
+        there = {topic.name.removeprefix('/dragon/') for topic in run.topics}
+        latched = {'track', 'scene', *(['venue'] if loaded.venue is not None else [])}
+        assert latched <= there
+        return there - latched - {'path'}
 
 
 @pytest.mark.parametrize('scene', scene_names())

@@ -1,0 +1,51 @@
+"""The venue of a scene as markers: the edges of each obstacle and of the inside, and their names."""
+import numpy as np
+
+from dragon_ros.core.numerics.types import Floats
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.venue import INSIDE, LineObstacle, Points, Venue
+from dragon_ros.messages.cdr import Writer
+from dragon_ros.messages.markers import BLACK, LINE_LIST, TEXT_VIEW_FACING, Colour, MarkerSpec, put_marker
+
+EDGES, NAMES = 'venue', 'venue names'       # namespaces; the id is the number of the obstacle, the last is the inside
+_WIDTH_M, _LETTER_M, _ABOVE_M = 0.08, 0.6, 0.5
+_GREY: Colour = (0.35, 0.35, 0.35, 1.0)
+
+
+def venue_message(scene: Scene, frame_id: str) -> bytes:
+    """Return a MarkerArray with one LINE_LIST and one name for each obstacle, in their order, and for the inside.
+
+    It is stamped with the start of the run, and empty without a venue.
+    """
+    drawn = _drawn(scene.venue) if scene.venue is not None else []
+    writer = Writer()
+    writer.put('I', 2 * len(drawn))
+    for number, (name, edges) in enumerate(drawn):
+        colour = _GREY if name == INSIDE else BLACK
+        _put_edges(writer, MarkerSpec(EDGES, number, LINE_LIST, (_WIDTH_M, 0.0, 0.0), colour, len(edges)), edges,
+                   frame_id, scene.run.start_ns)
+        x, y = edges[0].tolist()
+        put_marker(writer, MarkerSpec(NAMES, number, TEXT_VIEW_FACING, (0.0, 0.0, _LETTER_M), colour, text=name,
+                                      place=(x, y, _ABOVE_M)), frame_id, scene.run.start_ns)
+    return bytes(writer.finish())
+
+
+def _put_edges(writer: Writer, spec: MarkerSpec, edges: Floats, frame_id: str, t_ns: int) -> None:
+    """Append a marker with the ends (2 n, 2) of edges, at z = 0."""
+    start = put_marker(writer, spec, frame_id, t_ns).points
+    np.frombuffer(writer.data, '<f8', 3 * len(edges), start).reshape(-1, 3)[:, :2] = edges
+
+
+def _drawn(venue: Venue) -> list[tuple[str, Floats]]:
+    """Return the name of each obstacle and of the inside, and the ends (2 n, 2) of its n edges in m."""
+    out = [(one.name, _edges([one.points_m], False) if isinstance(one, LineObstacle) else _edges(one.rings_m, True))
+           for one in venue.obstacles]
+    return [*out, *([] if venue.inside is None else [(INSIDE, _edges([venue.inside], True))])]
+
+
+def _edges(lines: tuple[Points, ...] | list[Points], closed: bool) -> Floats:
+    parts = []
+    for line in lines:
+        points = np.array([*line, line[0]] if closed else line)
+        parts.append(np.stack((points[:-1], points[1:]), axis=1).reshape(-1, 2))
+    return np.concatenate(parts)

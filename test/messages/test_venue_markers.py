@@ -1,0 +1,56 @@
+"""The venue as markers, decoded again: every edge of every obstacle, its name, and nothing without a venue."""
+from dataclasses import replace
+
+import numpy as np
+import shapely
+
+from dragon_ros.__main__ import main
+from dragon_ros.core.scene import Scene
+from dragon_ros.core.venue import LineObstacle, PolygonObstacle, Venue
+from dragon_ros.messages.decode import decode
+from dragon_ros.messages.markers import LINE_LIST, TEXT_VIEW_FACING
+from dragon_ros.messages.once import once
+from dragon_ros.scenes.load import load_scene
+
+YARD = PolygonObstacle('yard', ((20, 0), (30, 0), (30, 9), (20, 9)), (((22, 2), (24, 2), (24, 4)),))
+WALL = LineObstacle('wall', ((-40, -20), (-40, 0), (-35, 5)))
+INSIDE = (-60, -60), (60, -60), (60, 60), (-60, 60)
+
+
+def markers_of(scene, frame_id='sea'):
+    return decode('visualization_msgs/msg/MarkerArray', once(scene, frame_id)['venue'])['markers']
+
+
+def edges_of(marker):
+    return shapely.MultiLineString(list(marker['points'].reshape(-1, 2, 3)[:, :, :2]))
+
+
+def test_each_obstacle_and_the_inside_have_their_edges_and_their_name():
+    scene = replace(Scene(), venue=Venue((YARD, WALL), INSIDE))
+    markers = markers_of(scene)
+    assert [(one['ns'], one['id'], one['type']) for one in markers] == [
+        (ns, n, kind) for n in range(3) for ns, kind in (('venue', LINE_LIST), ('venue names', TEXT_VIEW_FACING))]
+    assert [one['text'] for one in markers[1::2]] == ['yard', 'wall', 'inside']
+    shapes = (shapely.Polygon(YARD.points_m, YARD.holes_m).boundary, shapely.LineString(WALL.points_m),
+              shapely.Polygon(INSIDE).boundary)
+    for marker, shape in zip(markers[::2], shapes, strict=True):
+        assert edges_of(marker).equals(shape)
+        assert len(marker['points'].reshape(-1, 2, 3)) == len(shapely.get_coordinates(shape)) - len(
+            shapely.get_parts(shape))
+    assert {(one['header']['frame_id'], one['header']['stamp']['sec'], one['action']) for one in markers} == {
+        ('sea', 0, 0)}
+    assert not any(np.any(one['points'].reshape(-1, 3)[:, 2]) for one in markers[::2])
+
+
+def test_a_scene_without_a_venue_has_no_such_topic():
+    assert 'venue' not in once(Scene(), 'sea')
+
+
+def test_a_bag_carries_the_venue_and_is_checked_with_it(tmp_path, capsys):
+    path = str(tmp_path / 'a.mcap')
+    assert main(['simulate', '--scene', 'street', '--set', 'run.stop_s=0.1', '--output', path]) == 0
+    assert main(['inspect', path, '--check']) == 0
+    out = capsys.readouterr().out
+    assert 'scene and venue and track' in out or '3 messages are those of the scene' in out, out
+    names = load_scene('street').venue.names
+    assert [one['text'] for one in markers_of(load_scene('street'))[1::2]] == list(names)
