@@ -25,24 +25,25 @@ class Parameter(NamedTuple):
 
 # For every node that plays frames; nodes/controls.py reads them.
 CONTROLS = (
-    Parameter('step_ticks', 1, 'How many ticks the service step plays', 1, 1000, live=True),
+    Parameter('step_ticks', 1, 'Number of ticks that the service step plays', 1, 1000, live=True),
     Parameter('seek_s', -1.0, 'Time in seconds to which the service seek moves: to the last tick at or before it; '
               'negative: to the start', -1.0, LATEST_S, live=True),
     Parameter('at_end', 'stop', 'At the end: stop (the node ends); hold (it stays for reset, seek and step); '
               'loop (it starts again)', choices=('stop', 'hold', 'loop'), live=True),
-    Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and each second while it '
-              'stands'),
+    Parameter('publish_clock', False, 'Publish the simulation time on /clock: at each tick, and every second while '
+              'time stands still'),
 )
-_DISCOVERY = Parameter('discovery_s', -1.0, 'How many seconds the first tick waits for readers to be found; negative: '
-                       f'{DISCOVERY_S:g}, or 0 where wait_subscribers names some', -1.0, 60.0)
+_DISCOVERY = Parameter('discovery_s', -1.0, 'Seconds for which the first tick waits until readers are discovered; '
+                       f'negative: {DISCOVERY_S:g}, or 0 if wait_subscribers names topics', -1.0, 60.0)
 SIM = (
     Parameter('scene', 'winding', 'Scene: a name (see msg_configs/scenes) or the path of a .yaml file'),
-    Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key; options --set follow them'),
+    Parameter('set', [''], 'Overrides of scene keys, each key=value with a dotted key; options --set are applied after '
+              'them'),
     Parameter('accuracy', '', 'Largest position error: metres or a tier; empty: as the scene says'),
     Parameter('start_s', _AS_SCENE, 'First tick, in seconds of the scene; negative: as the scene says', -1.0, LATEST_S),
     Parameter('stop_s', _AS_SCENE, 'End of the run, in seconds of the scene; negative: its own', -1.0, LATEST_S),
-    Parameter('rate_hz', _AS_SCENE, 'Ticks for each second of simulation; negative: as the scene says', -1.0, 1e6),
-    Parameter('time_scale', 1.0, 'Seconds of simulation for each second; 0 (at the start only): as fast as the readers '
+    Parameter('rate_hz', _AS_SCENE, 'Ticks per second of simulation; negative: as the scene says', -1.0, 1e6),
+    Parameter('time_scale', 1.0, 'Seconds of simulation per second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
     Parameter('wait_subscribers', [''], 'Start as soon as topics have this many subscribers, e.g. [handles=2, '
               'velocities=1]'),
@@ -51,14 +52,14 @@ SIM = (
               'and stay, as with at_end hold); stop (end with that frame). A led dragon: the first tick in contact',
               choices=('continue', 'hold', 'stop')),
     *CONTROLS,
-    Parameter('cmd_vel_stamped', True, 'Whether cmd_vel, which leads a dragon whose head law is commanded, is a '
-              'TwistStamped; false: a Twist'),
+    Parameter('cmd_vel_stamped', True, 'Type of the commands on cmd_vel, if the head law is commanded: TwistStamped; '
+              'false: Twist'),
     Parameter('publish_tf', False, 'Publish the head and the tail as frames on /tf'),
     Parameter('robot_description', False, 'Publish the dragon as a robot in URDF on robot_description'),
     Parameter('frame_id', 'dragon', 'Frame of all messages'),
 )
 REPLAY = (
-    Parameter('time_scale', 1.0, 'Seconds of the bag for each second; 0 (at the start only): as fast as the readers '
+    Parameter('time_scale', 1.0, 'Seconds of the bag per second; 0 (at the start only): as fast as the readers '
               'follow', 0.0, 1e6, live=True),
     _DISCOVERY,
     *CONTROLS,

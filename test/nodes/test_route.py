@@ -6,6 +6,7 @@ pytest.importorskip('rclpy')
 
 from geometry_msgs.msg import PoseStamped
 from nav_msgs.msg import Path
+from rclpy.event_handler import PublisherEventCallbacks
 from rclpy.qos import DurabilityPolicy, QoSProfile, ReliabilityPolicy
 
 from dragon_ros.core.model import compile_scene
@@ -30,7 +31,8 @@ def plan(frame_id, points):
 
 def routed(start, node, quality, message, *options):
     """Start ``route`` while a path is published, once if it is latched; return the ended process."""
-    publisher = node.create_publisher(Path, '/plan', QUALITY[quality])
+    silent = PublisherEventCallbacks(use_default_callbacks=False)     # which warn of readers that ask for more
+    publisher = node.create_publisher(Path, '/plan', QUALITY[quality], event_callbacks=silent)
     publisher.publish(message)
     if quality != 'latched':
         node.create_timer(0.1, lambda: publisher.publish(message))
