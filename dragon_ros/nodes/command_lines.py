@@ -41,18 +41,18 @@ def monitor(argv: list[str]) -> int:
 def record(argv: list[str]) -> int:
     """Run the recorder; return the exit code."""
     options = _parser('record', 'Record every topic of a dragon until its publisher leaves (or SIGINT, SIGTERM).\n'
-                      'Exit codes: 0 the bag has everything, 3 ticks or messages are missing in it, 1 the disk failed, '
-                      '2 bad input.', 'record --output run.mcap')
+                      'Exit codes: 0 the bag is complete, 3 ticks or messages are missing, 1 the disk failed, 2 bad '
+                      'input.', 'record --output run.mcap')
     options.add_argument('--output', type=Path, metavar='FILE.mcap|FOLDER', help='bag to write: one file, or a rosbag2 '
                          'directory (dragon_DATE_TIME.mcap)')
     options.add_argument('--keep-going', action='store_true', help='continue after the publisher leaves, until a '
                          'signal')
     options.add_argument('--force', action='store_true', help='replace an existing bag')
     _add_bag_options(options)
-    options.add_argument('--trust', action='store_true', help='read scenes from the topic beyond the budgets for '
-                         'strangers (docs/limits.md)')
-    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='most wall time whose messages are '
-                         'lost when the recorder is killed (%(default)g)')
+    options.add_argument('--trust', action='store_true', help='read scenes from the topic even if they exceed the '
+                         'budgets for untrusted input (docs/limits.md)')
+    options.add_argument('--flush-s', type=float, default=1.0, metavar='S', help='seconds of messages that are lost at '
+                         'most if the recorder is killed (%(default)g)')
     options.add_argument('--queue-mb', type=float, default=256.0, metavar='MB',
                          help='largest size of the write queue (%(default)g)')
     arguments = _parse(options, argv)
@@ -77,7 +77,8 @@ def replay(argv: list[str]) -> int:
     options.add_argument('--clock', action='store_true', help='publish the time of the bag on /clock')
     options.add_argument('--topics', type=_names, metavar='NAME,...', help='publish only these topics: full '
                          'names, or those below the only dragon of the bag, such as handles')
-    options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (as recorded)")
+    options.add_argument('--into', metavar='NAMESPACE', help="publish the bag's dragon in this namespace (default: "
+                         'as recorded)')
     options.add_argument('--wait-subscribers', type=_names, default=[], metavar='NAME=N,...',
                          help='start when these topics, named likewise, have this many subscribers')
     arguments = _parse(options, argv)
@@ -112,13 +113,13 @@ def _help(options: argparse.ArgumentParser) -> NoReturn:
 def _add_bag_options(options: argparse.ArgumentParser) -> None:
     """Add the options for writing a bag."""
     options.add_argument('--compression', choices=COMPRESSIONS, default='zstd',
-                         help='of its chunks (%(default)s)')
-    options.add_argument('--split-size-mb', type=float, metavar='MB', help='start another file at this size')
-    options.add_argument('--split-duration-s', type=float, metavar='S', help='start another file after this much '
+                         help='compression of the chunks (%(default)s)')
+    options.add_argument('--split-size-mb', type=float, metavar='MB', help='start a new file at this size')
+    options.add_argument('--split-duration-s', type=float, metavar='S', help='start a new file after this much '
                          'simulation time')
     options.add_argument('--max-size-mb', type=float, metavar='MB', help='stop before the bag exceeds this size')
-    options.add_argument('--fsync', action='store_true', help='have each chunk on the disk before the next: protects '
-                         'against power cuts, not only against killed processes')
+    options.add_argument('--fsync', action='store_true', help='write each chunk to the disk before the next one: '
+                         'protects against power cuts, too')
 
 
 def _names(text: str) -> list[str]:
