@@ -139,6 +139,13 @@ def test_a_contact_between_ticks_of_another_is_interpolated_through_all_of_them(
     assert [event.t_contact_s for report in rows for event in report.begins][-1] == pytest.approx(2.6, abs=1e-12)
 
 
+def test_ticks_are_interpolated_together_if_no_step_is_four_times_its_neighbour():
+    t = np.array([0.0, 3.0, 4.0, 5.0])
+    rows = reports_of(zip(t, -0.1 * (t - 1) * (t - 2) * (t - 4.6), strict=True))
+    (begin,) = rows[-1].begins
+    assert begin.t_contact_s == pytest.approx(4.6, abs=1e-12)
+
+
 def two_pairs(t_ns, first_m, second_m):
     """Benches 0 and 3, and 1 and 4, so far apart; everything else far away."""
     centre = np.array([(0.0, 0.0), (50.0, 0.0), (100.0, 0.0), (0.0, 1 + first_m), (50.0, 1 + second_m)])
@@ -163,6 +170,15 @@ def test_a_contact_that_gets_deeper_as_another_begins_is_deepest_then():
             for report in tracker.add(two_pairs(sec * 10**9, first, second))]
     (end,) = [end for report in rows for end in report.ends if end.benches == (0, 3)]
     assert (end.deepest_gap_m, end.deepest_ns) == (pytest.approx(-0.3), 10**9)
+
+
+def test_a_contact_that_stays_as_deep_while_another_begins_was_deepest_first():
+    tracker = ContactTracker()
+    gaps = [(-0.1, 1.0), (-0.3, 1.0), (-0.3, -0.1), (1.0, 1.0)]
+    rows = [report for sec, (first, second) in enumerate(gaps)
+            for report in tracker.add(two_pairs(sec * 10**9, first, second))]
+    (end,) = [end for report in rows for end in report.ends if end.benches == (0, 3)]
+    assert end.deepest_ns == 10**9
 
 
 def test_a_pair_that_touches_again_has_a_second_episode():
@@ -219,6 +235,11 @@ def test_a_restart_ends_what_was_open_and_tells_the_contact_again():
 
 def test_a_step_back_of_more_than_a_second_is_a_restart_at_once():
     assert told(reports_of([(0, 1), (5, -0.1), (0, 1)])) == [('begin', (0, 3)), ('restart', (0, 3))]
+
+
+def test_a_restart_ends_what_was_open_at_the_last_observation():
+    (end,) = reports_of([(5, 1), (6, -0.1), (7, -0.1), (8, -0.1), (0, 1)])[-1].ends
+    assert end.t_end_s == 8
 
 
 def test_a_restart_within_the_last_few_sights_loses_none_of_them():
