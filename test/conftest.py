@@ -50,7 +50,7 @@ def pytest_configure():
 
 # These take ten seconds and more: last, each would leave the other processors idle.
 LONGEST = ('test_types_hold_strictly', 'test_no_scene_on_the_topic_ends_or_blinds_a_recorder',
-           'test_the_demo_can_be_run_twice_in_one_place',
+           'test_the_demo_can_be_run_again_in_one_place',
            'test_recorders_killed_at_random_moments_lose_at_most_the_flush_interval_and_are_repaired',
            'test_handles_without_benches_are_counted_and_logged', 'test_every_command_of_a_document_runs')
 
