@@ -61,13 +61,13 @@ def get(server, path):
 
 
 def rows(server, run, name):
-    values = 8 * run['drawn'] + 2 * len(run['rest']) + len(run['handles'])
+    values = 8 * run['drawn'] + 2 * run['placed'] + len(run['handles'])
     return np.frombuffer(get(server, f'frames/{name}'), '<f4').reshape(-1, values)
 
 
 def test_the_run_is_described(server, scene):
     run = json.loads(get(server, 'run.json'))
-    assert (run['name'], run['benches'], run['drawn'], run['rest'], run['note']) == ('short', 30, 30, [], '')
+    assert (run['name'], run['benches'], run['drawn'], run['placed'], run['note']) == ('short', 30, 30, 0, '')
     assert run['times_s'] == pytest.approx([412 + k / 20 for k in range(21)])
     contact = json.loads(get(server, 'contact.json'))
     assert contact['t_s'] == pytest.approx(412.4738376821)
@@ -104,15 +104,20 @@ def test_a_bag_is_served_like_its_scene(server, bag, tmp_path, write_bag):
         assert json.loads(get(other, 'run.json'))['speeds'] is False
 
 
-def test_a_big_dragon_is_thinned_and_says_so():
-    scene = load_scene('winding', ['dragon.benches=5000', 'track.start_turns=100', 'run.stop_s=0.1'])
-    with serving(SceneSource('big', scene)) as server:
+@pytest.fixture(scope='module')
+def big():
+    scene = load_scene('winding', ['dragon.benches=5000', 'track.start_turns=100', 'run.stop_s=0.4'])
+    return SceneSource('big', scene)
+
+
+def test_of_a_big_dragon_all_handles_are_sent_and_nothing_is_left_out(big):
+    with serving(big) as server:
         run = json.loads(get(server, 'run.json'))
-        assert (run['benches'], run['drawn']) == (5000, 2000)
-        assert '2000' in run['note']
-        assert len(run['rest']) == len(run['handles']) == 1500
-        assert (run['rest'][0], run['rest'][-1], run['handles'][-1]) == (2000, 5000, 5000)
-        assert np.all(np.isfinite(rows(server, run, 0)))
+        assert (run['benches'], run['drawn'], run['placed'], run['note']) == (5000, 0, 5001, '')
+        assert run['sizes'] == [[1, pytest.approx(1.705), 0.15], [4999, pytest.approx(1.1), 0.15]]
+        frame = rows(server, run, 0)[0]
+        assert frame[:10002] == pytest.approx(moment(big, 0.0).p.ravel(), abs=1e-5)
+        assert np.all(np.isfinite(frame))
 
 
 def test_a_single_bench_is_served():
@@ -346,7 +351,7 @@ def test_an_animation_as_a_page_runs_its_own_scripts_and_nothing_else(tmp_path, 
     policy = re.search(r'<meta http-equiv="Content-Security-Policy" content="([^"]*)">', page)[1]
     scripts = re.findall(r'<script>(.*?)</script>', page, re.DOTALL)
     digests = {f"'sha256-{b64encode(sha256(script.encode()).digest()).decode()}'" for script in scripts}
-    assert len(digests) == 3
+    assert len(digests) == 4
     assert set(re.search('script-src ([^;]*)', policy)[1].split()) == digests
     assert "default-src 'none'" in policy
 
@@ -374,3 +379,75 @@ def test_an_animation_that_ends_before_the_contact_says_so(tmp_path, scene):
         page.open_view(path.as_uri())
         facts = page.run('return document.getElementById("facts").textContent')
         assert facts.endswith('benches 0 and 8 touch at 412.473838 s, after the end of what is shown')
+
+
+def window_of(page):
+    return np.array(page.run('const {xaxis, yaxis} = document.getElementById("scene")._fullLayout; '
+                             'return [xaxis.range, yaxis.range]'))
+
+
+@needs_browser
+def test_many_benches_are_drawn_where_they_are_at_every_zoom(tmp_path, big):
+    """No line leads through the empty middle of the spiral, and rectangles have the corners of the model."""
+    true = moment(big, 0.0)
+    seen = ('const {data, width, height} = canvas.getContext("2d").getImageData(0, 0, canvas.width, canvas.height); '
+            'let many = 0; for (let y = 0; y < height; y++) for (let x = 0; x < width; x++) '
+            'if (data[4 * (y * width + x) + 3] && %s) many += 1; return many')
+    with serving(big) as server, browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        (left, right), (bottom, top) = window_of(page)
+        inner = 0.9 * float(np.min(np.hypot(*true.p.T)))
+        place = f'Math.hypot({left} + (x + 0.5) / width * {right - left}, {top} - (y + 0.5) / height * {top - bottom})'
+        assert inner > 3
+        assert page.run(seen % f'{place} < {inner - 1}') == 0
+        assert page.run(seen % 'true') > 10_000
+        corners = np.array(page.run('return [0, 1, 4999].map((bench) => cornersOf(player.frame.subarray(0, '
+                                    '2 * run.placed), player.halves, bench))')).reshape(3, 4, 2)
+        for made, right_ones in zip(corners, true.benches.corners[[0, 1, 4999]], strict=True):
+            apart = np.hypot(*(made[:, None] - right_ones[None]).transpose(2, 0, 1))
+            assert apart.min(axis=1).max() < 2e-5
+        assert 'draw calls a frame' in page.run('return document.getElementById("scale").textContent')
+        page.press('f')
+        page.wait('return cost.calls < 20 && cost.drawn < 200')       # only what is in view
+        assert [said for level, said in page.log() if level != 'WARNING'] == []    # of reading its pixels
+
+
+@needs_browser
+def test_the_page_follows_the_head_and_remembers_it(tmp_path, server, scene):
+    with browser.browser(tmp_path) as page:
+        page.open_view(server.url)
+        pressed = 'return document.getElementById("follow").getAttribute("aria-pressed")'
+        assert page.run(pressed) == 'false'
+        page.press('f')
+        page.wait('return player.following')
+        for t_s in (412.0, 413.0):
+            page.press('End' if t_s > 412 else 'Home')
+            page.wait(f'return parseFloat(document.getElementById("time").textContent) === {t_s} && !player.drawing')
+            head = moment(SceneSource('short', scene), t_s).benches.centre[0]
+            assert window_of(page).mean(axis=1) == pytest.approx(head, abs=0.01)
+        page.open_view(server.url)
+        page.wait(pressed + ' === "true"')
+        page.click('whole')
+        page.wait(pressed + ' === "false"')
+
+
+@needs_browser
+def test_the_page_zooms_by_keys_and_by_two_fingers_and_says_how_wide_a_bench_is(tmp_path, server):
+    with browser.browser(tmp_path) as page:
+        page.look(390, 844)
+        page.open_view(server.url)
+        before = np.ptp(window_of(page), axis=1)
+        page.press('+')
+        page.wait(f'return Math.abs(shownSpan() * 1.25 - {before[0]}) < 1e-6')
+        page.press('-')
+        page.wait(f'return Math.abs(shownSpan() - {before[0]}) < 1e-6')
+        page.run("""const scene = document.getElementById('scene'), box = scene.getBoundingClientRect();
+            const fingers = (apart) => [-1, 1].map((side) => new Touch({identifier: side, target: scene,
+              clientX: box.left + box.width / 2 + side * apart, clientY: box.top + box.height / 2}));
+            for (const [kind, apart] of [['touchstart', 20], ['touchmove', 40]])
+              scene.dispatchEvent(new TouchEvent(kind, {touches: fingers(apart), cancelable: true}))""")
+        page.wait(f'return Math.abs(shownSpan() * 2 - {before[0]}) < 1e-6')
+        long, wide = map(float, re.search(r'([\d.]+) × ([\d.]+) pixels', page.wait(
+            'return document.getElementById("scale").textContent')).groups())
+        pixels = page.run('return document.getElementById("scene")._fullLayout.xaxis._length') / before[0] * 2
+        assert (long, wide) == (pytest.approx(2.2 * pixels, rel=0.06), pytest.approx(0.3 * pixels, rel=0.06))

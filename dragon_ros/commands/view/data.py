@@ -8,9 +8,9 @@ import numpy as np
 
 from dragon_ros.commands.sources import Check, Moment, Progress, Source, Touch, clearances, moment, thinned, window
 from dragon_ros.core.limits import VIEW_TICKS
-from dragon_ros.core.numerics.types import Floats, Ints
+from dragon_ros.core.numerics.types import Floats
 
-MOST_BENCHES = 2000         # benches drawn as rectangles, from the head on; the rest is a line
+MOST_BENCHES = 2000         # that are sent as rectangles; of more, the page makes these from all handles
 MOST_POINTS = 1500          # points of a line
 _CURVE_BENCHES = 4_000_000   # ticks at which the clearance is computed: this takes some seconds
 _CHUNK_VALUES = 250_000     # frames in a chunk, which is about a megabyte
@@ -34,10 +34,10 @@ class ViewData:
         self.times_s = source.ticks_s(*source.span_s, VIEW_TICKS) if times_s is None else times_s
         self._first = moment(source, float(self.times_s[0]))
         benches, handles = len(self._first.benches.centre), len(self._first.p)
-        self._drawn = min(benches, MOST_BENCHES)
-        self._rest: Ints = thinned(self._drawn, handles - 1, MOST_POINTS) if self._drawn < benches else np.empty(0, int)
+        self._drawn = benches if benches <= MOST_BENCHES else 0
+        self._placed = 0 if self._drawn else handles
         self._handles = thinned(0, handles - 1, MOST_POINTS)
-        values = 8 * self._drawn + 2 * self._rest.size + self._handles.size
+        values = 8 * self._drawn + 2 * self._placed + self._handles.size
         self.frames_each = max(1, min(256, _CHUNK_VALUES // values))
 
     @property
@@ -52,9 +52,10 @@ class ViewData:
         shown = None if track is None else track.astype(np.float32).T.tolist()
         seen = [moment(self._source, t_s) for t_s in np.linspace(first, last, _SEEN).tolist()]
         return {'name': self._source.name, 'benches': len(self._first.benches.centre), 'drawn': self._drawn,
-                'rest': self._rest.tolist(), 'handles': self._handles.tolist(), 'frames_each': self.frames_each,
-                'times_s': self.times_s.tolist(), 'speeds': self._first.speed_m_s is not None, 'track': shown,
-                'note': self._note(), 'window_m': window(track, seen).tolist(),
+                'placed': self._placed, 'sizes': _sizes(self._first), 'handles': self._handles.tolist(),
+                'frames_each': self.frames_each, 'times_s': self.times_s.tolist(), 'track': shown,
+                'speeds': self._first.speed_m_s is not None, 'note': self._note(),
+                'window_m': window(track, seen).tolist(),
                 'length_m': 2 * float(np.median(self._first.benches.half_length)),
                 'width_m': 2 * float(np.median(self._first.benches.half_width))}
 
@@ -93,10 +94,10 @@ class ViewData:
     def frames(self, chunk: int, check: Check = _wanted) -> bytes:
         """Return the frames of one chunk as little-endian float32, one after the other; nan where a tick has none.
 
-        A frame has the corners of the drawn benches (8 each), the rest's handles (2 each), and speeds of handles.
+        A frame has the corners of benches (8 each) or, of many, all handles (2 each), and speeds of handles.
         """
         times_s = self.times_s[chunk * self.frames_each:(chunk + 1) * self.frames_each]
-        out = np.full((len(times_s), 8 * self._drawn + 2 * self._rest.size + self._handles.size), np.nan, '<f4')
+        out = np.full((len(times_s), 8 * self._drawn + 2 * self._placed + self._handles.size), np.nan, '<f4')
         with self._lock:
             for one in self._source.moments(times_s):
                 check()
@@ -112,14 +113,20 @@ class ViewData:
     def _row(self, one: Moment) -> Floats:
         unknown = np.full(len(one.p), np.nan)
         speed = unknown if one.speed_m_s is None else one.speed_m_s
-        return np.concatenate((one.benches.corners[:self._drawn].ravel(), one.p[self._rest].ravel(),
-                               speed[self._handles]))
+        places = one.benches.corners if self._drawn else one.p
+        return np.concatenate((places.ravel(), speed[self._handles]))
 
     def _note(self) -> str:
         """Return notes about what is omitted."""
         notes = []
-        if self._rest.size:
-            notes.append(f'benches from {self._drawn} on are drawn as a line')
         if len(self.times_s) == VIEW_TICKS:
             notes.append(f'only {VIEW_TICKS} ticks of the run are shown')
         return '; '.join(notes)
+
+
+def _sizes(one: Moment) -> list[tuple[int, float, float]]:
+    """Return runs of benches of one size: how many, half their length and half their width in m."""
+    halves = np.column_stack((one.benches.half_length, one.benches.half_width))
+    starts = np.flatnonzero(np.any(np.diff(halves, axis=0, prepend=np.nan) != 0, axis=1))
+    counts = np.diff(starts, append=len(halves))
+    return [(int(count), *halves[start].tolist()) for start, count in zip(starts, counts, strict=True)]

@@ -10,6 +10,8 @@ const SETTINGS = {responsive: true, displaylogo: false, scrollZoom: true, showSe
   modeBarButtonsToRemove: ['select2d', 'lasso2d', 'autoScale2d', 'zoomIn2d', 'zoomOut2d']};
 const PACES = [0.05, 0.1, 0.25, 0.5, 1, 2, 5, 10, 20, 50];
 const MOST_CHUNKS = 24;
+const NEAR_LENGTHS = 6, FAR_LENGTHS = 8;      // of a window that follows the head, in bench lengths
+const CLOSER = 1.25;        // a step of the zoom
 const element = (id) => document.getElementById(id);
 
 let run, curve = null, contact = null;
@@ -34,7 +36,7 @@ const json = async (path) => (await get(path)).json();
 
 // ---- data
 
-const valuesEach = () => 8 * run.drawn + 2 * run.rest.length + run.handles.length;
+const valuesEach = () => 8 * run.drawn + 2 * run.placed + run.handles.length;
 
 function chunk(number) {
   if (!chunks.has(number)) {
@@ -93,19 +95,16 @@ function groups() {
 }
 
 function sceneData(frame) {
-  const rest = {x: [], y: []};
-  const from = 8 * run.drawn;
-  run.rest.forEach((_, n) => { rest.x.push(frame[from + 2 * n]); rest.y.push(frame[from + 2 * n + 1]); });
-  return [...groups().map((benches) => rectangles(frame, benches)), rest];
+  return run.drawn ? groups().map((benches) => rectangles(frame, benches)) : [{x: [], y: []}, {x: [], y: []}, {x: [], y: []}];
 }
 
 function speedData(frame) {
-  return Array.from(frame.subarray(8 * run.drawn + 2 * run.rest.length));
+  return Array.from(frame.subarray(8 * run.drawn + 2 * run.placed));
 }
 
 function axis(title, more = {}) {
   return {title: {text: title, standoff: 6}, gridcolor: colour('grid'), zeroline: false, linecolor: colour('quiet'), ticks: 'outside',
-    tickcolor: colour('quiet'), ...more};
+    tickcolor: colour('quiet'), automargin: true, ...more};
 }
 
 function layout(more) {
@@ -129,7 +128,82 @@ function outline() {
   return Math.min(2.5, OUTLINE * run.width_m * pixels / Math.abs(range[1] - range[0]));
 }
 
-const scaleOutlines = () => Plotly.restyle('scene', {'line.width': outline()}, [1, 2, 3]);
+const pixelsWide = () => element('scene')._fullLayout.xaxis._length / Math.abs(shownSpan());
+const shownSpan = () => element('scene')._fullLayout.xaxis.range[1] - element('scene')._fullLayout.xaxis.range[0];
+
+/** Fit outlines to the zoom, and say how wide a bench is on the screen. */
+async function scaleOutlines() {
+  const width = outline();
+  if (run.drawn && width !== player.outline) {
+    player.outline = width;
+    await Plotly.restyle('scene', {'line.width': width}, [1, 2, 3]);
+  }
+  drawMany(player.frame);
+  sayScale();
+}
+
+function sayScale() {
+  const wide = run.width_m * pixelsWide(), long = run.length_m * pixelsWide();
+  const size = (pixels) => pixels.toFixed(pixels < 9.95 ? 1 : 0);
+  const each = run.placed ? `; ${Math.round(4 * valuesEach() / 1000)} kB and ${cost.calls} draw calls a frame` +
+    `${player.rate ? `, ${player.rate.toFixed(0)} frames a second` : ''}` : '';
+  element('scale').textContent = `a bench is ${size(long)} × ${size(wide)} pixels here${each}`;
+}
+
+/** Draw a dragon of many benches on its canvas. */
+function drawMany(frame) {
+  if (!run.placed || !frame || !element('scene')._fullLayout) return;
+  const touching = contact ? contact.benches.filter((bench) => bench > 0) : [];
+  drawBenches(element('scene'), run.track, frame.subarray(0, 2 * run.placed), player.halves, touching);
+}
+
+/** The middle of the head bench in a frame. */
+function headOf(frame) {
+  const places = run.drawn ? 4 : 2, sum = [0, 0];
+  for (let n = 0; n < 2 * places; n++) sum[n % 2] += frame[n] / places;
+  return sum;
+}
+
+/** Show a window around a place; `ratio` changes its size. */
+function lookAt([x, y], ratio = 1) {
+  const {xaxis, yaxis} = element('scene')._fullLayout;
+  const [wide, high] = [xaxis, yaxis].map(({range}) => 0.5 * ratio * (range[1] - range[0]));
+  return Plotly.relayout('scene', {'xaxis.range': [x - wide, x + wide], 'yaxis.range': [y - high, y + high]});
+}
+
+/** Zoom about the middle of the window, which is the head where that is followed. */
+function zoom(ratio) {
+  const {xaxis, yaxis} = element('scene')._fullLayout;
+  return lookAt([xaxis, yaxis].map(({range}) => 0.5 * (range[0] + range[1])), ratio);
+}
+
+/** Follow the head, or stop; a window that shows the whole comes closer. It is remembered for this address. */
+async function follow(on) {
+  player.following = on;
+  element('follow').setAttribute('aria-pressed', on);
+  try { localStorage.setItem('follow', on ? 'yes' : 'no'); } catch { /* a page without storage forgets it */ }
+  if (!on || !player.frame) return;
+  const far = shownSpan() > FAR_LENGTHS * run.length_m;
+  await lookAt(headOf(player.frame), far ? NEAR_LENGTHS * run.length_m / shownSpan() : 1);
+}
+
+/** Two fingers zoom about the place between them. */
+function pinch(scene) {
+  let before = 0;
+  const apart = ([a, b]) => Math.hypot(a.clientX - b.clientX, a.clientY - b.clientY);
+  scene.addEventListener('touchstart', (event) => { before = event.touches.length === 2 ? apart(event.touches) : 0; });
+  scene.addEventListener('touchmove', (event) => {
+    if (event.touches.length !== 2 || !before) return;
+    event.preventDefault();
+    const {xaxis, yaxis} = scene._fullLayout, box = scene.getBoundingClientRect(), [a, b] = event.touches;
+    const x = xaxis.p2d((a.clientX + b.clientX) / 2 - box.left - xaxis._offset);
+    const y = yaxis.p2d((a.clientY + b.clientY) / 2 - box.top - yaxis._offset);
+    const now = apart(event.touches), ratio = before / now;
+    before = now;
+    const about = ({range}, at) => range.map((end) => at + ratio * (end - at));
+    Plotly.relayout(scene, {'xaxis.range': about(xaxis, x), 'yaxis.range': about(yaxis, y)});
+  }, {passive: false});
+}
 
 function legend() {
   const parts = [['', COLOUR.body, 'body'], ['', COLOUR.head, 'head']];
@@ -152,20 +226,21 @@ async function drawScene(frame) {
     fillcolor: fills[n], line: {color: colour('outline'), width: 0.5, simplify: false}, name: names[n], hoveron: 'points',
     text: groups()[n].flatMap((bench) => Array(6).fill(`bench ${bench}`)), hovertemplate: '%{text}<br>%{x:.4f}, %{y:.4f} m<extra></extra>',
   }));
-  const rest = {...sceneData(frame)[3], type: 'scatter', mode: 'lines', line: {color: COLOUR.body, width: 2, simplify: false},
-    hoverinfo: 'skip'};
-  const track = {x: run.track ? run.track[0] : [], y: run.track ? run.track[1] : [], type: 'scatter', mode: 'lines', name: 'track',
+  const own = run.track && run.drawn;         // the canvas has the track of many benches
+  const track = {x: own ? run.track[0] : [], y: own ? run.track[1] : [], type: 'scatter', mode: 'lines', name: 'track',
     line: {color: colour('track'), width: 0.8}, hoverinfo: 'skip'};
   const point = {x: contact ? [contact.point_m[0]] : [], y: contact ? [contact.point_m[1]] : [],
     type: 'scatter', mode: 'markers', name: 'first contact',
     marker: {symbol: 'circle-open', size: 15, color: colour('ink'), line: {width: 1.6}}, hovertemplate: 'first contact<br>%{x:.6f}, %{y:.6f} m<extra></extra>'};
   const shown = element('scene').layout;
   const range = wholeRange();
-  await Plotly.newPlot('scene', [track, ...benches, rest, point], layout({dragmode: 'pan',
+  await Plotly.newPlot('scene', [track, ...benches, point], layout({dragmode: 'pan',
     xaxis: axis('x (m)', {range: shown ? shown.xaxis.range : range['xaxis.range']}),
     yaxis: axis('y (m)', {range: shown ? shown.yaxis.range : range['yaxis.range'], scaleanchor: 'x'})}), settings());
+  player.outline = null;
   await scaleOutlines();
   element('scene').on('plotly_relayout', () => scaleOutlines().catch(complain));
+  element('scene').on('plotly_relayouting', () => { drawMany(player.frame); sayScale(); });
   legend();
 }
 
@@ -224,9 +299,23 @@ async function draw(frame, t) {
   const exact = contact && t === contact.t_s, scene = sceneData(frame), speeds = run.speeds ? speedData(frame) : null;
   element('time').textContent = `${t.toFixed(exact ? 6 : 2)} s`;
   element('scrub').value = player.tick;
-  await Plotly.animate('scene', {data: scene, traces: [1, 2, 3, 4]}, AT_ONCE);
+  if (player.following) await lookAt(headOf(frame));
+  if (run.drawn) await Plotly.animate('scene', {data: scene, traces: [1, 2, 3]}, AT_ONCE);
+  else { drawMany(frame); countFrames(); }
   await Plotly.animate('clearance', {data: [{x: [t, t], y: [player.low, player.high]}], traces: [2]}, AT_ONCE);
   if (speeds) await drawSpeedsNow(speeds);
+}
+
+/** Count frames, and say once a second how many there are. */
+function countFrames() {
+  const now = performance.now();
+  if (!player.since || now - player.since > 3000) [player.since, player.count] = [now, 0];
+  player.count += 1;
+  if (now - player.since > 1000) {
+    player.rate = 1000 * (player.count - 1) / (now - player.since);
+    [player.since, player.count] = [now, 1];
+    sayScale();
+  }
 }
 
 async function drawSpeedsNow(speeds) {
@@ -279,6 +368,7 @@ function pause() {
 
 async function zoomToContact() {
   pause();
+  await follow(false);
   const [x, y] = contact.point_m, reach = 0.65 * run.length_m;
   player.tick = tickAt(contact.t_s);
   player.t = run.times_s[player.tick];
@@ -310,11 +400,15 @@ function connect() {
   element('forward').addEventListener('click', () => by(1));
   element('scrub').addEventListener('input', (event) => { pause(); goTo(Number(event.target.value)); });
   element('pace').addEventListener('change', (event) => { player.pace = Number(event.target.value); });
-  element('whole').addEventListener('click', () => Plotly.relayout('scene', wholeRange()));
+  element('whole').addEventListener('click', async () => { await follow(false); await Plotly.relayout('scene', wholeRange()); });
+  element('follow').addEventListener('click', () => follow(!player.following).catch(complain));
+  pinch(element('scene'));
+  new ResizeObserver(() => { if (player.frame) { drawMany(player.frame); sayScale(); } }).observe(element('scene'));
   element('contact').addEventListener('click', () => zoomToContact().catch(complain));
   document.addEventListener('keydown', (event) => {
     const to = (tick) => { pause(); goTo(tick); };
-    const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run.times_s.length - 1)}[event.key];
+    const action = {' ': toggle, ArrowLeft: () => by(-1), ArrowRight: () => by(1), Home: () => to(0), End: () => to(run.times_s.length - 1),
+      f: () => follow(!player.following), '+': () => zoom(1 / CLOSER), '=': () => zoom(1 / CLOSER), '-': () => zoom(CLOSER)}[event.key];
     const own = {INPUT: event.key !== ' ', SELECT: true, BUTTON: event.key === ' '}[event.target.tagName];    // keys of the element itself
     if (action && !own && !event.ctrlKey && !event.altKey && !event.metaKey) { event.preventDefault(); action(); }
   });
@@ -361,6 +455,8 @@ async function load() {
   player.tick = tickAt(player.t);
   await chunk(Math.floor(player.tick / run.frames_each)).ready;
   player.frame = frameOf(player.tick);
+  player.halves = run.placed ? sizesOf(run.sizes) : null;
+  canvas.hidden = !run.placed;
   element('scrub').value = player.tick;
   await drawScene(player.frame);
   await drawSpeeds(player.frame);
@@ -385,6 +481,9 @@ async function start() {
   await goToHash();
   for (const changed of [DARK, NARROW]) changed.addEventListener('change', () => redraw().catch(complain));
   window.addEventListener('hashchange', () => { pause(); goToHash().catch(complain); });
+  let kept = 'no';
+  try { kept = localStorage.getItem('follow'); } catch { /* a page without storage */ }
+  if (kept === 'yes') await follow(true);
   document.body.dataset.ready = 'yes';
 }
 

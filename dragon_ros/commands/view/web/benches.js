@@ -1,0 +1,114 @@
+// Draws a dragon of many benches on a canvas over the axes: what is in view, at the density of the screen.
+// Benches of some pixels are rectangles. Narrower ones are a line through all handles, as wide as a bench: where
+// layers are closer than pixels, their shades mix as the areas do. No line leads from one layer to another.
+'use strict';
+
+const LEAST_PX = 2.5;       // width of a bench that is drawn as a rectangle
+const STEP_PX = 0.5;        // a line leaves out handles that are closer than this to the last one drawn
+const EACH = 400;           // benches filled, or steps of a line stroked, at once
+
+const canvas = document.createElement('canvas');
+canvas.id = 'benches';
+const cost = {calls: 0, drawn: 0};
+
+/** Half lengths and half widths of all benches, from runs of equal ones. */
+function sizesOf(runs) {
+  const total = runs.reduce((sum, [count]) => sum + count, 0), halves = new Float32Array(2 * total);
+  let at = 0;
+  for (const [count, length, width] of runs) for (let n = 0; n < count; n++) { halves[at++] = length; halves[at++] = width; }
+  return halves;
+}
+
+/** The corners of a bench on its handles p[2n], p[2n + 1] and p[2n + 2], p[2n + 3], in m. */
+function cornersOf(p, halves, bench) {
+  const [x, y, u, v] = p.subarray(2 * bench, 2 * bench + 4), long = Math.hypot(u - x, v - y) || 1;
+  const [a, b] = [(x - u) / long, (y - v) / long], [l, w] = [halves[2 * bench], halves[2 * bench + 1]];
+  const [cx, cy] = [0.5 * (x + u), 0.5 * (y + v)];
+  return [cx + a * l - b * w, cy + b * l + a * w, cx - a * l - b * w, cy - b * l + a * w,
+    cx - a * l + b * w, cy - b * l - a * w, cx + a * l + b * w, cy + b * l - a * w];
+}
+
+/** How metres become pixels of the canvas, which is laid over the axes and takes their size. */
+function scaleOf(plot) {
+  const {xaxis, yaxis} = plot._fullLayout, ratio = window.devicePixelRatio || 1;
+  if (canvas.parentNode !== plot.parentNode) plot.parentNode.append(canvas);
+  const [width, height] = [Math.round(xaxis._length * ratio), Math.round(yaxis._length * ratio)];
+  if (canvas.width !== width || canvas.height !== height) { canvas.width = width; canvas.height = height; }
+  Object.assign(canvas.style, {left: `${plot.offsetLeft + xaxis._offset}px`, top: `${plot.offsetTop + yaxis._offset}px`,
+    width: `${xaxis._length}px`, height: `${yaxis._length}px`});
+  const [[left, right], [bottom, top]] = [xaxis.range, yaxis.range];
+  return {left, top, right, bottom, x: width / (right - left), y: height / (top - bottom), ratio};
+}
+
+/** A line through points, as wide as given in pixels; those out of view, or on the last pixel drawn, are left out. */
+function strokeLine(context, scale, count, xOf, yOf, shade, width) {
+  const margin = width + 2, [wide, high] = [canvas.width, canvas.height];
+  const toX = (n) => (xOf(n) - scale.left) * scale.x, toY = (n) => (scale.top - yOf(n)) * scale.y;
+  Object.assign(context, {strokeStyle: shade, lineWidth: width, lineCap: 'butt', lineJoin: 'bevel'});
+  context.beginPath();
+  let lastX = toX(0), lastY = toY(0), open = 0, pen = false;      // whether the path ends at the last point
+  for (let n = 1; n < count; n++) {
+    const x = toX(n), y = toY(n);
+    if (n < count - 1 && Math.abs(x - lastX) < STEP_PX && Math.abs(y - lastY) < STEP_PX) continue;
+    const seen = Math.min(x, lastX) < wide + margin && Math.max(x, lastX) > -margin &&
+      Math.min(y, lastY) < high + margin && Math.max(y, lastY) > -margin;
+    if (seen && !pen) context.moveTo(lastX, lastY);
+    if (seen) { context.lineTo(x, y); open += 1; }
+    if (open === EACH) {        // many short paths are filled sooner than a long one
+      context.stroke();
+      context.beginPath();
+      context.moveTo(x, y);
+      cost.calls += 1;
+      open = 0;
+    }
+    [lastX, lastY, pen] = [x, y, seen];
+  }
+  context.stroke();
+  cost.calls += 1;
+}
+
+/** Fill benches in view as rectangles. */
+function fillBenches(context, scale, p, halves, benches, shade, line) {
+  const {left, right, bottom, top} = scale;
+  Object.assign(context, {fillStyle: shade, strokeStyle: colour('outline'), lineWidth: line});
+  let open = 0;
+  const flush = () => {
+    if (!open) return;
+    context.fill();
+    context.stroke();
+    cost.calls += 2;
+    open = 0;
+  };
+  for (const bench of benches) {
+    const x = p[2 * bench], y = p[2 * bench + 1], reach = 2 * halves[2 * bench];
+    if (x < left - reach || x > right + reach || y < bottom - reach || y > top + reach) continue;
+    if (!open) context.beginPath();
+    const at = cornersOf(p, halves, bench);
+    for (let corner = 0; corner < 8; corner += 2) {
+      context[corner ? 'lineTo' : 'moveTo']((at[corner] - left) * scale.x, (top - at[corner + 1]) * scale.y);
+    }
+    context.closePath();
+    cost.drawn += 1;
+    if (++open === EACH) flush();
+  }
+  flush();
+}
+
+/** Draw track and dragon; `touching` are benches of the first contact, the head keeps its colour. */
+function drawBenches(plot, track, p, halves, touching) {
+  const scale = scaleOf(plot), context = canvas.getContext('2d'), many = halves.length / 2;
+  const width = 2 * halves[1] * scale.x, line = Math.min(2.5 * scale.ratio, OUTLINE * width);
+  [cost.calls, cost.drawn] = [0, 0];
+  context.clearRect(0, 0, canvas.width, canvas.height);
+  if (track) strokeLine(context, scale, track[0].length, (n) => track[0][n], (n) => track[1][n], colour('track'), 0.8 * scale.ratio);
+  if (width < LEAST_PX * scale.ratio) {
+    strokeLine(context, scale, many + 1, (n) => p[2 * n], (n) => p[2 * n + 1], COLOUR.body, width);
+    strokeLine(context, scale, 2, (n) => p[2 * n], (n) => p[2 * n + 1], COLOUR.head, Math.max(width, 2 * scale.ratio));
+    cost.drawn = many;
+    return;
+  }
+  const others = function* () { for (let bench = 1; bench < many; bench++) if (!touching.includes(bench)) yield bench; };
+  fillBenches(context, scale, p, halves, others(), COLOUR.body, line);
+  fillBenches(context, scale, p, halves, [0], COLOUR.head, line);
+  fillBenches(context, scale, p, halves, touching, COLOUR.touching, line);
+}
