@@ -131,6 +131,6 @@ def _in_metres(figure: Any) -> dict[str, str]:
     return {'Description': f'{METRES}matrix({", ".join(map(repr, matrix))})'}
 
 
-def save(figure: Any, stem: Path) -> list[Path]:
+def save(figure: Any, stem: Path, caption: str = '') -> list[Path]:
     """Write a matplotlib figure as PNG and SVG and return both paths."""
-    return [write(figure, stem.with_suffix(suffix)) for suffix in ('.png', '.svg')]
+    return [write(figure, stem.with_suffix(suffix), caption=caption) for suffix in ('.png', '.svg')]

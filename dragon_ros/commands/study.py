@@ -60,7 +60,7 @@ def _run(arguments: Namespace) -> int:
     if arguments.plot:
         from dragon_ros.commands.plot.study import pictures
         for name, figure in pictures(data):
-            for path in figures.save(figure, folder / name):
+            for path in figures.save(figure, folder / name, f'study {figures.short(folder.name)}'):
                 print(path)
     return code
 
