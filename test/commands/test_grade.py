@@ -19,7 +19,7 @@ from dragon_ros.commands.contest.mistakes import (
     points,
     solved,
 )
-from dragon_ros.commands.grade.diagnosis import answer_findings, nice, rounded_to, share
+from dragon_ros.commands.grade.diagnosis import _along_track, answer_findings, nice, rounded_to, share
 from dragon_ros.commands.grade.layout import GivenResult
 from dragon_ros.commands.grade.tables import COLUMNS, csv_text, json_text, keys_of, looks_like, text_of
 from dragon_ros.commands.grade.team import Team, TeamGrade, answer_grade, grade_team, grades_of
@@ -283,6 +283,23 @@ def test_steps_on_the_turn_are_as_their_recipe_says():
     assert 0 <= chords.min() < 1e-3 < 0.009 < chords.max() < step
 
 
+def test_steps_of_angles_restart_where_a_piece_of_the_turn_ends():
+    angle, step = mistakes.TurnAngle(STurn()), 0.2
+    times = np.linspace(-5.0, 30.0, 36)
+    p = mistakes.grid_on_turn(times, links_of(handles=12), STurn(), step, 0.0, True)
+    at = angle.of(_along_track(p, times, STurn())[0])
+    crossed, ended = 0, 0
+    for front, rear in zip(at[:, :-1].ravel(), at[:, 1:].ravel(), strict=True):
+        joints = [joint for joint in angle.joints if rear < joint - 1e-6 and joint + 1e-6 < front]
+        crossed += len(joints)
+        count = ((joints[0] if joints else front) - rear) / step
+        if np.min(np.abs(angle.joints - rear)) < 1e-6:      # a step that would lead beyond the end of a piece
+            ended += 1
+        else:
+            assert count == pytest.approx(round(count), abs=1e-4)
+    assert (crossed > 20, ended > 0) == (True, True)
+
+
 def test_a_stretch_of_the_turn_is_neither_euler_steps_nor_links_along_it():
     positions, _ = grades_of('result4', given(right('result4', TURNING).handles_m * (1.05, 1.0), times=TURNING))
     assert positions.findings[-1].key == 'unknown'
@@ -303,7 +320,9 @@ def test_a_wrong_parameter_explains_less():
 
 
 @pytest.mark.parametrize(('question', 'value', 'verdict', 'keys'), [
-    ('t_s', 412.473838, 'right', ''), ('t_s', 412.47, 'right', ''), ('t_s', 412.474054, 'close', 'bracket_slip_short'),
+    ('t_s', 412.473838, 'right', ''), ('t_s', 412.47, 'right', ''), ('t_s', 412.48, 'close', 'looked(step=0.01)'),
+    ('t_s', 412.5, 'close', 'looked(step=0.1)'), ('t_s', 412.0, 'wrong', 'looked_before(step=1)'),
+    ('t_s', 412.474054, 'close', 'bracket_slip_short'),
     ('t_s', 413.0, 'wrong', 'looked(step=1)'), ('t_s', 412.3, 'wrong', 'paper_contact'),
     ('t_s', 409.700394, 'wrong', 'near_counts(near=0.001)'), ('t_s', 400.0, 'wrong', 'unknown'),
     ('pitch_m', 0.450337, 'right', ''), ('pitch_m', 0.45034, 'right', ''), ('pitch_m', 0.417138, 'wrong', 'on_circle'),
