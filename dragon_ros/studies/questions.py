@@ -193,12 +193,13 @@ def _pitch_of(key: _Key) -> MinPitch:
 
 @dataclass(frozen=True)
 class FitQuestion:
-    """The smallest squares that contain the run, and whether it fits into a square of side ``square_m``."""
+    """The smallest squares that contain the run, whether it fits into a given one; in a venue the smallest gap too."""
 
     square_m: float | None = None
     columns: ClassVar[dict[str, type]] = {
         'fit_centred_low_m': float, 'fit_centred_high_m': float, 'fit_free_low_m': float, 'fit_free_high_m': float,
-        'fits_centred': bool, 'fits_free': bool, 'fit_proved': bool}
+        'fits_centred': bool, 'fits_free': bool, 'fit_gap_low_m': float, 'fit_gap_high_m': float, 'fit_gap_t_s': float,
+        'fit_gap_bench': int, 'fit_obstacle': str, 'fits_venue': bool, 'fit_proved': bool}
 
     def __post_init__(self) -> None:
         """Reject an invalid square."""
@@ -212,7 +213,16 @@ class FitQuestion:
         for name, (low_m, high_m) in (('centred', found.centred_m), ('free', found.free_m)):
             out |= {f'fit_{name}_low_m': low_m, f'fit_{name}_high_m': high_m,
                     f'fits_{name}': None if self.square_m is None else fits((low_m, high_m), self.square_m)}
-        return out
+        return out if asked.scene.venue is None else out | self._in_venue(asked)
+
+    @staticmethod
+    def _in_venue(asked: Asked) -> Values:
+        from dragon_ros.core.search.venue_fit import venue_fit
+        found = venue_fit(asked.scene, progress=asked.tell)
+        least = found.gaps[0]
+        return {'fit_gap_low_m': min(one.low_m for one in found.gaps), 'fit_gap_high_m': least.high_m,
+                'fit_gap_t_s': least.t_s, 'fit_gap_bench': least.bench, 'fit_obstacle': least.name,
+                'fits_venue': found.fits}
 
 
 @dataclass(frozen=True)

@@ -9,7 +9,8 @@ from dragon_ros.core.search.first_contact import first_contact
 from dragon_ros.core.search.max_speed import max_speed
 from dragon_ros.core.search.min_pitch import coming_in, min_pitch
 from dragon_ros.core.search.near_misses import near_misses
-from dragon_ros.core.tracks.spec import Spiral
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
+from dragon_ros.core.venue import LineObstacle, Venue
 from dragon_ros.scenes.load import changed_scene, scene_of
 from dragon_ros.scenes.yaml import Document
 from dragon_ros.studies import questions
@@ -148,3 +149,33 @@ def test_the_clearance_is_that_of_all_benches_however_far_apart():
     row = QUESTIONS['clearance'](at_s=0.0).answer(Asked(scene, lambda states: None))
     assert row['clearance_m'] == pytest.approx(4.45 - 2 * 0.275, abs=0.05)      # on a track that is nearly straight
     assert (row['clearance_inner'], row['clearance_outer']) == (0, 2)
+
+
+def test_tolerances_of_a_venue_have_the_gap_the_obstacle_and_the_first_touch():
+    """A wider dragon has half of that less room beside the wall, and touches one that pokes into its way."""
+    rows = []
+    for width_m in (0.3, 0.4, 0.6):
+        wall = LineObstacle('wall', ((21.0, 0.25), (40.0, 0.25)))
+        scene = Scene(Dragon(4, width_m=width_m), Composite((Line(60.0),), 20.0), run=Run(stop_s=20.0),
+                      venue=Venue((wall, LineObstacle('other', ((21.0, -1.0), (40.0, -1.0)))), margin_m=0.06))
+        asked = Asked(scene, lambda states: None)
+        rows.append({key: value for name in ('contact', 'near_misses', 'clearance', 'fit')
+                     for key, value in QUESTIONS[name]().answer(asked).items()})
+    assert [row['fit_gap_high_m'] for row in rows] == pytest.approx([0.1, 0.05, -0.05], abs=1e-12)
+    assert all(row['fit_gap_low_m'] <= row['fit_gap_high_m'] and row['fit_proved'] for row in rows)
+    assert [row['fits_venue'] for row in rows] == [True, False, False]
+    assert {row['fit_obstacle'] for row in rows} == {row['clearance_obstacle'] for row in rows} == {'wall'}
+    assert [row['clearance_m'] for row in rows] == pytest.approx([0.1, 0.05, -0.05], abs=1e-12)
+    assert [row['contact'] for row in rows] == [False, False, True]
+    assert (rows[2]['contact_inner'], rows[2]['contact_obstacle']) == (0, 'wall')
+    assert rows[2]['contact_t_s'] == pytest.approx(21.0 - 20.275, abs=1e-9)
+    assert rows[2].get('contact_outer') is None
+
+
+def test_a_near_miss_of_an_obstacle_names_it():
+    post = LineObstacle('post', ((30.0, 0.2), (30.0, -1.0)))
+    bend = Composite((Line(25.0), Arc(20.0, 20.0), Line(20.0)), 20.0)
+    row = QUESTIONS['near_misses'](below_m=0.5).answer(Asked(
+        Scene(Dragon(3), bend, run=Run(stop_s=15.0), venue=Venue((post,))), lambda states: None))
+    assert row['near_misses'] >= 1
+    assert row['near_miss_obstacle'] == 'post'
