@@ -198,7 +198,7 @@ class DragonNode(Node):
         try:
             for one in given:
                 if not one.name:        # rclpy mistakes it for a known parameter
-                    raise InputError('a parameter without a name is not set')
+                    raise InputError('a parameter needs a name')
                 if one.name in self._table:
                     check(self._table[one.name], one.value)
                     self.refuse(one.name, one.value)

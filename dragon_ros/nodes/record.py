@@ -129,7 +129,7 @@ class Recorder(DragonNode):
         before, self._skipped_before = self._skipped_before, self._skips.skipped
         if self._skips.skipped == before:
             return []
-        said = (f'{self._skips.skipped} ticks are left out so far, evenly: more arrives than the disk takes, and the '
+        said = (f'{self._skips.skipped} ticks are left out so far, evenly: the disk is too slow, and the '
                 f'queue (--queue-mb) is {self.writer.fill:.0%} full')
         self.get_logger().warning(said)
         return [DiagnosticStatus(level=DiagnosticStatus.WARN, name=f'{name}: queue', hardware_id='dragon', message=said,
@@ -139,8 +139,8 @@ class Recorder(DragonNode):
         """Warn once about each topic with messages that are too large for any reader."""
         for topic in set(self.bag.left_out) - self._named:
             self._named.add(topic)
-            self.get_logger().warning(f'{topic}: messages of more than {MESSAGE_BYTES} bytes are left out, since no '
-                                      'reader takes them')
+            self.get_logger().warning(f'{topic}: messages of more than {MESSAGE_BYTES} bytes are left out, because '
+                                      'no reader accepts them')
 
     def _left_out(self) -> dict[str, str]:
         """Return how many messages were too large or had an unknown tick, which makes the account incomplete."""
@@ -161,8 +161,8 @@ class Recorder(DragonNode):
         for topic, count in self.bag.left_out.items():
             log.warning(f'{topic}: {count} messages of more than {MESSAGE_BYTES} bytes are left out')
         for topic, count in self._unpaired.items():
-            log.warning(f'{topic}: {count} messages are left out: they have no stamp, and no stamped message of their '
-                        'publisher says of which tick they are')
+            log.warning(f'{topic}: {count} messages without a stamp are left out: their tick is unknown, because no '
+                        'stamped message of their publisher was received just before them')
         if self.losses.received > self.bag.kept:
             log.warning(f'{self.losses.received - self.bag.kept} received messages are not in the bag')
 

@@ -36,7 +36,7 @@ def test_ticks_that_were_lost_on_the_way_are_named():
     assert not account.complete(ended=True)
     assert account.missing(ended=True) == {HANDLES: [(7, 7), (12, 14)]}
     assert account.lines(ended=True) == ['/d/handles: 4 ticks are missing: 7, 12-14',
-                                        '/d/handles: 4 messages were lost on the way, of 31 published']
+                                        '/d/handles: 4 messages were lost in transit, of 31 published']
     assert account.report(ended=True)['/d/handles missing ticks'] == '7, 12-14'
 
 
@@ -52,7 +52,7 @@ def test_a_recorder_that_joins_late_says_so_and_misses_nothing_after(numbers):
     assert account.missing(ended=True) == {}
     assert not account.complete(ended=True)
     assert account.lines(ended=True) == [
-        '/d/handles: the beginning is missing: 10 ticks came before the first that was heard']
+        '/d/handles: the beginning is missing: 10 ticks were published before the first one received']
     report = account.report(ended=True)
     assert report['/d/handles before'] == str(numbers[0] - 1)
     assert report['/d/handles missing at the beginning'] == '10'
@@ -73,7 +73,7 @@ def test_without_a_scene_the_numbers_tell_what_came_before():
     account = account_of(range(3, 9), range(4, 10), scene=None)
     account.note('/d/clearance', RUN.time_ns(3), 700)       # a monitor goes on from run to run
     assert account.lines(ended=True) == [
-        '/d/handles: the beginning is missing: 3 messages came before the first that was heard']
+        '/d/handles: the beginning is missing: 3 messages were published before the first one received']
     assert not account.complete(ended=True)
     whole = account_of(range(3, 9), scene=None)             # such as a replay that starts later
     assert whole.complete(ended=True)
@@ -82,10 +82,10 @@ def test_without_a_scene_the_numbers_tell_what_came_before():
 def test_a_topic_of_each_tick_that_never_came_is_named():
     account = LossAccount()
     account.scene(Scene(run=RUN, effects=Effect.VELOCITY), '/d')
-    assert account.lines(ended=True) == [f'/d/{name}: nothing was heard of it' for name in ('handles', 'velocities')]
+    assert account.lines(ended=True) == [f'/d/{name}: no message was received' for name in ('handles', 'velocities')]
     assert (account.complete(ended=True), account.report(ended=True)['/d/handles received']) == (False, '0')
     account.note(HANDLES, RUN.time_ns(0), 1)
-    assert account.lines(ended=True) == ['/d/velocities: nothing was heard of it']
+    assert account.lines(ended=True) == ['/d/velocities: no message was received']
     assert not account.complete(ended=True)
 
 
@@ -93,7 +93,7 @@ def test_a_publisher_of_which_nothing_is_heard_is_named_without_a_scene():
     account = LossAccount()
     assert account.complete(ended=True)
     account.offer(HANDLES)
-    assert account.lines(ended=False) == ['/d/handles: nothing was heard of it']
+    assert account.lines(ended=False) == ['/d/handles: no message was received']
     account.note(HANDLES, RUN.time_ns(0), 1)
     assert account.complete(ended=True)
 

@@ -236,7 +236,7 @@ def test_inspect_names_the_ticks_that_are_missing_and_doubled(capsys, tmp_path, 
     code, out, _ = run(capsys, 'inspect', path, '--check')
     assert code == 1
     assert 'ticks 3 to 4: handles is missing' in out
-    assert 'tick 12: benches is there 2 times' in out
+    assert 'tick 12: benches occurs 2 times' in out
 
 
 def test_inspect_counts_messages_that_their_type_cannot_hold_and_says_how_many_it_compared(capsys, tmp_path, bag):

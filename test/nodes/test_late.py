@@ -9,7 +9,7 @@ from test_record import received, streamed
 
 from dragon_ros.__main__ import main
 from dragon_ros.messages.decode import read_pose_array
-from dragon_ros.nodes.launch_plan import Plan
+from dragon_ros.nodes.launch_plan import LaunchPlan
 
 NAMESPACE = '/far/one'
 SIM = {'scene': 'first_contact', 'set': 'dragon.benches=20;run.stop_s=410'}
@@ -27,7 +27,7 @@ def launched_as(launched, tmp_path):
             assert main(['simulate', '--scene', SIM['scene'], *sets, '--output', given['replay']]) == 0
         what = planned(namespace=NAMESPACE, record='early.mcap', monitor='false', time_scale=str(rate),
                        discovery_s='1', **given)
-        assert isinstance(what, Plan)
+        assert isinstance(what, LaunchPlan)
         return launched(what), f'{NAMESPACE}/{"replay" if form == "replay" else "sim"}'
     return run
 
@@ -81,7 +81,7 @@ def test_who_comes_late_says_what_it_missed_and_who_was_there_misses_nothing(lau
         node.until(lambda: b'scene.yaml' in bag.read_bytes())
         assert late.stop() == 3, late.text
         assert source.stop() == 0, source.text
-    says = 'the beginning is missing: ' if rate else 'nothing was heard of it'
+    says = 'the beginning is missing: ' if rate else 'no message was received'
     assert all(f'{NAMESPACE}/{one}: {says}' in late.text for one in EACH_TICK), late.text
     assert received(bag)['dragon_ros.received']['complete'] == 'false'
     assert monitor.stop() == 0, monitor.text

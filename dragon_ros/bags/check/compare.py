@@ -188,7 +188,7 @@ def _compare_led(result: Comparison, scene: Scene, encode: Mapping[str, Encode],
         if t_ns != scene.run.time_ns(k) or speed_m_s is None:
             after = len(waiting) + sum(1 for _ in chain([t_ns], left))
             if recorded.get('leader') or after > most:
-                result.note('leader', k, 'is not there once: what was walked from there on is unknown')
+                result.note('leader', k, 'does not occur exactly once: the walk from there on is unknown')
                 most = 0
             break
         law = law_on(scene, law, t_ns, speed_m_s)
@@ -211,9 +211,9 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
         name = topic.name.removeprefix(f'{namespace}/')
         left, row = topic.messages - result.seen[name], channels().get(name)
         if name in each:
-            why = 'of last ticks that are not whole, as a recorder that was killed leaves them'
+            why = 'last ticks are incomplete, as after the recorder was killed'
         elif name in ENCODE and result.other_version is not None:
-            why = 'drawn in another way by another version'
+            why = 'another version draws it differently'
         elif name == 'scene' or name in ENCODE:
             _compare_once(result, bag, scene, topic.name, frame_id)
             continue
@@ -222,9 +222,9 @@ def _account(result: Comparison, bag: BagReader, scene: Scene, namespace: str, f
                 result.fault(f'{name}: {left} messages, which the scene does not declare', left)
             continue
         elif name == topic.name:
-            why = 'of no dragon, or of another one' if row is None else 'published by all nodes, at times of their own'
+            why = 'belongs to another dragon or to none' if row is None else 'published by all nodes at any time'
         else:
-            why = 'unknown to this version' if row is None else f'published by {row.publisher}, at a pace of its own'
+            why = 'unknown to this version' if row is None else f'published by {row.publisher} at its own rate'
         if left:
             result.unchecked[name] = left, why
 
@@ -318,7 +318,7 @@ def _compare(result: Comparison, name: str, k: int, frame: Frame, wanted: bytes,
     elif not found:
         result.missing(name, k, k)
     elif len(found) > 1:
-        result.note(name, k, f'is there {len(found)} times', len(found))
+        result.note(name, k, f'occurs {len(found)} times', len(found))
     elif (off_m := _off_m(name, wanted, found[0], frame, scene, result)) <= _allowed_m(frame, scene):
         result.close += 1
         result.worst_m = max(result.worst_m, off_m)

@@ -94,7 +94,7 @@ def _examine(contents: Contents, file: McapFile, progress: Callable[[int], objec
         contents.problems.note(fault)
     contents.problems.count += scanned.fault_count - len(scanned.faults)
     for place in scanned.stray:
-        contents.problems.note(file.fault(place.offset, 'the data end there, and other records follow'))
+        contents.problems.note(file.fault(place.offset, 'the data section ends there, but other records follow'))
     contents.writers.append(_writer(file))
     checks: Checks = {}
     for batch in scanned.batches:

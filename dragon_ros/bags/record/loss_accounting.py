@@ -191,17 +191,17 @@ class LossAccount:
     def lines(self, ended: bool) -> list[str]:
         """Return a line for each topic with missing messages."""
         what = 'messages' if self._run is None else 'ticks'
-        out = [f'{topic}: the beginning is missing: {count} {what} came before the first that was heard'
+        out = [f'{topic}: the beginning is missing: {count} {what} were published before the first one received'
                for topic, count in self.beginnings().items()]
-        out += [f'{topic}: nothing was heard of it' for topic in self.unheard()]
+        out += [f'{topic}: no message was received' for topic in self.unheard()]
         out += [f'{topic}: {interval_set.count(gaps)} ticks are missing: {interval_set.text(gaps)}'
                 for topic, gaps in self.missing(ended).items()]
-        out += [f'{topic}: {row.lost_on_the_way} messages were lost on the way, of '
+        out += [f'{topic}: {row.lost_on_the_way} messages were lost in transit, of '
                 f'{row.received + row.lost_on_the_way} published' for topic, row in self.topics.items()
                 if row.lost_on_the_way]
-        out += [f'{topic}: {row.left_out} messages were left out, since the disk did not take them in time'
+        out += [f'{topic}: {row.left_out} messages were left out, because the disk was too slow'
                 for topic, row in self.topics.items() if row.left_out]
-        out += [f'{topic}: several published on it at a time, so nobody can say what is missing'
+        out += [f'{topic}: several publishers at once, so missing messages cannot be counted'
                 for topic, row in self.topics.items() if row.shared]
         return out
 
