@@ -62,10 +62,12 @@ class _Progress:
         self._begun_s = time.monotonic()
         self._next_s = self._begun_s + _FIRST_S
         self._end = '\r' if sys.stderr.isatty() else '\n'
+        self._is_told = False
 
     def __call__(self, done_m: float, whole_m: float, advice: str) -> None:
         now_s = time.monotonic()
-        if now_s >= self._next_s:
+        if now_s >= self._next_s or (advice and not self._is_told):
+            self._is_told = self._is_told or bool(advice)
             self._next_s = now_s + _EVERY_S
             left = f', some {(now_s - self._begun_s) * (whole_m / done_m - 1):.2g} s left' if done_m > 0 else ''
             left += f', {advice}' if advice else ''

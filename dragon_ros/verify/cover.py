@@ -22,6 +22,10 @@ from dragon_ros.verify.track import Track
 
 _FINEST = 2.0**-70      # of a metre, or of the distance along the track: an interval is not halved below it
 _EARLY = 30_000         # steps, before which no proof is called hopeless
+_NOTHING = 1e-9         # of the track tells nothing of the rest: the first interval may be a float long
+_MANY = 200             # intervals: of fewer no estimate is made, a proof takes a second or two
+_SAMPLES, _LEAST = 12, 4        # of them, for an estimate; it takes no more than ...
+_PILOT = 0.1            # ... of the budget
 _SPARE = 2              # times the effort that a proof would take at its pace is named: paces change
 _HOPELESS = 3           # times the budget is what a proof would take that is given up early; honest ones: 1.8 at most
 Progress = Callable[[float, float, str], object]    # metres that are cleared, of how many; what is said of the budget
@@ -31,7 +35,8 @@ Progress = Callable[[float, float, str], object]    # metres that are cleared, o
 class Budget:
     """How many steps, links placed and pairs of benches tested, there are, as many times the usual as ``effort`` says.
 
-    ``spent`` steps are gone, ``intervals`` were proved; ``share`` of the track has been cleared ``since`` some step.
+    ``spent`` steps are gone, ``intervals`` were proved; ``share`` of the track has been cleared ``since`` some step. So
+    many steps are ``expected`` in all, from a few intervals.
     """
 
     steps: int
@@ -40,6 +45,7 @@ class Budget:
     intervals: int = 0
     since: int = 0
     share: float = 0.0
+    expected: float = 0.0
     _begun_s: float = field(default_factory=time.monotonic)
 
     def spend(self, steps: int) -> None:
@@ -57,12 +63,16 @@ class Budget:
     @property
     def advice(self) -> str:
         """What to say of the budget while the proof goes on: nothing where it is enough at the pace so far."""
-        return f'more than the budget: --effort {self._enough:.12g} is enough' if self._whole > self.steps else ''
+        if not self._whole > self.steps:
+            return ''
+        begins = f'it takes some {self._takes_s:.2g} s, ' if not self.share else ''
+        return f'{begins}more than the budget: --effort {self._enough:.12g} is enough'
 
     @property
     def _whole(self) -> float:
-        """How many steps the proof takes at the pace so far; 0 where nothing is known of it."""
-        return self.since + (self.spent - self.since) / self.share if self.share else 0.0
+        """How many steps the proof takes at the pace so far, or as expected; 0 where nothing is known of it."""
+        pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
+        return self.since + pace if pace else 0.0
 
     @property
     def _enough(self) -> float:
@@ -72,10 +82,14 @@ class Budget:
     @property
     def _cure(self) -> str:
         """Which effort is enough at the pace so far, and how long the proof takes then."""
-        if not self.share:
+        if not self._whole:
             return f'give --effort more than {self.effort:.3g}'
-        takes_s = (time.monotonic() - self._begun_s) * self._whole / self.spent
-        return f'give --effort {self._enough:.12g} (at this pace the proof takes some {takes_s:.2g} s)'
+        return f'give --effort {self._enough:.12g} (at this pace the proof takes some {self._takes_s:.2g} s)'
+
+    @property
+    def _takes_s(self) -> float:
+        """How long the proof takes at the pace so far."""
+        return (time.monotonic() - self._begun_s) * self._whole / max(self.spent, 1)
 
 
 @dataclass(frozen=True)
@@ -177,13 +191,34 @@ class Cover:
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
         cuts = {way.lead: sorted(joints.union(hints.get(way.lead, ()))) for way in every}
+        self._expect(parts, cuts)
         self.budget.since, self.budget.share, done_m = self.budget.spent, 0.0, 0.0
+        self._tell(0.0, whole_m, self.budget.advice)
         for way, (low, high) in parts:
             for cleared_m in self._clear(way, low, high, cuts[way.lead]):
                 self.budget.intervals += 1
                 done_m += cleared_m
                 self.budget.share = done_m / whole_m if whole_m else 1.0
                 self._tell(done_m, whole_m, self.budget.advice)
+
+    def _expect(self, parts: Sequence[tuple[Way, Range]], cuts: dict[int, list[float]]) -> None:
+        """Estimate from some of the intervals that hints lead to, spread evenly, how many steps all of them take."""
+        hinted = [_cuts_between(low, high, cuts[way.lead]) for way, (low, high) in parts]
+        whole = sum(len(ends) - 1 for ends in hinted)
+        most = int(self.budget.steps * _PILOT / (3 * len(self._dragon.benches)))
+        count = min(_SAMPLES, most)
+        if whole < _MANY or count < _LEAST:
+            return
+        spent, steps, asked, before = self.budget.spent, 0.0, [whole * (k + 0.5) / count for k in range(count)], 0
+        for (way, _), ends in zip(parts, hinted, strict=True):
+            while asked and asked[0] < before + len(ends) - 1:
+                low, high = ends[int(asked.pop(0)) - before:][:2]
+                begin, end, here = self._posture(way, low), self._posture(way, high), self.budget.spent
+                halves = 2 if self._stuck(way, low, high, begin, end) else 1
+                steps += halves * (self.budget.spent - here - begin.placed)
+            before += len(ends) - 1
+        self.budget.expected = steps * whole / count
+        self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
         """Clear the places between two, as many at once as can be proved; yield how many metres."""
@@ -241,6 +276,12 @@ class Stuck:
     def __str__(self) -> str:
         """Return why."""
         return self.why
+
+
+def _cuts_between(low: arb, high: arb, cuts: list[float]) -> list[arb]:
+    """Return both ends of a piece of track and the hints in between, in order."""
+    inside = cuts[bisect_right(cuts, above(low)):bisect_left(cuts, below(high))]
+    return [low, *map(arb, inside), high]
 
 
 def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:

@@ -5,7 +5,8 @@ another, leave the straight lines between their places at both ends by B h^2 / 8
 benches at both ends by more than that does in between. By the one-way bound gaps shrink by no more than benches go: it
 holds where no B exists, close to a lock.
 """
-from math import inf
+from functools import cached_property
+from math import asin, inf
 
 from flint import acb, arb
 
@@ -50,6 +51,7 @@ class Interval:
         self._turnings: list[Turning] = []
         self._moved: list[float] = []
         self._in_lead: list[float] = []
+        self._turns, self._between_m = list[float](), list[float]()     # up to each bench behind
         self._length = size(first.high - first.low) if first.segment is not None else first.moved_m
         self._outer: float | None = None
         self.tested = 1
@@ -62,6 +64,8 @@ class Interval:
         """
         for n in range(first, last + 1):
             self.tested += 1
+            if self._straight(n):
+                continue
             if self._out_of_reach(n):
                 return None
             if not (self._far(n) or self._by_bending(n) or self._by_going(n)):
@@ -101,6 +105,39 @@ class Interval:
             ways = self._handle(k).moved_m, self._handle(k + 1).moved_m
             self._moved.append(up(max(ways) + self._benches[self._lead + k].turned_m(ways, self._bend)))
         return self._moved[n]
+
+    def _straight(self, n: int) -> bool:
+        """Return whether the track bends so little that the links between two benches lead away from the leading one.
+
+        No link's direction is further from another's than all of them turn by on the tightest bend (docs/contact.md).
+        """
+        turned = self._turned(n)
+        if not turned < 1:
+            return False
+        lead, other = (self._benches[self._lead + k] for k in (0, n))
+        away_m = self._between_m[n] * (1 - 0.5 * turned * turned) * (1 - _ROUNDED * n)
+        return away_m > up(lead.over_m + other.over_m + other.sizes[1] * turned)
+
+    def _turned(self, n: int) -> float:
+        """Return what the track turns by at most along the links up to the n-th bench's; add up lengths as well."""
+        while len(self._turns) <= n:
+            k = len(self._turns)
+            half = up(0.5 * self._tightest * self._benches[self._lead + k].link.near)
+            self._turns.append(up((self._turns[-1] if k else 0.0) + 2 * asin(half)) if half < 1 else inf)
+            self._between_m.append(self._between_m[-1] + self._benches[self._lead + k - 1].link.near if k > 1 else 0.0)
+        return self._turns[n]
+
+    @cached_property
+    def _tightest(self) -> float:
+        """The largest curvature on which the leading bench and those behind it are; infinite where they may turn back.
+
+        On a spiral that the track comes from it falls from the front handle's place on.
+        """
+        handle, bend = self._handle(0), inf if self._bend is None else self._bend
+        segment = self._track.segments[0]
+        if handle.segment != 0 or not isinstance(segment, SpiralSegment) or segment.first is not None:
+            return bend
+        return above(abs(segment.curvature(handle.low)))
 
     def _out_of_reach(self, n: int) -> bool:
         """Return whether the n-th bench and all behind it lie outside of a circle that holds the leading one.

@@ -38,6 +38,11 @@ class Bench:
         return hypot_above(above(self.half_length - HALF * self.link.length), above(self.half_width))
 
     @cached_property
+    def over_m(self) -> float:
+        """How far the bench reaches beyond its handles, along its link."""
+        return max(above(self.half_length - HALF * self.link.length), 0.0)
+
+    @cached_property
     def arm_m(self) -> float:
         """How far a point of the bench is from its middle at most."""
         return hypot_above(above(self.half_length), above(self.half_width))

@@ -136,6 +136,11 @@ def test_benches_that_all_go_round_one_circle_are_cleared_at_once_however_near_t
     assert 'it stops' in proved(bare(circle), effort=1e-3)
 
 
+@pytest.mark.parametrize('pitch_m', [1e4, 1e8])
+def test_a_spiral_far_wider_than_the_dragon_is_long_takes_a_few_steps(pitch_m):
+    assert 'the head reaches the centre' in proved(written(Scene(track=Spiral(pitch_m))), effort=0.02)
+
+
 def test_a_bench_between_two_lines_of_one_heading_is_cleared_in_bounded_time():
     hairpin = Composite((Line(40.0), Arc(1.5, 180.0), Line(40.0)), 70.0)
     scene = Scene(dragon=Dragon(20, width_m=0.3), track=hairpin, run=Run(0, 12))

@@ -1,5 +1,6 @@
 """The checker is a process that knows nothing of the solver."""
 import json
+import random
 import re
 import subprocess
 import sys
@@ -8,10 +9,13 @@ import pytest
 from certificates import written
 
 from dragon_ros.commands import contact
-from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.scene import Run, Scene
-from dragon_ros.core.tracks.spec import Arc, Composite, Line
+from dragon_ros.core.tracks.spec import Arc, Composite, Line, Spiral
 from dragon_ros.verify.cover import Budget
+from dragon_ros.verify.errors import Refused
+from dragon_ros.verify.proof import _Proof
+from dragon_ros.verify.reading import claims_of
 
 SHORT = Scene(dragon=Dragon(12), run=Run(411.5, 413.0))
 LOOP = Scene(dragon=Dragon(12), track=Composite((Line(5.0), Arc(3.0, 720.0))), run=Run(0, 20))
@@ -93,6 +97,37 @@ def test_a_proof_that_takes_more_than_its_budget_says_on_its_way_which_effort_is
     assert budget.advice == ''
     budget.spend(100)       # 1,550 steps, and twice as many to spare
     assert budget.advice == 'more than the budget: --effort 6.2 is enough'
+
+
+def test_before_a_proof_starts_it_says_how_long_it_takes_if_that_is_more_than_its_budget():
+    budget = Budget(1000, 2.0, spent=100, since=100, expected=1400.0)
+    assert re.fullmatch(r'it takes some \S+ s, more than the budget: --effort 6 is enough', budget.advice)
+    assert Budget(1000, 2.0, spent=100, since=100, expected=900.0).advice == ''
+
+
+def test_a_first_interval_that_is_a_float_long_tells_nothing_of_the_rest():
+    budget = Budget(1000, 2.0, spent=100, since=50, share=5e-324)
+    assert budget.advice == ''
+    with pytest.raises(Refused, match=r'give --effort more than 2$'):
+        budget.spend(1000)
+
+
+@pytest.mark.parametrize('effort', [1.0, 0.02])
+def test_of_many_intervals_a_few_tell_how_many_steps_all_take(effort):
+    lengths = random.Random(3)
+    dragon = Mixed(tuple(Group(round(lengths.uniform(1.2, 2.6), 3)) for _ in range(14)), 0.3, 0.2)
+    values = written(Scene(dragon=dragon, track=Spiral(0.6, 9.0), run=Run(0, 200)))
+    budget, told = Budget(int(1e5 * effort), effort), []
+    proof = _Proof(claims_of(json.dumps(values).encode()), budget, lambda *row: told.append(row))
+    if effort == 1.0:
+        proof.sentence()
+        assert 0.5 < budget.expected / (budget.spent - budget.since) < 2.5
+        assert budget.advice == ''
+    else:
+        with pytest.raises(Refused):
+            proof.sentence()
+        assert told[0][0] == 0
+        assert 'more than the budget' in told[0][2]
 
 
 def test_the_effort_that_a_refusal_names_is_enough(files, capfd):

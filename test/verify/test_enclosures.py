@@ -2,17 +2,32 @@
 from fractions import Fraction
 from functools import reduce
 from itertools import pairwise
-from math import cos, hypot, pi, sin
+from math import asin, cos, hypot, pi, sin
 from types import SimpleNamespace
 
 import pytest
 from flint import acb, arb
-from hypothesis import given
+from hypothesis import assume, given
 from hypothesis import strategies as st
-from motions import BENCHES, STEP, SWAY, around, at, centred, compiled, corners, interval, made
+from motions import (
+    BENCHES,
+    BENT,
+    CENTRED,
+    STEP,
+    SWAY,
+    around,
+    at,
+    centred,
+    compiled,
+    corners,
+    dragons,
+    interval,
+    made,
+    reach_m,
+)
 from properties import examples
 
-from dragon_ros.core.chain.dragon import Dragon
+from dragon_ros.core.chain.dragon import Dragon, Group, Mixed
 from dragon_ros.core.tracks.spec import Arc, Composite, Line, SpiralArc, STurn
 from dragon_ros.verify import segments
 from dragon_ros.verify.balls import above, below, direction, exact, hypot_above, precise, size, up
@@ -113,6 +128,69 @@ def test_benches_that_are_out_of_reach_are_so_while_the_leading_bench_goes_in_or
     assert min(nearest) < furthest + (0.1 if kind == 'to the centre' else 0.1 + 1.5 * length)
     if kind == 'turn':
         assert piece._handle(0).segment != 0
+
+
+@pytest.mark.parametrize('kind', [*CENTRED, *BENT])
+@examples(15)
+@given(dragons, st.floats(0, 1), st.floats(0.1, 9))
+def test_benches_are_apart_wherever_the_track_bends_so_little_that_links_lead_away(kind, dragon, begin, length):
+    made_of = made(kind, dragon)
+    track, benches, bend = made_of
+    assume(bend is None or bend * max(benches.longest_links) < 1.98)
+    try:
+        low, high = reach_m(track, benches)
+        assume(low < high)
+        start = low + begin * (high - low)
+        stop = min(start + length, high - 1e-9 * max(high, 1.0))
+        piece, ends = interval(made_of, start, stop)
+        inside = [*ends, *(at(track, benches, start + (stop - start) * share) for share in (0.3, 0.7))]
+        for n in filter(piece._straight, range(2, BENCHES)):
+            assert all(separation(posture.pose(0), posture.pose(n), AXES[1]) > 0 for posture in inside)
+    except Refused:     # locked, or off the track
+        assume(False)
+
+
+@pytest.mark.parametrize('n', [2, 3, 5])
+@pytest.mark.parametrize(('track', 'radius_m'), [
+    (Composite((Arc(40.0, 300.0),), 60.0), 40.0), (Composite((Arc(40.0, -300.0),), 60.0), 40.0),
+    (Composite((SpiralArc(0.3, 40.0, 20.0, 'left'), Arc(0.9, 5.0)), 0.0), None)], ids=['left', 'right', 'spiral'])
+def test_links_lead_away_by_their_lengths_but_for_what_the_tightest_bend_turns_them_by(track, radius_m, n):
+    """On a circle by all of that; on a spiral as tightly as it bends at the innermost place of the leading handle."""
+    def piece(width_m):
+        dragon = Mixed((Group(0.9), *(Group(0.5 + 0.1 * k) for k in range(8))), width_m, 0.2)
+        return interval(compiled(dragon, track), start, start + 1.0)[0]
+    start = 60.0 if radius_m else 0.0
+    if radius_m is None:
+        place = piece(0.1)._ends[1].place(0)
+        radius_m = 1 / abs(float(piece(0.1)._track.segments[0].curvature(place.u)))
+    links = [0.5, *(0.1 + 0.1 * k for k in range(8))]
+    turned = sum(2 * asin(link / (2 * radius_m)) for link in links[:n + 1])
+    half_m = (sum(links[1:n]) * (1 - 0.5 * turned**2) - 0.4) / turned
+    if half_m <= 0:
+        assert not piece(1e-3)._straight(n)
+        return
+    assert piece(2 * half_m * (1 - 1e-6))._straight(n)
+    assert not piece(2 * half_m * (1 + 1e-6))._straight(n)
+
+
+@pytest.mark.parametrize(('track', 'start', 'inner_m'), [
+    (Composite((SpiralArc(1.3, 4.0, 1.4, 'right'), Arc(1.7, 120.0)), 0.0), 58.5, 1.7),
+    (Composite((SpiralArc(1.2, 1.5, 3.0, 'left'),), 14.0), 14.0, 1.8)],
+    ids=['beyond a spiral', 'on one that winds out'])
+def test_the_tightest_bend_is_that_of_the_whole_track_where_benches_behind_bend_more(track, start, inner_m):
+    piece, _ = interval(compiled(Dragon(4, 0.9, 0.9, 0.1, 0.1), track), start, start + 0.1)
+    assert piece._tightest == piece._track.bend > 0.95 / inner_m
+    assert piece._handle(0).segment == len(piece._track.segments) - 1
+
+
+@pytest.mark.parametrize('places', [(4.0, 4.1), (4.1, 4.0)])
+def test_an_edge_parts_benches_if_it_does_at_both_ends(places):
+    lead = posed((0.0, 0.0), 0.0, 1.0, 1.0)
+    ends = [(lead, posed((place, 0.0), 0.0, 1.0, 1.0)) for place in places]      # 2 m apart, and 2.1 m
+    front = AXES.index(next(axis for axis in AXES if (axis.other, axis.across, axis.side) == (False, False, 1)))
+    assert Interval._parted(ends, front, 0.0, 1.9)
+    assert not Interval._parted(ends, front, 0.0, 2.05)
+    assert not Interval._parted(ends, front, 0.0, 2.2)
 
 
 @pytest.mark.parametrize(('moved', 'is_far'), [((2.0, 2.9), True), ((2.1, 2.95), False), ((2.9, 2.0), True),

@@ -212,6 +212,15 @@ def test_hints_that_are_changed_within_the_run_change_nothing_that_is_proved(hon
     assert proved(values) == proved(honest[kind])
 
 
+def test_a_contact_of_the_last_two_benches_that_can_touch_is_not_passed_over():
+    bend = Composite((Line(5.0), Arc(0.8, 300.0)), 4.0)
+    scene = Scene(dragon=Dragon(3, 1.2, 1.2, 1.3, 0.1), track=bend, run=Run(0, 4))
+    values = written(scene)
+    assert values['contact']['benches'] == [0, 2]
+    hidden = {**values, 'contact': {'t_s': None}, 'intervals': []}
+    assert 'benches 0 and 2 overlap' in refusal(hidden)
+
+
 @pytest.mark.parametrize('kind', KINDS)
 def test_certificates_without_a_version_are_read_as_those_of_0_2_0(honest, kind):
     assert honest[kind]['version'] == 2
