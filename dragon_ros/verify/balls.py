@@ -1,7 +1,7 @@
-"""Balls: real numbers as a middle and a radius that is rounded outwards, by Arb (python-flint).
+"""Balls: real numbers as a midpoint and a radius that is rounded outwards, by Arb (python-flint).
 
-A comparison of balls holds only where it does for all that is in them; what is not a number compares as nothing. So
-every claim is asked for as the comparison that proves it, never as the absence of its contrary.
+A comparison of balls is true only if it holds for all numbers in them; comparisons with NaN are false. So each claim is
+tested by the comparison that proves it, never by the absence of the opposite.
 """
 from fractions import Fraction
 from math import hypot, inf, isfinite, nextafter
@@ -10,52 +10,52 @@ from flint import acb, arb, ctx, fmpq
 
 from dragon_ros.verify.errors import Refused
 
-BITS = 128          # of a middle; tracks that are many links long or far out ask for more (``precise``)
+BITS = 128          # of a midpoint; tracks that are many links long or far out need more (``precise``)
 UNIT = arb(0, 1)    # [-1, 1]
 
 
 def precise(ratio: float) -> None:
-    """Keep as many bits beyond what coordinates lose as there are for coordinates of the size of a link."""
+    """Set a precision at which large coordinates keep as many bits as coordinates of the size of a link."""
     ctx.prec = BITS + 2 * max(0, int(ratio).bit_length()) if isfinite(ratio) else 4 * BITS
 
 
 def half_turn() -> arb:
-    """Return pi, to as many bits as are kept now."""
+    """Return pi to the current precision."""
     return arb.pi()
 
 
 def exact(value: float | Fraction) -> arb:
-    """Return a float as it is, a rational number within the last bit."""
+    """Return a float exactly, and a rational number to the last bit."""
     if isinstance(value, Fraction):
         return arb(fmpq(value.numerator, value.denominator))
     return arb(value)
 
 
 def above(value: arb) -> float:
-    """Return a float that nothing in a ball exceeds; infinite where that is not known."""
+    """Return a float that no number in a ball exceeds; infinite if unknown."""
     out = float(value.upper())
     return nextafter(out, inf) if out == out else inf
 
 
 def below(value: arb) -> float:
-    """Return a float that exceeds nothing in a ball; minus infinity where that is not known."""
+    """Return a float that exceeds no number in a ball; minus infinity if unknown."""
     out = float(value.lower())
     return nextafter(out, -inf) if out == out else -inf
 
 
 def size(value: arb) -> float:
-    """Return a float that no absolute value in a ball exceeds; infinite where that is not known."""
+    """Return a float that no absolute value in a ball exceeds; infinite if unknown."""
     out = float(value.abs_upper())
     return nextafter(out, inf) if out == out else inf
 
 
 def hypot_above(x: float, y: float) -> float:
-    """Return a float that is no smaller than the root of the sum of two squares."""
+    """Return an upper bound of the root of a sum of two squares."""
     return up(hypot(x, y))
 
 
 def up(value: float) -> float:
-    """Return what a few float operations on positive numbers came to, raised beyond their rounding."""
+    """Raise the result of a few float operations on positive numbers beyond their rounding errors."""
     return nextafter(value * (1 + 1e-13), inf)
 
 
@@ -66,6 +66,6 @@ def direction(angle: arb) -> acb:
 
 
 def certainly(holds: bool, why: str) -> None:
-    """Refuse what is not proved."""
+    """Raise Refused, with the reason, unless a claim is proved."""
     if not holds:
         raise Refused(why)

@@ -12,7 +12,7 @@ _FIRST_S, _EVERY_S = 1.0, 1.0       # of progress
 
 
 def main(argv: list[str] | None = None) -> int:
-    """Check a certificate: print what it proves and return 0, or say in a line why it is refused and return 2."""
+    """Check a certificate: print what it proves and return 0, or print in one line why it is refused and return 2."""
     parser = argparse.ArgumentParser(prog='python -m dragon_ros.verify', description=__doc__)
     parser.add_argument('certificate', type=Path, help='a file that `contact --certificate` wrote; - is standard input')
     parser.add_argument('--effort', type=_effort, default=1.0, metavar='TIMES',
@@ -30,7 +30,7 @@ def main(argv: list[str] | None = None) -> int:
 
 
 def _effort(text: str) -> float:
-    """Return an effort. Raises ArgumentTypeError where it is not positive and finite."""
+    """Return an effort. Raises ArgumentTypeError unless it is positive and finite."""
     try:
         value = float(text)
     except ValueError:
@@ -56,7 +56,7 @@ def _proved(path: Path, effort: float) -> str:
 
 
 class _Progress:
-    """Tells on stderr how much of the track is cleared, how long the rest takes, and if the budget is small."""
+    """Prints to stderr how much of the track is cleared, how long the rest takes, and if the budget is too small."""
 
     def __init__(self) -> None:
         self._begun_s = time.monotonic()

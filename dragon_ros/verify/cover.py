@@ -1,8 +1,8 @@
-"""Clears all places that all benches go through: intervals, halved until each is proved, within a budget.
+"""Clears all places of all benches: intervals are halved until each is proved, within a budget.
 
-What follows a bench depends only on where its front handle is, and on the benches behind it. So the benches from
-which the dragon goes on alike form a set: the first of them clears the track for all of its set, at each place as many
-benches behind as any of the set that comes there has behind it. A certificate's intervals are hints where to cut.
+The benches behind a bench are placed by its front handle and their lengths alone. So benches with equal remaining
+lengths form a class. The first of a class clears the track for all of it, at each place with as many benches behind it
+as any bench of the class has there. A certificate's intervals are hints where to cut.
 """
 import time
 from bisect import bisect_left, bisect_right
@@ -20,15 +20,15 @@ from dragon_ros.verify.ranges import Range
 from dragon_ros.verify.segments import HALF
 from dragon_ros.verify.track import Track
 
-_FINEST = 2.0**-70      # of a metre, or of the distance along the track: an interval is not halved below it
-_EARLY = 30_000         # steps, before which no proof is called hopeless
+_FINEST = 2.0**-70      # of a metre, or of the distance along the track: the shortest interval
+_EARLY = 30_000         # steps; no proof is given up earlier
 _NOTHING = 1e-9         # of the track tells nothing of the rest: the first interval may be a float long
 _MANY = 200             # intervals: of fewer no estimate is made, a proof takes a second or two
 _SAMPLES, _LEAST = 12, 4        # of them, for an estimate; it takes no more than ...
 _PILOT = 0.1            # ... of the budget
-_SPARE = 2              # times the effort that a proof would take at its pace is named: paces change
-_HOPELESS = 3           # times the budget is what a proof would take that is given up early; honest ones: 1.8 at most
-Progress = Callable[[float, float, str], object]    # metres that are cleared, of how many; what is said of the budget
+_SPARE = 2              # times the effort that a proof would take at its pace is suggested: paces change
+_HOPELESS = 3           # a proof that would take this many budgets is given up early; honest ones take at most 1.8
+Progress = Callable[[float, float, str], object]    # metres cleared, metres in all, advice on the budget
 
 
 @dataclass
@@ -49,20 +49,20 @@ class Budget:
     _begun_s: float = field(default_factory=time.monotonic)
 
     def spend(self, steps: int) -> None:
-        """Take steps from the budget. Raises Refused where none are left."""
+        """Take steps from the budget. Raises Refused if none are left."""
         self.spent += steps
         if self.spent > self.steps:
             raise Refused(f'it was not proved within the budget of {self.steps} steps; {self._cure}')
 
     def check(self) -> None:
-        """Refuse a proof early that would take many times the budget at its pace."""
+        """Raise Refused for a proof that would take many times the budget at its pace."""
         if self.spent - self.since > _EARLY and self.spent - self.since > _HOPELESS * self.steps * self.share:
             raise Refused(f'only {100 * self.share:.2g} % were proved in {self.spent} of {self.steps} steps; '
                           f'{self._cure}')
 
     @property
     def advice(self) -> str:
-        """What to say of the budget while the proof goes on: nothing where it is enough at the pace so far."""
+        """Advice on the budget while the proof goes on; empty if the budget is enough at the pace so far."""
         if not self._whole > self.steps:
             return ''
         begins = f'it takes some {self._takes_s:.2g} s, ' if not self.share else ''
@@ -70,18 +70,18 @@ class Budget:
 
     @property
     def _whole(self) -> float:
-        """How many steps the proof takes at the pace so far, or as expected; 0 where nothing is known of it."""
+        """Steps that the proof takes at the pace so far, or as expected; 0 if unknown."""
         pace = (self.spent - self.since) / self.share if self.share > _NOTHING else self.expected
         return self.since + pace if pace else 0.0
 
     @property
     def _enough(self) -> float:
-        """Which effort is enough, with some to spare."""
+        """An effort that is enough, with a margin."""
         return ceil(10 * _SPARE * self.effort * self._whole / self.steps) / 10
 
     @property
     def _cure(self) -> str:
-        """Which effort is enough at the pace so far, and how long the proof takes then."""
+        """The suggestion of an effort that is enough at the pace so far, and how long the proof then takes."""
         if not self._whole:
             return f'give --effort more than {self.effort:.3g}'
         return f'give --effort {self._enough:.12g} (at this pace the proof takes some {self._takes_s:.2g} s)'
@@ -94,18 +94,18 @@ class Budget:
 
 @dataclass(frozen=True)
 class Way:
-    """What a set of benches goes through: its first bench, and for each bench of it where its front handle is.
+    """The places of a class of benches: its first bench, and for each bench the range of its front handle.
 
-    A bench is behind those before it, at all times: so both its first and its last place are, and all are in order.
+    A bench is behind those before it at all times, so the first and the last places of all are in order.
     """
 
     lead: int
     members: tuple[tuple[int, Range], ...]
 
     def most(self, low: arb, high: arb) -> int | None:
-        """Return the first bench that goes between two places: it has most behind it. None if none does.
+        """Return the first bench that moves between two places, which has most behind it; None if none does.
 
-        One that only comes to a place between two intervals belongs to the interval on the other side of it.
+        A bench that only reaches the place between two intervals belongs to the other interval.
         """
         n = self._first(lambda place: not (place[0] >= high if low < high else place[0] > high))
         if n == len(self.members):
@@ -114,7 +114,7 @@ class Way:
         return None if (last <= low if low < high else last < low) else bench
 
     def _first(self, holds: Callable[[Range], bool]) -> int:
-        """Return the number of the first member for whose places something holds, as for all after it."""
+        """Return the number of the first member for which a condition holds that holds for all after it."""
         first, after = 0, len(self.members)
         while first < after:
             n = (first + after) // 2
@@ -122,7 +122,7 @@ class Way:
         return first
 
     def ends(self, low: arb, high: arb) -> list[arb]:
-        """Return where benches of the set begin or end their ways between two places."""
+        """Return where ranges of benches of the class begin or end between two places."""
         return sorted([*self._ends(0, low, high), *self._ends(1, low, high)], key=float)
 
     def _ends(self, end: int, low: arb, high: arb) -> Iterator[arb]:
@@ -131,7 +131,7 @@ class Way:
 
     @property
     def parts(self) -> list[Range]:
-        """The places in pieces that do not touch each other."""
+        """The places as disjoint ranges."""
         out: list[Range] = []
         for _, (low, high) in reversed(self.members):
             if out and not low > out[-1][1]:
@@ -142,7 +142,7 @@ class Way:
 
 
 def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
-    """Return the sets of benches from which the dragon goes on alike, with what they go through."""
+    """Return the classes of benches with equal remaining lengths, with their places."""
     sets: dict[int, list[int]] = {}
     for bench, lead in enumerate(_leads(dragon.lengths_m)[:-2]):
         sets.setdefault(lead, []).append(bench)
@@ -150,7 +150,7 @@ def ways(dragon: Dragon, places: Sequence[Range]) -> list[Way]:
 
 
 def repeated(lengths: Sequence[float]) -> list[int]:
-    """Return for each place, read from the tail, how many lengths from there on are those from the tail on.
+    """Return for each place, read from the tail, how many lengths from there on equal those from the tail on.
 
     That is the Z-algorithm. The lengths from bench i on are those from bench k <= i on, up to the tail's, if m = N - i
     of them stand at place N - k - m.
@@ -168,7 +168,7 @@ def repeated(lengths: Sequence[float]) -> list[int]:
 
 
 def _leads(lengths: Sequence[float]) -> list[int]:
-    """Return for each bench the first one from which the dragon goes on as it does from this one, up to its end."""
+    """Return for each bench the first one with the same remaining lengths, as far as this one's go."""
     count, same = len(lengths), repeated(lengths)
     last = [0] * (count + 1)        # place at which at least so many stand
     for place, length in enumerate(same):
@@ -179,14 +179,14 @@ def _leads(lengths: Sequence[float]) -> list[int]:
 
 
 class Cover:
-    """Clears the ways of all sets of benches on a track."""
+    """Clears the places of all classes of benches on a track."""
 
     def __init__(self, track: Track, dragon: Dragon, bend: float | None, budget: Budget, progress: Progress) -> None:
-        """Take the track's largest curvature, or None where handles may turn back; ``progress`` is told metres."""
+        """Take the track's largest curvature, or None if handles may turn back; ``progress`` is called with metres."""
         self._track, self._dragon, self._bend, self.budget, self._tell = track, dragon, bend, budget, progress
 
     def clear(self, every: Sequence[Way], hints: dict[int, list[float]]) -> None:
-        """Clear all ways. Raises Refused for the first place that cannot be proved clear."""
+        """Clear all places. Raises Refused for the first one that cannot be proved clear."""
         parts = [(way, part) for way in every for part in way.parts]
         whole_m = sum(above(high - low) for _, (low, high) in parts)
         joints = {cut for joint in self._track.joints for cut in (below(joint), above(joint))}
@@ -221,7 +221,7 @@ class Cover:
         self.budget.steps += self.budget.spent - spent
 
     def _clear(self, way: Way, low: arb, high: arb, cuts: list[float]) -> Iterator[float]:
-        """Clear the places between two, as many at once as can be proved; yield how many metres."""
+        """Clear the places between two, as many at once as can be proved; yield the metres."""
         begin, stack = self._posture(way, low), [(low, high, self._posture(way, high))]
         while stack:
             low, high, end = stack.pop()
@@ -240,7 +240,7 @@ class Cover:
         return Posture(self._track, self._dragon, way.lead, self._track.place_at(place))
 
     def _stuck(self, way: Way, low: arb, high: arb, begin: Posture, end: Posture) -> 'Stuck | None':
-        """Return what of a set of benches is not proved clear between two places of its leading one."""
+        """Return what is not proved clear of a class of benches between two places of its leading one."""
         bench = way.most(low, high)
         if bench is None:
             return None
@@ -259,7 +259,7 @@ class Cover:
         return None if behind is None else Stuck(f'benches {bench} and {bench + behind} could not be proved apart')
 
     def _check_overlap(self, way: Way, found: Overlap, place: arb) -> None:
-        """Refuse an overlap of benches that are there at all when the leading bench is at a place."""
+        """Raise Refused for an overlap of benches that exist when the leading bench is at a place."""
         bench = way.most(place, place)
         if bench is not None and bench + found.benches[1] - found.benches[0] < len(self._dragon.benches):
             raise Refused(f'benches {bench} and {bench + found.benches[1] - found.benches[0]} overlap where the front '
@@ -268,7 +268,7 @@ class Cover:
 
 @dataclass(frozen=True)
 class Stuck:
-    """Why an interval is not proved clear; ``absent`` where that may be of benches that are not there."""
+    """Why an interval is not proved clear; ``absent`` if that may concern benches that are not there."""
 
     why: str
     absent: bool = False
@@ -285,7 +285,7 @@ def _cuts_between(low: arb, high: arb, cuts: list[float]) -> list[arb]:
 
 
 def _middle(low: arb, high: arb, cuts: list[float], ends: list[arb]) -> arb:
-    """Return where to cut: where ways end, if that is asked for, else at a hint, else half way."""
+    """Return where to cut: where ranges end, if any are given, else at a hint, else half way."""
     if ends:
         return ends[len(ends) // 2]
     first, last = bisect_right(cuts, above(low)), bisect_left(cuts, below(high))

@@ -1,9 +1,9 @@
 """The proof for a family of dragons on one spiral: none within tolerances touches itself up to a time.
 
-In units of b = pitch / 2 pi the spiral is r = theta. A box holds five intervals of floats: the polar angle of the front
-handle of a bench, how far ahead of it by angle the front handle of another bench is, 1 / b, and the links of both in
-metres. It is halved until one edge of one bench keeps the other off everywhere in it, or until nothing in it occurs:
-the head would have gone too far, or no number of links between the two leads there. docs/contact.md says why.
+In units of b = pitch / 2 pi the spiral is r = theta. A box has five intervals of floats: the polar angle of the front
+handle of a bench, by which angle the front handle of another bench is ahead of it, 1 / b, and the links of both in
+metres. It is halved until one edge separates the benches everywhere in it, or until nothing in it occurs: the head
+would have gone too far, or no number of links leads from one bench to the other. docs/contact.md has the proof.
 """
 from dataclasses import dataclass
 from fractions import Fraction
@@ -20,12 +20,12 @@ from dragon_ros.verify.law import Law
 from dragon_ros.verify.reading import FamilyClaims, Spiral
 from dragon_ros.verify.segments import about_span
 
-_BOXES = 60_000         # of an honest family some ten thousand are needed
-_LINKS = 100            # that are placed for a box are counted as one more
-_FIRST_RAD = 2.0        # the first boxes' way of the inner bench about the centre
-_LEAST = 1e-9           # of a variable: boxes are not cut any narrower
+_BOXES = 60_000         # an honest family needs some ten thousand
+_LINKS = 100            # that are placed count as one box
+_FIRST_RAD = 2.0        # angle of the first boxes about the centre
+_LEAST = 1e-9           # of a variable: the narrowest box
 _BENT = Fraction(109, 100)      # no spiral's curvature exceeds 1.09 / r
-_NEAR = 1e-11           # of a span: how near to it a bound is looked for first
+_NEAR = 1e-11           # relative to a span: how close a bound is tried first
 _PASSES = 6             # in which the head is bounded from the handle behind it
 _HALF = Fraction(1, 2)
 
@@ -36,7 +36,7 @@ THETA, AHEAD, SCALE, LINK, OTHER = range(5)
 
 @dataclass(frozen=True)
 class Family:
-    """What dragons have in common, in metres: from least to largest, exactly; the claim is up to ``until_s``."""
+    """The common data of the dragons, in metres, from least to largest, exactly; the claim is up to ``until_s``."""
 
     benches: int
     start_turns: Fraction
@@ -51,12 +51,12 @@ class Family:
 
 
 def prove_family(claims: FamilyClaims, effort: float, progress: Progress) -> int:
-    """Return in how many boxes it is proved that no dragon touches itself. Raises Refused where it is not."""
+    """Return the number of boxes of the proof that no dragon touches itself. Raises Refused if there is no proof."""
     return _Proof(_family_of(claims), int(effort * _BOXES), progress).run()
 
 
 def _family_of(claims: FamilyClaims) -> Family:
-    """Return the family of a certificate. Raises Refused for scenes of which none is proved."""
+    """Return the family of a certificate. Raises Refused for scenes that are not supported."""
     scene, within = claims.scene, {key: Fraction(value) for key, value in claims.within.items()}
     track, lengths = scene.track, scene.lengths_m
     if not isinstance(track, Spiral) or scene.tail_leads:
@@ -97,7 +97,7 @@ def _excess(theta: arb, delta: arb, chord: arb) -> arb:
 
 @lru_cache(maxsize=65536)
 def _span(theta: float, chord: float, sense: int) -> float:
-    """Return a float that is proved to be below (``sense`` -1) or above (1) what a chord spans from an angle.
+    """Return a float that is provably below (``sense`` -1) or above (1) the span of a chord from an angle.
 
     Up to pi the chord grows with the span, so the sign of F - c^2 / 2 says on which side of the root a span is.
     """
@@ -112,7 +112,7 @@ def _span(theta: float, chord: float, sense: int) -> float:
 
 
 def _spans(theta: Interval, scale: Interval, link: Interval) -> arb:
-    """Return all that links span in front of which a handle is between two angles (lemma 1)."""
+    """Return a ball of the spans of links with front handles between two angles (lemma 1)."""
     short, long = below(arb(scale[0]) * arb(link[0])), above(arb(scale[1]) * arb(link[1]))
     return arb(_span(theta[1], short, -1)).union(arb(_span(theta[0], long, 1)))
 
@@ -122,7 +122,7 @@ def _added(one: Interval, other: Interval) -> Interval:
 
 
 class _Proof:
-    """Clears the boxes of a family one by one, the last one first."""
+    """Clears the boxes of a family one by one, the last first."""
 
     def __init__(self, family: Family, most: int, progress: Progress) -> None:
         self._family, self._most, self._tell, self._links = family, most, progress, 0
@@ -146,11 +146,11 @@ class _Proof:
         return theta * (1 + theta * theta).sqrt() + theta.asinh()
 
     def _gone_by(self, theta: float, scale: float) -> arb:
-        """Return what the head has gone where it is at an angle, in metres."""
+        """Return the distance in metres that the head has gone at an angle."""
         return (self._arc_start - self._arc(arb(theta))) / (2 * arb(scale))
 
     def run(self) -> int:
-        """Return the number of boxes that it takes."""
+        """Return the number of boxes of the proof."""
         first = self._first()
         lengths_m = [(arb(box[THETA][1])**2 - arb(box[THETA][0])**2) / (2 * arb(self._scale[1])) for _, box in first]
         whole_m, done_m, done = float(sum(lengths_m, arb(0))), 0.0, 0
@@ -161,7 +161,7 @@ class _Proof:
         return done
 
     def _first(self) -> list[tuple[int, Box]]:
-        """Return boxes of all places of the head (0), and of all front handles behind it (1)."""
+        """Return boxes for all places of the head (0), and for all front handles behind it (1)."""
         inner, outer = self._innermost(), above(self._start)
         rear = nextafter(inner + _span(inner, below(arb(self._scale[0]) * arb(self._head[0])), -1), -inf)
         first = [(0, box) for box in self._row(inner, outer, self._head)]
@@ -170,9 +170,9 @@ class _Proof:
         return first
 
     def _last(self, theta: float) -> float:
-        """Return how far out the front handle is of the last bench with two behind it, the head's being at an angle.
+        """Return the angle of the front handle of the last bench with two behind it, for an angle of the head.
 
-        Lemma 6: no dragon's is further out than that of the longest links.
+        By lemma 6 it is largest for the longest links.
         """
         for link in [self._head[1], *[self._body[1]] * (self._family.benches - 4)]:
             theta = nextafter(theta + _span(theta, above(arb(self._scale[1]) * arb(link)), 1), inf)
@@ -193,9 +193,9 @@ class _Proof:
         return done
 
     def _innermost(self) -> float:
-        """Return an angle that no head of the family has passed by the time that is claimed.
+        """Return an angle that no head of the family has passed by the claimed time.
 
-        There the curvature times each link is below 2: so no link locks, and handles follow each other.
+        There the curvature times each link is below 2, so no link locks and handles follow each other.
         """
         gone, scale = self._gone_m[1], self._scale[1]
         low, high = 0.0, above(self._start)
@@ -218,7 +218,7 @@ class _Proof:
                 for low, high in pairwise(ends)]
 
     def _occurring(self, lead: int, box: Box) -> Box | None:
-        """Return what is left of a box without what does not occur, or None."""
+        """Return the part of a box that can occur, or None."""
         theta, ahead, scale, link, other = box
         head = theta[1]
         if lead:
@@ -237,7 +237,7 @@ class _Proof:
         return (theta, (low, high), scale, link, other) if low <= high else None
 
     def _strips(self, lead: int, box: Box) -> Interval:
-        """Return between what angles another bench may be ahead in a box, behind any number of links."""
+        """Return the range of angles by which another bench may be ahead in a box, for any number of links between."""
         theta, ahead, scale, link, _ = box
         near = nextafter(theta[1] + _span(theta[1], below(arb(scale[0]) * arb(link[0])), -1), -inf)
         far = nextafter(theta[0] + _span(theta[0], above(arb(scale[1]) * arb(link[1])), 1), inf)
@@ -258,7 +258,7 @@ class _Proof:
 
     @staticmethod
     def _halves(box: Box, cut: int) -> list[Box]:
-        """Return the halves of a box, cut across a variable. Raises Refused where it is too narrow."""
+        """Return the halves of a box, cut across a variable. Raises Refused if it is too narrow."""
         low, high = box[cut]
         middle = 0.5 * (low + high)
         if not high - low > _LEAST * max(1.0, abs(high)):
@@ -268,7 +268,7 @@ class _Proof:
         return [tuple(first), tuple(second)]  # type: ignore[list-item]
 
     def _unclear(self, box: Box) -> int | None:
-        """Return None where the two benches are apart all over a box, else the variable to cut across."""
+        """Return None if the two benches are apart everywhere in a box, else the variable to cut across."""
         middle = [arb(0.5 * (low + high)) for low, high in box]
         reach = [max(above(high - mid), above(mid - low)) for (low, high), mid in zip(box, middle, strict=True)]
         here = _Pair(middle, [(float(mid), float(mid)) for mid in middle])

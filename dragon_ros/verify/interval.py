@@ -1,9 +1,9 @@
-"""One interval of places of a leading bench, and the proof that it keeps clear of benches behind it on all of it.
+"""One interval of places of a leading bench, and the proof that it stays clear of the benches behind it throughout.
 
-Two bounds stand beside each other (docs/contact.md). By the second-order bound the corners of one bench, seen from
-another, leave the straight lines between their places at both ends by B h^2 / 8 at most: so an edge line that parts the
-benches at both ends by more than that does in between. By the one-way bound gaps shrink by no more than benches go: it
-holds where no B exists, close to a lock.
+There are three bounds (docs/contact.md). If the track is nearly straight, benches are apart wherever they are. By the
+second-order bound, the corners of one bench, seen from another, leave the straight lines between their places at both
+ends by at most B h^2 / 8; so an edge line that separates the benches at both ends by more than that does so in between.
+By the first-order bound, gaps shrink by at most how far benches move; it holds close to a lock too, where no B exists.
 """
 from functools import cached_property
 from math import asin, inf
@@ -26,12 +26,12 @@ from dragon_ros.verify.posture import AXES, Dragon, Pose, about, overlap, separa
 from dragon_ros.verify.segments import HALF, SpiralSegment
 from dragon_ros.verify.track import Track
 
-_ROUNDED = 1e-12        # of coordinates: more than a dozen operations on floats lose of a distance between two benches
-_OFTEN = 0.5            # of the best separation: one in the leading bench's frame is tried first, which costs less
+_ROUNDED = 1e-12        # relative to coordinates: more than a dozen float operations lose of a distance between benches
+_OFTEN = 0.5            # of the best separation: one in the leading bench's frame is tried first, as it costs less
 
 
 class Overlap(Refused):
-    """Two benches are proved to overlap at an end of an interval."""
+    """Two benches provably overlap at an end of an interval."""
 
     def __init__(self, benches: tuple[int, int], end: int) -> None:
         """Take the benches and the number of the end."""
@@ -40,10 +40,10 @@ class Overlap(Refused):
 
 
 class Interval:
-    """The benches behind a leading one while its front handle goes between two places."""
+    """The benches behind a leading one while its front handle moves between two places."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, ends: Postures, bend: float | None) -> None:
-        """Take the dragon at both ends; ``bend`` is the largest curvature, or None where handles may turn back."""
+        """Take the dragon at both ends; ``bend`` is the largest curvature, or None if handles may turn back."""
         self._track, self._dragon, self._lead, self._ends, self._bend = track, dragon, lead, ends, bend
         self._benches = dragon.benches
         first = leading_handle(track, ends)
@@ -57,10 +57,10 @@ class Interval:
         self.tested = 1
 
     def clear(self, first: int, last: int) -> int | None:
-        """Return the number behind of the nearest bench from which the leading one is not proved clear; None if of all.
+        """Return how far behind the nearest bench is that is not proved clear of the leading one; None if all are.
 
-        Those from ``first`` to ``last`` behind count, or up to the first beyond which all are out of reach. Raises
-        Overlap where benches overlap at an end, or Refused where a handle has no place.
+        Benches from ``first`` to ``last`` behind count, up to the first from which all are out of reach. Raises Overlap
+        if benches overlap at an end, and Refused if a handle has no place.
         """
         for n in range(first, last + 1):
             self.tested += 1
@@ -99,7 +99,7 @@ class Interval:
         return self._turnings[n]
 
     def _moved_m(self, n: int) -> float:
-        """Return how far a point of the n-th bench goes at most."""
+        """Return how far a point of the n-th bench moves at most."""
         while len(self._moved) <= n:
             k = len(self._moved)
             ways = self._handle(k).moved_m, self._handle(k + 1).moved_m
@@ -140,10 +140,10 @@ class Interval:
         return above(abs(segment.curvature(handle.low)))
 
     def _out_of_reach(self, n: int) -> bool:
-        """Return whether the n-th bench and all behind it lie outside of a circle that holds the leading one.
+        """Return whether the n-th bench and all behind it lie outside a circle that contains the leading one.
 
-        They do where their handles go further and further out on the spiral that the track comes from: no point of a
-        link is nearer to the centre than the root of r^2 - l^2 / 4, r the distance of its front handle.
+        This needs handles that lie further and further out on the track's first spiral: no point of a link is closer to
+        the centre than the root of r^2 - l^2 / 4, where r is the distance of its front handle.
         """
         handle, spiral = self._handle(n), self._track.segments[0]
         if handle.segment != 0 or not isinstance(spiral, SpiralSegment) or spiral.first is not None:
@@ -153,7 +153,7 @@ class Interval:
         return bool(inner > self._outer_m(spiral) + _ROUNDED * (abs(r) + link))
 
     def _outer_m(self, spiral: SpiralSegment) -> float:
-        """Return how far from a spiral's centre the leading bench is at most."""
+        """Return the largest distance of the leading bench from a spiral's centre."""
         if self._outer is None:
             handles = self._handle(0), self._handle(1)
             self._outer = self._benches[self._lead].overhang_m + max(
@@ -162,14 +162,14 @@ class Interval:
         return self._outer
 
     def _far(self, n: int) -> bool:
-        """Return whether two benches are so far apart at one end that they cannot meet, by floats."""
+        """Return whether two benches are too far apart at one end to meet, in floats."""
         one, two = self._ends[0].pose(0), self._ends[0].pose(n)
         away = abs(one.near - two.near)
         reach = one.shape.arm_m + two.shape.arm_m + self._moved_m(0) + self._moved_m(n)
         return away > reach + _unsure_m(one, two, reach)
 
     def _by_bending(self, n: int) -> bool:
-        """Return whether an edge line parts two benches at both ends by more than corners leave straight lines."""
+        """Return whether an edge line separates two benches at both ends by more than corners leave straight lines."""
         ends = [(end.pose(0), end.pose(n)) for end in self._ends]
         rough = [min(both) for both in zip(*(about(*pair) for pair in ends), strict=True)]
         half = len(AXES) // 2
@@ -183,7 +183,7 @@ class Interval:
 
     @staticmethod
     def _parted(ends: list[tuple[Pose, Pose]], k: int, rough: float, sag: float) -> bool:
-        """Return whether separations at both ends exceed a bound: in floats where it is clear, else in balls."""
+        """Return whether separations at both ends exceed a bound: in floats if that is clear, else in balls."""
         if rough > sag + max(_unsure_m(*pair, sag) for pair in ends):
             return True
         return all(below(separation(*pair, AXES[k])) > sag for pair in ends)
@@ -198,10 +198,10 @@ class Interval:
         return sag if sag == sag else inf
 
     def _middles(self, n: int, other: bool) -> float:
-        """Return a bound of how the middles of two benches accelerate against each other, in the frame of one.
+        """Return a bound of the relative acceleration of the middles of two benches, in the frame of one.
 
         About a common centre each handle accelerates little in that frame, and the bounds of all four are added. Else
-        velocities and accelerations in the plane are.
+        velocities and accelerations in the plane are combined.
         """
         pole = self._handle(0).pole
         if pole is None or any(self._handle(k).pole != pole for k in (1, n, n + 1)):
@@ -219,7 +219,7 @@ class Interval:
         return self._in_lead[k]
 
     def _in_plane(self, n: int, turning: Turning) -> float:
-        """Return a bound of the middles' acceleration against each other, from speeds in the plane."""
+        """Return a bound of the middles' relative acceleration, from speeds in the plane."""
         front, rear, other_front, other_rear = (self._motion(k).speeds for k in (0, 1, n, n + 1))
         velocity = HALF * (other_front.velocity + other_rear.velocity - front.velocity - rear.velocity)
         acceleration = HALF * (other_front.acceleration + other_rear.acceleration - front.acceleration
@@ -229,13 +229,13 @@ class Interval:
         return size_of(seen)
 
     def _middle(self, n: int) -> acb:
-        """Return all places of a bench's middle: it goes no further from half way than half of its handles' ways."""
+        """Return all places of a bench's middle: it stays within half of its handles' ways of the point half way."""
         one, two = (end.pose(n).middle for end in self._ends)
         unit = arb(0, up(0.25 * (self._handle(n).moved_m + self._handle(n + 1).moved_m)))
         return HALF * (one + two) + acb(unit, unit)
 
     def _by_going(self, n: int) -> bool:
-        """Return whether gaps at both ends exceed all that two benches go in between."""
+        """Return whether the gaps at both ends exceed how far both benches move in between."""
         moved = self._moved_m(0) + self._moved_m(n)
         gaps = 0.0
         for end in self._ends:
@@ -246,7 +246,7 @@ class Interval:
 
 
 def _unsure_m(one: Pose, two: Pose, reach: float) -> float:
-    """Return more than what floats can lose of a distance or a separation of two benches."""
+    """Return a bound of the rounding errors of a distance or a separation of two benches in floats."""
     lengths = abs(one.near) + abs(two.near) + one.shape.arm_m + two.shape.arm_m
     return (_ROUNDED * (lengths + reach) + 4 * (one.unsure_m + two.unsure_m) + 4 * (one.unsure + two.unsure) * lengths)
 

@@ -1,7 +1,7 @@
 """The head law, exactly: how far the leader has gone, in rational arithmetic.
 
-Times and speeds in a certificate are floats, which are rational; a ramp's speed is a polynomial of time, so distances
-are rational too. Only the instant of a turn on a smooth ramp is not; the distance there is bounded outwards.
+Times and speeds in a certificate are floats, which are rational numbers. A ramp's speed is a polynomial of time, so
+distances are rational too. Only the instant of a turn on a smooth ramp is not; the distance there has outward bounds.
 """
 from bisect import bisect_left, bisect_right
 from collections.abc import Iterator
@@ -12,13 +12,13 @@ from itertools import pairwise
 from math import asin, sin
 from typing import NamedTuple
 
-_NEAR = Fraction(1, 2**50)      # of a smooth ramp: how near to its turn floats come
+_NEAR = Fraction(1, 2**50)      # of a smooth ramp: how close floats come to its turn
 
 Extent = tuple[Fraction, Fraction]
 
 
 class Mark(NamedTuple):
-    """A knot, or about a turn: a time, how far the leader has gone by then, and how much further it may have been.
+    """A knot, or the approximate time of a turn: the distance gone by then, and a bound of the error of that.
 
     From then on the leader goes on (``sense`` 1), goes back (-1) or rests (0), up to the next mark.
     """
@@ -30,7 +30,7 @@ class Mark(NamedTuple):
 
 
 class Leg(NamedTuple):
-    """As long as the leader goes on (``sense`` 1), goes back (-1) or rests (0); ``until_s`` None is without end."""
+    """A period in which the leader goes on (``sense`` 1), goes back (-1) or rests (0); ``until_s`` may be None."""
 
     since_s: Fraction
     until_s: Fraction | None
@@ -50,14 +50,14 @@ class Law:
 
     @cached_property
     def _reached(self) -> list[Fraction]:
-        """Distance gone at each knot: a ramp's mean speed is the mean of its ends, for both kinds of ramps."""
+        """Distance gone at each knot; for both kinds of ramps the mean speed is the mean of the end speeds."""
         out = [Fraction(0)]
         for (t0, v0), (t1, v1) in pairwise(self.knots):
             out.append(out[-1] + (t1 - t0) * (v0 + v1) / 2)
         return out
 
     def _share(self, n: int, t_s: Fraction) -> Fraction:
-        """Return how much of the ramp behind knot n has passed; 0 where the speed stays."""
+        """Return the share of the ramp after knot n that has passed; 0 if the speed is constant."""
         t0, _ = self.knots[n]
         return (t_s - t0) / (self.knots[n + 1][0] - t0) if n + 1 < len(self.knots) else Fraction(0)
 
@@ -100,7 +100,7 @@ class Law:
 
     @cached_property
     def legs(self) -> list[Leg]:
-        """All that the leader does from 0 s on; a moment at which it stands still ends nothing."""
+        """All legs from 0 s on; an instant at which the leader stands still does not end a leg."""
         out: list[Leg] = []
         for mark, until_s in zip(self.marks, (*self._mark_times[1:], None), strict=True):
             if until_s == mark.t_s:
@@ -128,7 +128,7 @@ class Law:
         return min(gone) - more, max(gone) + more
 
     def pieces(self, end_s: Fraction | None) -> Iterator[tuple[Mark, Mark]]:
-        """Yield the pieces from 0 s on in which the leader goes one way; one without an end is left out."""
+        """Yield the pieces from 0 s on in which the leader moves one way, except one without an end."""
         for before, after in pairwise(self.marks):
             if end_s is not None and after.t_s >= end_s:
                 break
@@ -138,7 +138,7 @@ class Law:
 
     @property
     def last(self) -> tuple[Mark, Fraction]:
-        """The last knot, and the speed that stays from there on."""
+        """The last knot, and the constant speed after it."""
         return self.marks[-1], self.knots[-1][1]
 
 
@@ -147,9 +147,9 @@ def _sign(value: Fraction) -> int:
 
 
 def _smooth_turn(share: Fraction) -> tuple[Fraction, Fraction]:
-    """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and how much below it is at most.
+    """Return x just below the root of 3 x^2 - 2 x^3 = share in (0, 1), and a bound of the difference.
 
-    The root is solved for in floats, by the third of an angle, and its bracket checked exactly.
+    The root comes from floats, by the third of an angle; its bracket is checked exactly.
     """
     about, width = Fraction(0.5 - sin(asin(1 - 2 * float(share)) / 3)), _NEAR
     while True:

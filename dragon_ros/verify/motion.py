@@ -1,12 +1,12 @@
-"""How handles and links move while the front handle of a leading bench goes over an interval of the track, in balls.
+"""How handles and links move while the front handle of a leading bench moves over an interval of the track, in balls.
 
-A dash is a derivative by the coordinate u of the leading handle on its segment. Each handle has bounds of its own
-coordinate and of that one's first two derivatives p and a on the whole interval; each link those of how fast it turns,
-w, and of w'. docs/contact.md derives the formulas:
+A dash is a derivative with respect to the coordinate u of the leading handle on its segment. Each handle has bounds of
+its coordinate and of its first two derivatives p and a on the whole interval; each link has bounds of its turning rate
+w and of w'. docs/contact.md derives the formulas:
 
-- on one line or arc all handles go alike, and so do links turn;
-- on one spiral the handle at theta draws the one at theta + delta by p (1 + d1), a (1 + d1) + p^2 d2;
-- across a joint, and on it, what counts are speed v and its rate along the track: v cos alpha is the same at both ends.
+- on one line or arc all handles move alike, and all links turn alike;
+- on one spiral the handle at theta + delta follows that at theta with p (1 + d1), a (1 + d1) + p^2 d2;
+- across a joint, and on it, speed v and its rate along the track count: v cos alpha is the same at both ends.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -37,8 +37,8 @@ class Handle:
     """A handle on an interval: its segment (None: it passes a joint) and bounds of its coordinate there.
 
     ``ends`` number the ends of the interval at which it is at these bounds (None: at neither). ``moved_m`` bounds the
-    ways along the track from either end to any place in between and on to the other end, together. ``slopes`` are those
-    of the link to the handle in front of it, where they had to be known for this.
+    way along the track from one end to any place in between and on to the other end. ``slopes`` are those of the link
+    to the handle in front of it, if they were needed for this.
     """
 
     track: Track
@@ -51,18 +51,18 @@ class Handle:
 
     @cached_property
     def u(self) -> arb:
-        """All coordinates that it may have."""
+        """The ball of all its possible coordinates."""
         return self.low.union(self.high)
 
     @property
     def on(self) -> AnySegment:
-        """The segment that it stays on."""
+        """The segment on which it stays."""
         assert self.segment is not None
         return self.track.segments[self.segment]
 
     @cached_property
     def pole(self) -> int | None:
-        """The number of the centre that it turns about; None where it has none."""
+        """The number of the centre about which it turns; None if there is none."""
         if self.segment is None or isinstance(self.on, LineSegment):
             return None
         return self.track.poles[self.segment]
@@ -121,7 +121,7 @@ class Motion:
 
 
 class Turning(NamedTuple):
-    """How fast a link turns, and the rate of that."""
+    """The turning rate of a link, and its derivative."""
 
     w: arb
     rate: arb
@@ -138,8 +138,8 @@ def leading_handle(track: Track, ends: Postures) -> Handle:
 def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: bool) -> Handle:
     """Return the handle behind another one, n and n + 1 behind the leading one.
 
-    ``ends`` are the dragon at both ends of the interval. Where handles ``may_turn`` (on a spiral to its centre), only
-    spans say where the next one is; elsewhere each moves on as the leader does.
+    ``ends`` are the dragon at both ends of the interval. If handles ``may_turn`` (on a spiral to its centre), spans
+    bound the next one; elsewhere each handle moves the same way as the leader.
     """
     if may_turn and not (isinstance(front.on, SpiralSegment) and front.on.is_wide(front.low, link)
                          and None not in front.ends):
@@ -148,7 +148,7 @@ def next_handle(front: Handle, ends: Postures, n: int, link: Link, may_turn: boo
 
 
 def _bounded(track: Track, one: Place, two: Place) -> Handle:
-    """Return a handle that goes one way between two places."""
+    """Return a handle that moves one way between two places."""
     moved_m = track.apart_m(one, two)
     if one.segment == two.segment and not one.loose and not two.loose:
         low, high, numbers = (two.u, one.u, (1, 0)) if two.u < one.u else (one.u, two.u, (0, 1))
@@ -202,7 +202,7 @@ def leading_motion(handle: Handle, ends: Postures) -> Motion:
 
 
 def next_motion(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
-    """Return how the handle behind another one moves, n and n + 1 behind the leading one, and how their link turns."""
+    """Return how the handle behind another one moves (n and n + 1 behind the leading one), and how their link turns."""
     ahead = front.handle
     if ahead.segment is None or handle.segment != ahead.segment:
         return _across(front, handle, ends, n, link)
@@ -234,13 +234,13 @@ def _inwards(front: Motion, handle: Handle, segment: SpiralSegment, link: Link) 
 
 
 def _turned(segment: SpiralSegment, p: arb, a: arb, slopes: Slopes) -> Turning:
-    """Return how a link turns whose inner handle moves by p and a: its direction is theta + psi."""
+    """Return how a link turns if its inner handle moves with p and a; its direction is theta + psi."""
     turned = ONE + slopes.psi_1
     return Turning(p * turned * segment.side, (a * turned + p * p * slopes.psi_2) * segment.side)
 
 
 def _across(front: Motion, handle: Handle, ends: Postures, n: int, link: Link) -> tuple[Motion, Turning]:
-    """Return the handle behind where a link or a handle crosses a joint."""
+    """Return the handle behind if a link or a handle crosses a joint."""
     ahead = front.speeds
     if link.inverse is None:    # on a joint its direction has no second derivative
         return Motion(handle, front.p, front.a, front.across), Turning(ahead.curvature * ahead.v, NAN)
@@ -276,14 +276,14 @@ def _settled(handle: Handle, speeds: Speeds) -> Motion:
 
 
 def _joint(handle: Handle, ends: Postures, n: int) -> tuple[acb, arb]:
-    """Return the tangents and the curvatures of the track where a handle passes a joint."""
+    """Return the tangents and curvatures of the track while a handle passes a joint."""
     track, places = handle.track, [end.place(n) for end in ends]
     one, two = map(track.heading, places)
     return between(one, two, up(0.5 * track.bend * handle.moved_m)), track.curvatures(*places)
 
 
 def between(one: acb, two: acb, turned: float) -> acb:
-    """Return all directions that are no more than an angle from the one half way between two."""
+    """Return all directions within an angle of the one half way between two."""
     middle = one + two
     length = abs(middle)
     return middle / length * direction(UNIT * turned) if length > 0 else acb(UNIT, UNIT)

@@ -1,4 +1,4 @@
-"""A dragon's benches in the plane, in balls: behind one place of a front handle, and how far two of them are apart."""
+"""A dragon's benches in the plane, in balls, for one place of a front handle; and how far apart two of them are."""
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import accumulate
@@ -14,7 +14,7 @@ from dragon_ros.verify.track import Place, Track
 
 
 class Axis(NamedTuple):
-    """An edge's normal: that of the first or the other bench, along or across it, and the side that the other is on."""
+    """An edge's normal: of the first or the other bench, along or across it, and on which side the other bench is."""
 
     other: bool
     across: bool
@@ -26,7 +26,7 @@ AXES = [Axis(other, across, side) for other in (False, True) for across in (Fals
 
 @dataclass(frozen=True, eq=False)
 class Bench:
-    """A bench's shape: its link, and half its length and width, in balls; what floats bound, in metres."""
+    """A bench's shape: its link, and half its length and width, in balls; and bounds in floats, in metres."""
 
     link: Link
     half_length: arb
@@ -34,7 +34,7 @@ class Bench:
 
     @cached_property
     def overhang_m(self) -> float:
-        """How far a point of the bench is from its link at most."""
+        """Largest distance of a point of the bench from its link."""
         return hypot_above(above(self.half_length - HALF * self.link.length), above(self.half_width))
 
     @cached_property
@@ -44,19 +44,19 @@ class Bench:
 
     @cached_property
     def arm_m(self) -> float:
-        """How far a point of the bench is from its middle at most."""
+        """Largest distance of a point of the bench from its middle."""
         return hypot_above(above(self.half_length), above(self.half_width))
 
     @cached_property
     def sizes(self) -> tuple[float, float]:
-        """About half the length and half the width."""
+        """Approximate half length and half width."""
         return float(self.half_length), float(self.half_width)
 
     def turned_m(self, moved_m: tuple[float, float], bend: float | None) -> float:
-        """Return how far a point goes at most beside the link while its handles go some ways along the track.
+        """Return how far a point moves at most relative to its link while the handles move along the track.
 
-        The link turns by the sum of both over its length at most, and by half the curvature times it where no link can
-        lock (docs/contact.md, lemma 3); a link of no length turns with the track.
+        The link turns by at most the sum of both ways over its length, and by half the curvature times it if no link
+        can lock (docs/contact.md, lemma 3). A link of zero length turns with the track.
         """
         ways = moved_m[0] + moved_m[1]
         turned = [ways / self.link.near] if self.link.near else []
@@ -65,7 +65,7 @@ class Bench:
 
 
 class Dragon:
-    """All benches from the head on, those of one length being one object, and the largest of those from each on."""
+    """All benches from the head on (those of one length are one object), and the largest sizes from each bench on."""
 
     def __init__(self, scene: Scene) -> None:
         """Take lengths, width and inset from a scene."""
@@ -85,7 +85,7 @@ def _largest_from(values: list[float]) -> list[float]:
 
 
 class Pose(NamedTuple):
-    """Where a bench is: its middle and the direction of its axis, in balls, about, and how wide these balls are."""
+    """Where a bench is: its middle and its axis, in balls and as floats, and how wide these balls are."""
 
     shape: Bench
     middle: acb
@@ -97,7 +97,7 @@ class Pose(NamedTuple):
 
 
 class Posture:
-    """All that follows the front handle of one bench, placed as far as it is asked for."""
+    """All benches behind one front handle, placed on demand."""
 
     def __init__(self, track: Track, dragon: Dragon, lead: int, place: Place) -> None:
         """Take the leading bench and the place of its front handle."""
@@ -110,7 +110,7 @@ class Posture:
         return len(self._places) - 1
 
     def place(self, n: int) -> Place:
-        """Return the place of the n-th handle behind the front one. Raises Refused where a link has none."""
+        """Return the place of the n-th handle behind the front one. Raises Refused if a link has none."""
         while len(self._places) <= n:
             link = self._benches[self._lead + len(self._places) - 1].link
             self._places.append(self._track.next(self._places[-1], link, -1))
@@ -143,7 +143,7 @@ def _width(value: acb) -> float:
 
 
 def about(one: Pose, two: Pose) -> list[float]:
-    """Return about the separations of two benches by all AXES."""
+    """Return the approximate separations of two benches along all AXES."""
     away, turned = two.near - one.near, two.heading * one.heading.conjugate()
     cosine, sine = abs(turned.real), abs(turned.imag)
     (l1, w1), (l2, w2) = one.shape.sizes, two.shape.sizes
@@ -155,7 +155,7 @@ def about(one: Pose, two: Pose) -> list[float]:
 
 
 def separation(one: Pose, two: Pose, axis: Axis) -> arb:
-    """Return how far the nearest corner of one bench is beyond an edge line of another one (negative: not beyond)."""
+    """Return how far the nearest corner of one bench lies beyond an edge line of the other (negative: not beyond)."""
     if axis.other:
         one, two = two, one
     seen, turned = (two.middle - one.middle) * one.axis.conjugate(), two.axis * one.axis.conjugate()
@@ -167,13 +167,13 @@ def separation(one: Pose, two: Pose, axis: Axis) -> arb:
 
 
 def gap(one: Pose, two: Pose) -> arb:
-    """Return a ball below which the distance of two benches is not, if it is positive: their best separation."""
+    """Return the best separation of two benches: a lower bound of their distance if it is positive."""
     rough = about(one, two)
     return separation(one, two, AXES[rough.index(max(rough))])
 
 
 def overlap(one: Pose, two: Pose) -> bool:
-    """Return whether two benches are proved to overlap: no edge line parts them (the separating axis theorem)."""
+    """Return whether two benches provably overlap: no edge line separates them (the separating axis theorem)."""
     return all(separation(one, two, axis) < 0 for axis in AXES)
 
 

@@ -1,4 +1,4 @@
-"""The proof of a certificate, and the one sentence that it proves."""
+"""The proof of a certificate, and the sentence that it proves."""
 from dataclasses import dataclass
 from fractions import Fraction
 from math import ulp
@@ -17,15 +17,15 @@ from dragon_ros.verify.run import Leader, Run, run_of
 from dragon_ros.verify.track import Track, track_of
 from dragon_ros.verify.venue import Edges, ObstacleCover, check_sides, ways_by_length
 
-_SLACK = 1e-9               # of a metre of the leader's way, or of the longest bench if that is shorter
-_WIDEST = 1e-6              # likewise: no slack is wider, however slowly benches come together
-_GRAZING = 1e-7             # likewise: the slack of a grazing, and how near to each other benches come there
-_PROMISE_M = 2e-12          # what a solver's positions may err where the head starts up to 20 m from the origin; ...
-_PROMISED_M = 20.0          # ... further out in proportion, as floats do
-_OVERHANG_M = 1e-6          # an interval may reach so far beyond what the run goes through (likewise in proportion)
+_SLACK = 1e-9               # relative to 1 m of the leader's travel, or to the longest bench if it is shorter
+_WIDEST = 1e-6              # likewise: the widest slack, however slowly benches come together
+_GRAZING = 1e-7             # likewise: the slack of a grazing, and how close benches come to each other there
+_PROMISE_M = 2e-12          # a solver's position error up to 20 m from the origin; ...
+_PROMISED_M = 20.0          # ... further out it grows in proportion, as floats do
+_OVERHANG_M = 1e-6          # an interval may reach this far beyond the run's places (likewise in proportion)
 _STEPS, _STEPS_EACH = 100_000, 300      # links and pairs: about ten seconds, and more for each of many intervals
 _MOST_STEPS = 200_000       # of 391 random runs 390 are proved in 173,000
-_TIMED = 2                  # the version of certificates from which on the slack excuses a place, and no time
+_TIMED = 2                  # the first version of certificates in which the slack allows for a place, not a time
 _CHANGED = ('written before 0.3.0: up to then the slack also excused where the leader was before it turned or rested; '
             'search this run again')
 _SHARE = 100                # lengths that are compared as one step
@@ -33,7 +33,7 @@ _SHARE = 100                # lengths that are compared as one step
 
 @dataclass(frozen=True)
 class Proved:
-    """What is proved, in a sentence; in how many intervals and steps."""
+    """The sentence that is proved; and the intervals and steps that it took."""
 
     sentence: str
     intervals: int
@@ -41,10 +41,10 @@ class Proved:
 
 
 def prove(claims: Claims | FamilyClaims, effort: float, progress: Progress) -> Proved:
-    """Return what a certificate proves. Raises Refused where it does not hold, or not within the effort.
+    """Return what a certificate proves. Raises Refused if it does not hold, or is not proved within the effort.
 
-    ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, and what to say if
-    the budget is too small at the pace so far.
+    ``progress(done_m, whole_m, advice)`` is called with the metres of track that are cleared, and with advice if the
+    budget is too small at the pace so far.
     """
     if isinstance(claims, FamilyClaims):
         precise(_far(claims.scene))
@@ -142,10 +142,10 @@ class _Proof:
         return run
 
     def _slack_m(self, contact: Contact, gone: arb) -> float:
-        """Return how near to a contact it is shown that there is none before: as near as a solver in floats can tell.
+        """Return how close to a contact it is proved that there is none before: as close as floats can tell.
 
-        That is a nanometre, unless the leader is so fast that the contact's time does not say where it is; or benches
-        touch there to within what positions in floats may err, and come together so slowly that those do not.
+        That is a nanometre, unless the leader is so fast that the contact's time does not tell its place, or the
+        benches touch there to within position errors and come together so slowly that these are more travel.
         """
         step, error_m = 1e3 * _SLACK * self._unit, 4 * _PROMISE_M * self._coarse
         here, gaps = float(gap(*self._poses(contact, gone))), []
@@ -179,13 +179,13 @@ class _Proof:
 
     @staticmethod
     def _check_grazing(contact: Contact, poses: tuple[Pose, Pose], near_m: Fraction) -> None:
-        """Refuse a grazing of benches that are not near each other."""
+        """Refuse a grazing of benches that are not close to each other."""
         away = gap(*poses)
         if not size(away) < near_m:
             raise Refused(f'contact: {_pair(contact)} do not graze: they are {float(away):.3g} m apart')
 
     def _overlapping(self, contact: Contact, ways: list[Approach], slack_m: Fraction) -> tuple[Approach, str]:
-        """Return how the leader goes on to where the benches of a contact are proved to overlap, and that they do."""
+        """Return the approach on which the benches of a contact provably overlap, and a sentence about it."""
         for way in ways:
             after_m = way.after_m(slack_m)
             poses = self._poses(contact, exact(way.gone_m + after_m * way.sense))
@@ -195,9 +195,9 @@ class _Proof:
                       f'{_pair(contact)} do not overlap: they are {float(gap(*poses)):.3g} m apart')
 
     def _clear(self, whole: Range, part: Range | None, spoken: Range) -> None:
-        """Prove that the chain stands on all of the leader's way, and that no two benches touch on a part of it.
+        """Prove that the chain exists on all of the leader's travel, and that no two benches touch on a part of it.
 
-        Intervals may speak of as much as the run goes through up to a contact (``spoken``).
+        Intervals may cover what the run covers up to a contact (``spoken``).
         """
         places = self._places(whole)
         if part is None:
@@ -214,22 +214,22 @@ class _Proof:
             check_sides(self._scene.venue, head.pose(0))
 
     def _places(self, gone: Range) -> list[Range]:
-        """Return where all front handles are while the leader has gone between two distances."""
+        """Return the ranges of all front handles while the leader's distance is between two values."""
         ends = [self._leader.head(end) for end in gone]
         low, high = ends if not self._scene.tail_leads else ends[::-1]
         self._budget.spend(2 * len(self._dragon.benches))
         return ranges(self._track, self._dragon, low.lower(), high.upper())
 
     def _last_alike(self, bench: int) -> int:
-        """Return the last bench that a row of another one speaks of: what follows both is alike."""
+        """Return the last bench that a row of a given one covers: the lengths behind both are equal."""
         count = len(self._dragon.benches)
         self._budget.spend(1 + count // _SHARE)
         return next(count - m for m in range(1, count - bench + 1) if self._repeated[count - bench - m] >= m)
 
     def _hints(self, every: list[Way], places: list[Range]) -> dict[int, list[float]]:
-        """Return where intervals say to cut, by the first bench of each set.
+        """Return where intervals suggest to cut, by the first bench of each class.
 
-        Refuses those of places that no bench they speak of goes through: nobody would check what they say.
+        Raises Refused for places that no bench of an interval passes, since nothing would check them.
         """
         count, overhang_m = len(self._dragon.benches), _OVERHANG_M * self._coarse
         known = {bench: way.lead for way in every for bench, _ in way.members}
@@ -251,7 +251,7 @@ class _Proof:
 
 
 def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
-    """Return what is cleared up to a contact: all but the slack before it, and all where the leader was before."""
+    """Return the range to clear up to a contact: without the slack before it, but with all earlier places."""
     if not way.sense:
         return None
     low, high = part
@@ -265,7 +265,7 @@ def _up_to(part: Range, way: Approach, slack_m: Fraction) -> Range | None:
 
 
 def _far(scene: Scene) -> float:
-    """Return about how many links long, or turns far out, the track is: what bits are lost to."""
+    """Return approximately how many links long the track is, or how many turns it has: both cost bits."""
     track = scene.track
     if isinstance(track, Spiral):
         return track.start_turns
@@ -273,12 +273,12 @@ def _far(scene: Scene) -> float:
 
 
 def _coarse(away_m: float) -> float:
-    """Return how many times as coarse as near the origin floats are so far out."""
+    """Return how much coarser floats are at a distance from the origin than close to it."""
     return max(1.0, away_m / _PROMISED_M)
 
 
 def _bend(track: Track, dragon: Dragon) -> float:
-    """Return the largest curvature, with which no link may lock. Raises Refused where one may."""
+    """Return the largest curvature. Raises Refused if a link may lock on it."""
     longest = max((bench.link for bench in dragon.benches), key=lambda link: link.near)
     if not exact(track.bend) * longest.length < 2:
         raise Refused('scene.track: it bends so tightly that links could lock on it')

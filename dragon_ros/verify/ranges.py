@@ -1,8 +1,8 @@
-"""Where each front handle is while the head goes through all of its places; and the proof that the chain stands.
+"""The range of each front handle over the head's range of travel; and the proof that the chain exists throughout.
 
-Where the curvature says that no link can lock, every handle moves on as the head does, and the ends of the head's way
-are the ends of all. On a spiral to its centre handles may turn back, and links may lock: there each link's range is cut
-until it is proved which way the next handle goes, and that the chord grows up to its span wherever it is.
+If the curvature rules out locks, all handles move the same way as the head, and the ends of the head's range give the
+ends of all ranges. On a spiral to its centre handles may turn back, and links may lock. There each link's range is
+halved until it is proved which way the next handle moves, and that the chord grows up to its span throughout.
 """
 from functools import reduce
 
@@ -15,14 +15,14 @@ from dragon_ros.verify.segments import HALF, ONE, Link, Locked, SpiralSegment, r
 from dragon_ros.verify.track import Place, Track
 
 _HALVINGS = 70          # of a range of up to a million radians, down to 1e-15
-_NARROW = 1e-9          # of where a handle is: how far bounds of where it turns back may be off
+_NARROW = 1e-9          # relative to a handle's coordinate: how far off the bounds of its turning place may be
 Range = tuple[arb, arb]
 
 
 def ranges(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]:
-    """Return bounds of the distances along the track of all front handles, the head being between two of them.
+    """Return bounds of the distances along the track of all front handles while the head is between two distances.
 
-    Raises Refused where a link may lock in between, or a handle leave the track.
+    Raises Refused if a link may lock in between, or a handle may leave the track.
     """
     if track.to_centre:
         return _to_centre(track, dragon, low, high)
@@ -51,7 +51,7 @@ def _to_centre(track: Track, dragon: Dragon, low: arb, high: arb) -> list[Range]
 
 
 def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
-    """Return the least and the greatest coordinate of a handle while the one in front is between two places."""
+    """Return bounds of the coordinate of a handle while the one in front is between two places."""
     if not link.near:
         return low, high
     one, two = low + segment.span(low, link), high + segment.span(high, link)
@@ -62,7 +62,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
         ratio, stands = _ratio(segment, left, right, from_left, from_right, link)
         if stands and (ratio > 0 or ratio < 0):
             pair = (from_left, from_right) if ratio > 0 else (from_right, from_left)
-        elif stands and right - left < _NARROW * from_right:    # it turns back in here: its span tells how far at most
+        elif stands and right - left < _NARROW * from_right:    # it turns back in here: its span bounds how far
             pair = left + (from_right - right), right + (from_left - left)
         elif halvings:
             middle = (HALF * (left + right)).mid()
@@ -79,7 +79,7 @@ def _image(segment: SpiralSegment, low: arb, high: arb, link: Link) -> Range:
 
 def _ratio(segment: SpiralSegment, left: arb, right: arb, from_left: arb, from_right: arb, link: Link
            ) -> tuple[arb, bool]:
-    """Return how much the next handle goes for the one in front, and whether the chord grows up to every span."""
+    """Return the speed of the next handle per that of the one in front, and if the chord grows up to each span."""
     theta, longest = left.union(right), from_left - left
     slopes = spiral_slopes(segment, theta, longest.union(from_right - right), link)
     stands = longest < half_turn() or rises(theta, half_turn().lower(), longest.upper())

@@ -1,7 +1,7 @@
-"""Certificates, read as the plain numbers that stand in them: bounded, complete, and nothing that is not known.
+"""Reads certificates as plain numbers: within limits, complete, and without unknown keys.
 
-Whoever wrote one may be wrong or mean harm. What cannot be a number of a scene is refused with its place in the file,
-and so is a key that might claim something that nobody checks.
+A certificate is untrusted input. A value that cannot belong to a scene is refused with its place in the file, and so is
+an unknown key, since nothing would check what it claims.
 """
 import json
 import re
@@ -17,7 +17,7 @@ from typing import Any
 from dragon_ros.verify.errors import Refused
 from dragon_ros.verify.law import Law
 
-VERSION = 3         # of certificates: the newest that is read; those up to 0.2.0 have none, and count as 1
+VERSION = 3         # of certificates: the newest that can be read; those up to 0.2.0 have none, and count as 1
 _WITH_VENUE = 3     # the version of those with a venue
 MOST_BYTES = 64 * 2**20
 MOST_ROWS = 250_000
@@ -28,7 +28,7 @@ _LONGEST_NAME = 100     # characters
 _INSIDE = 'inside'      # the name of the outline that benches must not leave
 MOST_KNOTS = 10_000
 MOST_GROUPS = 10_000
-_LEAST_LINK = 2e-10     # of the longest bench: the direction of a shorter link is lost in what floats round
+_LEAST_LINK = 2e-10     # relative to the longest bench: the direction of a shorter link is lost in rounding
 _DIGITS = 400           # of a whole number: the largest float has 309
 _LATEST_S = 2.0**31
 
@@ -50,7 +50,7 @@ class Arc:
 
 @dataclass(frozen=True)
 class Coil:
-    """A part of a spiral r = pitch_m * turns; ``left`` is where it turns."""
+    """A part of a spiral r = pitch_m * turns; ``left`` if it turns left."""
 
     pitch_m: float
     from_turns: float
@@ -63,7 +63,7 @@ Piece = Line | Arc | Coil
 
 @dataclass(frozen=True)
 class Pose:
-    """A point and a heading in degrees; None where nothing is said."""
+    """A point and a heading in degrees; None if not given."""
 
     at_m: tuple[float, float] | None
     heading_deg: float | None
@@ -89,7 +89,7 @@ class Turn:
 
 @dataclass(frozen=True)
 class Pieces:
-    """Lines, arcs and spirals, each with where it says that it begins; the head starts ``start_m`` along them."""
+    """Lines, arcs and spirals, each with its stated beginning; the head starts ``start_m`` along them."""
 
     pieces: tuple[Piece, ...]
     poses: tuple[Pose, ...]
@@ -120,7 +120,7 @@ class Venue:
 
 @dataclass(frozen=True)
 class Scene:
-    """The plain numbers that decide about contact; ``stop_s`` None means as far as the model goes."""
+    """The numbers that decide about contact; ``stop_s`` None means up to the end of the model."""
 
     lengths_m: tuple[float, ...]
     width_m: float
@@ -141,7 +141,7 @@ class Scene:
 
 @dataclass(frozen=True)
 class Row:
-    """One interval: the leading bench (None: all benches, by the head's place), from where to where on the track."""
+    """One interval: the leading bench (None: all benches, by the head's place), and its ends along the track."""
 
     lead: int | None
     start_m: float
@@ -161,7 +161,7 @@ class Contact:
 
 @dataclass(frozen=True)
 class Claims:
-    """All that a certificate says; ``contact`` None means that the run has none."""
+    """The content of a certificate; ``contact`` None means that the run has none."""
 
     scene: Scene
     contact: Contact | None
@@ -171,7 +171,7 @@ class Claims:
 
 @dataclass(frozen=True)
 class FamilyClaims:
-    """What a certificate of a family says: benches and pitch are within tolerances, and none touches until then."""
+    """The content of a certificate of a family: tolerances, and the time until which no dragon touches itself."""
 
     scene: Scene
     within: dict[str, float]
@@ -179,7 +179,7 @@ class FamilyClaims:
 
 
 def read(path: Path) -> Claims | FamilyClaims:
-    """Return what a certificate file says; ``-`` is standard input. Raises Refused."""
+    """Return the content of a certificate file; ``-`` is standard input. Raises Refused."""
     try:
         with sys.stdin.buffer if str(path) == '-' else path.open('rb') as file:
             data = file.read(MOST_BYTES + 1)
@@ -191,7 +191,7 @@ def read(path: Path) -> Claims | FamilyClaims:
 
 
 def claims_of(data: bytes) -> Claims | FamilyClaims:
-    """Return what a certificate says, in UTF-8. Raises Refused."""
+    """Return the content of a certificate in UTF-8. Raises Refused."""
     try:
         values = json.loads(data.decode(), parse_constant=_no_number, parse_int=_whole, object_pairs_hook=_once)
     except (ValueError, RecursionError, MemoryError) as error:
@@ -210,7 +210,7 @@ def _whole(text: str) -> int | float:
 
 
 def _once(pairs: list[tuple[str, Any]]) -> dict[str, Any]:
-    """Return an object; json would take the last of two equal keys, and other readers the first."""
+    """Return an object, and refuse equal keys: json would take the last of them, other readers the first."""
     out = dict(pairs)
     if len(out) < len(pairs):
         raise ValueError(f'a key stands twice: {sorted(key for key, _ in pairs)}')
@@ -473,14 +473,14 @@ _LAWS: dict[str, Callable[[str, dict[str, Any]], Law]] = {'constant': _constant,
 
 
 def _kind(name: str, value: Any, kinds: dict[str, Callable[[str, dict[str, Any]], Any]]) -> Any:
-    """Return what the reader of a mapping's kind makes of it."""
+    """Return a mapping as read by the reader of its kind."""
     if not isinstance(value, dict) or not isinstance(value.get('kind'), str) or value['kind'] not in kinds:
         raise Refused(f'{name}: {_shown(value)} is none of the kinds {", ".join(kinds)}')
     return kinds[value['kind']](name, value)
 
 
 def _keys(name: str, value: Any, needed: set[str], allowed: set[str] = frozenset()) -> dict[str, Any]:  # type: ignore[assignment]
-    """Return a mapping that has all keys that it needs, and none that nobody knows."""
+    """Return a mapping that has all required keys and no unknown ones."""
     if not isinstance(value, dict):
         raise Refused(f'{name or "certificate"}: {_shown(value)} is no mapping')
     if value.keys() != needed:
@@ -500,7 +500,7 @@ def _list(name: str, value: Any, fewest: int, most: int) -> list[Any]:
 
 
 def _number(name: str, value: Any, low: float | Fraction, high: float, whole: bool = False) -> float:
-    """Return a number within limits, as the float that it is."""
+    """Return a number within limits, as a float."""
     if isinstance(value, bool) or not isinstance(value, int | float) or (whole and not isinstance(value, int)):
         raise Refused(f'{name}: {_shown(value)} is no {"whole " if whole else ""}number')
     try:

@@ -1,4 +1,4 @@
-"""Roots: first about, in floats, then in a ball that is proved to hold exactly one (Newton's method in intervals)."""
+"""Roots: first an approximation in floats, then a ball that provably contains exactly one (interval Newton method)."""
 from collections.abc import Callable
 
 from flint import arb
@@ -6,14 +6,14 @@ from flint import arb
 from dragon_ros.verify.balls import UNIT, size
 from dragon_ros.verify.errors import Refused
 
-_GOOD = 1e-13           # of a root: a guess in floats is usually nearer than that
-_CLOSE = 1e-8         # a step of Newton's method, of the root: the next one is about its square
-_FINE = 2.0**-112       # of a root: no ball in which it is looked for is narrower
+_GOOD = 1e-13           # relative to a root: a guess in floats is usually closer
+_CLOSE = 1e-8         # relative to a root, of a step of Newton's method: the next is about its square
+_FINE = 2.0**-112       # relative to a root: the narrowest ball that is searched
 _TRIES = 12
 
 
 def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float, guess: float) -> float:
-    """Return about the root of a function (value and slope) that is negative below it and positive above it."""
+    """Return an approximate root of a function (value and slope) that is negative below it and positive above it."""
     x = min(max(guess, low), high)
     for _ in range(200):
         value, slope = f(x)
@@ -33,10 +33,10 @@ def bracketed(f: Callable[[float], tuple[float, float]], low: float, high: float
 
 
 def certified(value: Callable[[arb], arb], slope: Callable[[arb], arb], guess: float) -> arb:
-    """Return a ball around a guess that holds exactly one root, for all numbers that the function may hold as balls.
+    """Return a ball around a guess that contains exactly one root, for all numbers in the balls of the function.
 
-    Newton's theorem: if m - f(m) / f'(X) lies inside of X, a ball around m, then f has one root in X, and it is there.
-    Where the guess was not good enough for that, its next step says how much wider X has to be. Raises Refused.
+    Newton's theorem: if m - f(m) / f'(X) lies inside X, a ball around m, then f has one root in X, and it is there.
+    If the guess is too far off, the next Newton step tells how wide X must be. Raises Refused.
     """
     middle, wide = arb(guess), _GOOD * abs(guess)
     for _ in range(_TRIES):

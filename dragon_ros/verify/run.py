@@ -1,7 +1,7 @@
-"""What the leader goes through in a run, and where the run ends: proved, not believed.
+"""The leader's range of travel in a run, and where the run ends; both are proved.
 
-A run ends when it stops, when a link locks, or when a handle comes to an end of the track. Where handles are depends on
-how far the leader has gone and not on when, so all of this is about distances that the leader has gone.
+A run ends when it stops, when a link locks, or when a handle reaches an end of the track. The places of handles depend
+on how far the leader has gone, not on the time, so everything here is in distances that the leader has gone.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -20,14 +20,14 @@ from dragon_ros.verify.reading import Scene
 from dragon_ros.verify.segments import HALF, TWO, Link, SpiralSegment, about_span
 from dragon_ros.verify.track import Place, Track
 
-_SAMPLES = 4000         # places at which a lock is looked for
-_HALVINGS = 80          # of times and places that are only told, or proved later on
+_SAMPLES = 4000         # places at which a lock is searched
+_HALVINGS = 80          # of times and places that are only reported, or proved later
 _SHARE = 10             # links in floats that count as one step of the budget
 
 
 @dataclass(frozen=True)
 class Limit:
-    """Where the model itself ends: how far the leader has gone there, how near to that is proved, and why it ends."""
+    """Where the model ends: how far the leader has gone, up to which slack that is proved, and why it ends."""
 
     gone: arb
     slack_m: float
@@ -36,7 +36,7 @@ class Limit:
 
 @dataclass(frozen=True)
 class Run:
-    """A run up to a time: bounds of how far the leader goes from 0 s on, and from the start on; and how it ends."""
+    """A run up to a time: bounds of the leader's travel since 0 s and since the start; and how it ends."""
 
     whole: Range
     part: Range
@@ -46,10 +46,10 @@ class Run:
 
 
 class Leader:
-    """The leader on the track: where the head is when the leader has gone so far, and where the model ends."""
+    """The leader on the track: where the head is for a distance gone, and where the model ends."""
 
     def __init__(self, track: Track, dragon: Dragon, tail_leads: bool, budget: Budget) -> None:
-        """Place the chain as it is at 0 s. Raises Refused where it does not fit the track."""
+        """Place the chain at 0 s. Raises Refused if it does not fit the track."""
         self._track, self._dragon, self._budget = track, dragon, budget
         place = track.place_at(track.start)
         self._tail: arb | None = None
@@ -60,13 +60,13 @@ class Leader:
             self._tail = track.distance(place)
 
     def head(self, gone: arb) -> arb:
-        """Return the distance of the head along the track when the leader has gone so far."""
+        """Return the distance of the head along the track for a distance that the leader has gone."""
         if self._tail is None:
             return self._track.start + gone
         return self._ahead(self._tail - gone) if not gone.is_zero() else self._track.start
 
     def _ahead(self, tail: arb) -> arb:
-        """Return the distance of the head where the tail is at one."""
+        """Return the distance of the head along the track for a distance of the tail."""
         self._budget.spend(len(self._dragon.benches))
         place = self._track.place_at(tail)
         for bench in reversed(self._dragon.benches):
@@ -74,9 +74,9 @@ class Leader:
         return self._track.distance(place)
 
     def limits(self, slack_m: float, furthest: arb | None) -> tuple[Limit | None, Limit | None]:
-        """Return where the model ends while the leader goes back, and while it goes on; None where it does not.
+        """Return where the model ends while the leader goes back, and while it goes on; None if it does not end.
 
-        ``furthest`` bounds how far on the leader goes at all (None: without end).
+        ``furthest`` bounds how far on the leader goes (None: no bound).
         """
         track, begin, end = self._track, self._track.begin, self._track.end
         if self._tail is not None:
@@ -88,9 +88,9 @@ class Leader:
         return back, None if end is None else Limit(end - track.start, slack_m, 'the head leaves the track')
 
     def _lock(self, slack_m: float, furthest: arb | None) -> Limit:
-        """Return the first lock on a spiral to its centre, or the centre. That the chain stands before is proved later.
+        """Return the first lock on a spiral to its centre, or the centre.
 
-        That it does not stand a slack further in is proved here.
+        Here it is proved that the chain does not exist a slack further in; that it exists before is proved later.
         """
         track, segment = self._track, self._track.segments[0]
         assert isinstance(segment, SpiralSegment)
@@ -107,7 +107,7 @@ class Leader:
         return Limit(gone, slack_m, f'the chain locks at link {self._locking(segment, gone + exact(slack_m))}')
 
     def _locking(self, segment: SpiralSegment, gone: arb) -> int:
-        """Return the first link that is proved to have no place when the leader has gone so far."""
+        """Return the first link that provably has no place for a distance gone."""
         u = self._track.place_at(self._track.start + gone).u
         for number, bench in enumerate(self._dragon.benches):
             try:
@@ -120,15 +120,15 @@ class Leader:
 
 
 class _Locks:
-    """Looks in floats for places at which a link has none; ``chords`` and the longest from each on, in units of b."""
+    """Searches locks in floats; ``chords``, and the longest from each on, are in units of b."""
 
     def __init__(self, chords: Sequence[float], longest: Sequence[float], budget: Budget) -> None:
         self._chords, self._longest, self._budget = chords, longest, budget
 
     def first(self, start: float, until: float) -> float | None:
-        """Return about the outermost place of the head on its way inwards at which the chain does not stand, or None.
+        """Return approximately the outermost place of the head at which the chain does not exist, or None.
 
-        Where the longest link's front handle is so far out that it has a place, so have all.
+        If the front handle of the longest link is so far out that this link has a place, all links have one.
         """
         outer = min(start, 0.5 * (self._longest[0] - pi))
         last = outer
@@ -140,13 +140,13 @@ class _Locks:
         return None
 
     def _between(self, low: float, high: float) -> float:
-        """Return about the place between one at which the chain does not stand and one at which it does."""
+        """Return approximately the boundary between a place without a chain and one with it."""
         while low < (middle := 0.5 * (low + high)) < high:
             low, high = (low, middle) if self._stands(middle) else (middle, high)
         return high
 
     def _stands(self, theta: float) -> bool:
-        """Return whether all links seem to have a place."""
+        """Return whether all links seem to have a place, in floats."""
         for number, (chord, most) in enumerate(zip(self._chords, self._longest, strict=True)):
             if number % _SHARE == 0:
                 self._budget.spend(1)
@@ -160,10 +160,10 @@ class _Locks:
 
 
 def never_reaches(segment: SpiralSegment, theta: arb, link: Link) -> bool:
-    """Return whether the chord from a handle is proved to turn back before it reaches a link's length.
+    """Return whether the chord from a handle provably turns back before it reaches a link's length.
 
-    It does if it is shorter all the way to a span at which it shrinks; up to pi it grows. Next to its peak it hardly
-    grows, which the mean value theorem sees.
+    It does if it is shorter up to a span at which it shrinks; up to pi it grows. Close to its peak it hardly grows; the
+    mean value theorem bounds it there.
     """
     half_square, near = segment.chord(link).half_square, segment.chord(link).near
     at, delta = float(theta), pi
@@ -198,9 +198,9 @@ def _slope(theta: arb, delta: arb) -> arb:
 
 
 def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_m: float) -> Run:
-    """Return what the leader goes through up to a time, or up to the end of the run (``until_s`` None).
+    """Return the leader's travel up to a time, or up to the end of the run (``until_s`` None).
 
-    Raises Refused where nothing ends the run, or where the model ends before it starts.
+    Raises Refused if nothing ends the run, or if the model ends before it starts.
     """
     stop_s = scene.stop_s if until_s is None else until_s
     start, stop = Fraction(scene.start_s), None if stop_s is None else Fraction(stop_s)
@@ -220,14 +220,14 @@ def run_of(law: Law, leader: Leader, scene: Scene, until_s: float | None, slack_
 
 
 def _within(extent: Extent, limits: tuple[Limit | None, Limit | None]) -> Range:
-    """Return an extent, rounded outwards, but not beyond where the model ends."""
+    """Return an extent, rounded outwards and cut off where the model ends."""
     low, high = map(exact, extent)
     back, on = limits
     return (low if back is None else low.max(back.gone)).lower(), (high if on is None else high.min(on.gone)).upper()
 
 
 def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: Limit, sense: int) -> Run:
-    """Return a run that a limit ends while the leader goes one way from ``before`` on; all counts but the slack."""
+    """Return a run that a limit ends while the leader moves one way from ``before`` on, without the slack."""
     end_s = _passage(law, before, after, Fraction(float(limit.gone)), sense)
     if end_s < start:
         raise Refused(f'scene.run.start_s: the model ends before, at {float(end_s):.12g} s: {limit.why}')
@@ -237,13 +237,13 @@ def _ended(law: Law, start: Fraction, before: Mark, after: Mark | None, limit: L
 
 
 def _up_to(extent: Extent, end: arb, sense: int) -> Range:
-    """Return an extent, rounded outwards, with what the leader goes on to in a sense."""
+    """Return an extent, rounded outwards and extended in one direction to an end."""
     low, high = map(exact, extent)
     return (low.lower(), high.max(end).upper()) if sense > 0 else (low.min(end).lower(), high.upper())
 
 
 def _passage(law: Law, before: Mark, after: Mark | None, gone_m: Fraction, sense: int) -> Fraction:
-    """Return about when the leader has gone so far, on a piece of the law on which it goes one way."""
+    """Return approximately when the leader has gone this far, on a piece of the law on which it moves one way."""
     if (before.gone_m - gone_m) * sense >= 0:
         return before.t_s
     if after is None:

@@ -1,8 +1,8 @@
 """The segments of a track in balls: lines, arcs and spirals, each with one coordinate u along it.
 
-u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 where u grows in the
-head's direction of travel and -1 where it falls; ``first`` and ``last`` are where the head enters and leaves, None
-where a segment goes on without end. Points and unit tangents (in the head's direction) are complex balls.
+u is metres on a line, radians turned on an arc and the polar angle on a spiral. ``sense`` is 1 if u grows in the
+head's direction of travel and -1 if it falls. The head enters at ``first`` and leaves at ``last``; None means that a
+segment has no end there. Points and unit tangents (in the head's direction) are complex balls.
 """
 from cmath import exp
 from dataclasses import dataclass
@@ -18,11 +18,11 @@ from dragon_ros.verify.roots import bracketed, certified
 
 ONE, TWO, HALF, ZERO = arb(1), arb(2), arb(0.5), arb(0)
 EYE = acb(0, 1)
-_HALVINGS = 40      # of spans, to prove that the chord grows up to one next to where it does not
+_HALVINGS = 40      # of spans, to prove that the chord grows close to its peak
 
 
 class Locked(Refused):
-    """A link finds no place, or none that can be proved to be the right one."""
+    """A link has no place, or none that provably is the right one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,12 +44,12 @@ class Link:
 
 
 class Segment(Protocol):
-    """What a track asks of a segment."""
+    """What a track needs of a segment."""
 
     sense: int
     first: arb | None
     last: arb | None
-    bend: float         # no curvature on it is larger, in 1/m
+    bend: float         # largest curvature on it, in 1/m
 
     def point(self, u: arb) -> acb:
         """Return the point."""
@@ -60,7 +60,7 @@ class Segment(Protocol):
         ...
 
     def speed(self, u: arb) -> arb:
-        """Return metres for each unit of u, positive."""
+        """Return metres per unit of u, positive."""
         ...
 
     def metres(self, u: arb) -> arb:
@@ -68,7 +68,7 @@ class Segment(Protocol):
         ...
 
     def after(self, metres: arb) -> arb:
-        """Return u at such a distance."""
+        """Return u at a distance from the anchor."""
         ...
 
     def next(self, u: arb, link: Link, way: int) -> arb:
@@ -76,7 +76,7 @@ class Segment(Protocol):
         ...
 
     def near(self, u: float) -> complex:
-        """Return about the point."""
+        """Return the approximate point."""
         ...
 
 
@@ -120,7 +120,7 @@ class LineSegment:
         return u + link.length if way > 0 else u - link.length
 
     def near(self, u: float) -> complex:
-        """Return about the point."""
+        """Return the approximate point."""
         return self._near[0] + self._near[1] * u
 
 
@@ -170,12 +170,12 @@ class ArcSegment:
         return u + turned if way > 0 else u - turned
 
     def near(self, u: float) -> complex:
-        """Return about the point."""
+        """Return the approximate point."""
         return self._near[0] + self._near[1] * exp(1j * self.side * u)
 
 
 class Chord(NamedTuple):
-    """A link in units of b: its length about, half its square, the inverse of that, and from where on it is wide."""
+    """A link in units of b: approximate length, half the square, its inverse square, and from which u on it is wide."""
 
     near: float
     half_square: arb
@@ -184,7 +184,7 @@ class Chord(NamedTuple):
 
     @classmethod
     def of(cls, chord: arb, segment: 'SpiralSegment') -> 'Chord':
-        """Return a chord; the curvature falls outwards to either side, and beyond ``wide`` it is below 2 / chord."""
+        """Return a chord; the curvature falls outwards on either side, and beyond ``wide`` it is below 2 / chord."""
         certainly(chord.is_finite(), 'scene.dragon: a link is too long for its spiral')
         square, wide = chord * chord, ZERO
         while not abs(segment.curvature(wide)) * segment.b * chord < 2:
@@ -197,7 +197,7 @@ class SpiralSegment:
 
     def __init__(self, b: arb, centre: acb, rotation: acb, side: int, sense: int, anchor: arb, first: arb | None,
                  last: arb | None) -> None:
-        """Take the numbers; ``sense`` is 1 where the head winds out."""
+        """Take the numbers; ``sense`` is 1 if the head winds out."""
         self.b, self.centre, self.side, self.sense, self.first, self.last = b, centre, side, sense, first, last
         self._rotation, self._anchored = rotation, arc(anchor)
         inner = last if sense < 0 else first
@@ -214,7 +214,7 @@ class SpiralSegment:
         return self._chords[link]
 
     def is_wide(self, u: arb, link: Link) -> bool:
-        """Return whether the spiral bends so little from u on outwards that links can neither lock nor turn back."""
+        """Return whether the curvature from u outwards is so small that links can neither lock nor turn back."""
         return u > self.chord(link).wide
 
     def point(self, u: arb) -> acb:
@@ -226,7 +226,7 @@ class SpiralSegment:
         return self._rotation * direction(u * self.side) * acb(ONE, u * self.side) * (self.sense / root_of(u))
 
     def speed(self, u: arb) -> arb:
-        """Return metres for each radian."""
+        """Return metres per radian."""
         return self.b * root_of(u)
 
     def metres(self, u: arb) -> arb:
@@ -254,9 +254,9 @@ class SpiralSegment:
         return u + self.span(u, link) if way == self.sense else u - self._span_in(u, link)
 
     def span(self, u: arb, link: Link) -> arb:
-        """Return the smallest delta > 0 at which the handle at u + delta is a link from the one at u.
+        """Return the smallest delta > 0 at which the handle at u + delta is a link away from the one at u.
 
-        Up to it the chord is proved to grow. Raises Locked.
+        It is proved that the chord grows up to it. Raises Locked.
         """
         if not link.near:
             return ZERO
@@ -280,7 +280,7 @@ class SpiralSegment:
         return found
 
     def _span_in(self, u: arb, link: Link) -> arb:
-        """Return delta > 0 at which the handle at u - delta is a link from the one at u (``track`` proves which)."""
+        """Return a delta > 0 for which the handle at u - delta is a link away from the one at u (see ``track``)."""
         half_square, near = self.chord(link).half_square, self.chord(link).near
         theta, twice = float(u), TWO * u
 
@@ -305,7 +305,7 @@ class SpiralSegment:
         return found
 
     def near(self, u: float) -> complex:
-        """Return about the point."""
+        """Return the approximate point."""
         return self._near[0] + self._near[1] * u * exp(1j * self.side * u)
 
 
@@ -330,7 +330,7 @@ def _about_arc(u: float) -> float:
 
 
 def _about_after(wanted: float) -> float:
-    """Return about where a spiral is so long, in units of b."""
+    """Return approximately the polar angle up to which a spiral has a length, in units of b."""
     guess = wanted if wanted < 1 else sqrt(2 * wanted)
     for _ in range(60):
         step = (_about_arc(guess) - wanted) / sqrt(1 + guess * guess)
@@ -341,7 +341,7 @@ def _about_after(wanted: float) -> float:
 
 
 def rises(theta: arb, low: arb, high: arb) -> bool:
-    """Return whether the chord from any handle at ``theta`` is proved to grow with delta from ``low`` to ``high``."""
+    """Return whether the chord from any handle at ``theta`` provably grows with delta from ``low`` to ``high``."""
     parts = [(low, high, _HALVINGS)]
     while parts:
         left, right, halvings = parts.pop()
@@ -357,7 +357,7 @@ def rises(theta: arb, low: arb, high: arb) -> bool:
 
 
 def about_span(theta: float, chord: float) -> float | None:
-    """Return about the smallest span of a chord (in units of b); None where it seems to have none."""
+    """Return the approximate smallest span of a chord (in units of b); None if it seems to have none."""
     if chord <= 2 * theta + pi:
         return bracketed(lambda delta: _excess(theta, chord, delta), 0.0, pi,
                          2 * asin(min(1.0, chord / (2 * theta + chord / (theta + 1)))))
@@ -374,7 +374,7 @@ def about_span(theta: float, chord: float) -> float | None:
 
 
 def _peak(theta: float, chord: float, low: float, high: float) -> float:
-    """Return where a chord stops growing between two spans."""
+    """Return the span between two others at which a chord stops growing."""
     while low < (middle := 0.5 * (low + high)) < high:
         low, high = (middle, high) if _excess(theta, chord, middle)[1] > 0 else (low, middle)
     return low

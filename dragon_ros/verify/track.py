@@ -1,9 +1,9 @@
 """A track in balls: its segments where they lie, places on it, and the next handle a link away.
 
-A place is a segment's number and its coordinate. Where the curvature is K at most and K l < 2 for every link l, the
-chord from a handle grows along the track for at least pi / K of it and reaches l before (Schur); so the next handle is
-the one place at a chord's length that is proved to be no more than pi / K away. On a single spiral led by its head,
-which comes to the centre, it is the smallest root instead (``SpiralSegment.span``).
+A place is a segment's number and its coordinate. If the curvature is at most K and K l < 2 for each link l, the chord
+from a handle grows along the track for at least pi / K and reaches l before (Schur). So the next handle is the one
+place at a link's length that is proved to be at most pi / K away. On a single spiral that the head follows to the
+centre, it is the smallest root instead (``SpiralSegment.span``).
 """
 from bisect import bisect_left
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ from dragon_ros.verify.segments import (
 
 AnySegment = LineSegment | ArcSegment | SpiralSegment
 _NEAR_M, _NEAR_RAD = 1e-6, 1e-6     # how far a joint may be from where a piece says that it begins
-_HAIR = 1e-12                       # of a metre: a place may be so far beyond the track's end, and what a float of
-_ULPS = 2.0**-50                    # its distance rounds
-_SHORTER = 1 - 1e-9                  # of a link: a chord that is surely shorter, in floats
-_NARROW = 1e-15                     # of a metre, or of the tightest radius: no place is so unsure next to a joint
+_HAIR = 1e-12                       # of a metre: a place may be this far beyond the track's end, plus the rounding
+_ULPS = 2.0**-50                    # of its distance
+_SHORTER = 1 - 1e-9                  # of a link: a chord that is certainly shorter, in floats
+_NARROW = 1e-15                     # of a metre, or of the tightest radius: the largest uncertainty next to a joint
 
 
 def _hair_m(end: arb) -> float:
@@ -42,7 +42,7 @@ def _hair_m(end: arb) -> float:
 
 
 class Place(NamedTuple):
-    """A segment's number and the coordinate on it; within ``loose`` metres of a joint, nobody knows on which side.
+    """A segment's number and the coordinate on it; within ``loose`` metres of a joint, the side is unknown.
 
     Then it is on the segment's curve continued. A way d beyond the joint, the track has strayed from that curve by
     K d^2 at most, and its direction by 2 K d (docs/contact.md).
@@ -58,7 +58,7 @@ class Track:
 
     def __init__(self, segments: Sequence[AnySegment], origins: Sequence[arb], start: arb, to_centre: bool,
                  poles: Sequence[int]) -> None:
-        """Take segments; ``start`` is where the head is at 0 s, ``poles`` numbers the centres that they turn about."""
+        """Take segments; ``start`` is the head's distance at 0 s, ``poles`` numbers their centres."""
         self.segments, self.origins, self.start, self.to_centre, self.poles = (
             tuple(segments), tuple(origins), start, to_centre, tuple(poles))
         self.bend = max(segment.bend for segment in segments)
@@ -105,14 +105,14 @@ class Track:
         return out + acb(UNIT, UNIT) * up(2 * self.bend * place.loose) if place.loose else out
 
     def next(self, place: Place, link: Link, way: int) -> Place:
-        """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused where there is none."""
+        """Return the next handle ahead (``way`` 1) or behind (-1). Raises Refused if there is none."""
         k, segment = place.segment, self.segments[place.segment]
         if not link.near:
             return place
         edge = segment.last if way > 0 else segment.first
         is_inwards = isinstance(segment, SpiralSegment) and way != segment.sense
         if is_inwards and edge is not None and self._is_beyond(place, edge, link) and 0 <= k + way < len(self.segments):
-            return self._across(place, link, way)       # the spiral itself need not come so far from the handle again
+            return self._across(place, link, way)       # the spiral itself need not reach this far
         u = segment.next(place.u, link, way)
         if edge is None:
             return Place(k, u)
@@ -148,7 +148,7 @@ class Track:
             assert near is not None
             if far is None:
                 return self._cut(k, here, link, way, gone)
-            # A segment that the chord is sure to grow along, and at whose end it is too short, is passed.
+            # A segment is passed if the chord certainly grows along it and is too short at its end.
             past = gone + abs(segment.metres(far) - segment.metres(near))
             if not (past * self.bend < half_turn() and abs(segment.point(far) - here) < link.length):
                 return self._cut(k, here, link, way, gone)
@@ -156,13 +156,13 @@ class Track:
         raise Refused('a handle leaves the track: it is too short for the dragon')
 
     def _cut(self, k: int, here: acb, link: Link, way: int, gone: arb) -> Place:
-        """Return where a segment is at a link's length from a point that lies ``gone`` of track from its near end."""
+        """Return the place of a segment at a link's length from a point, ``gone`` along the track from its near end."""
         segment = self.segments[k]
         near, far = (segment.first, segment.last) if way > 0 else (segment.last, segment.first)
         assert near is not None
         sense = segment.sense * way
         begin, point, length = float(near), complex(here), link.near
-        # The chord grows up to where a circle of the largest curvature has it, and reaches the link before.
+        # On a circle of the largest curvature the chord reaches the link last.
         most_m = max(furthest_m(self.bend, length) - float(gone), 1e-9 * length)
         if far is not None:
             most_m = min(most_m, float(abs(segment.metres(far) - segment.metres(near))))
@@ -170,7 +170,7 @@ class Track:
         step = 1e-7 * most
 
         def about(x: float) -> tuple[float, float]:
-            """Half the excess of the squared chord and its slope, x beyond the near end."""
+            """Return half the excess of the squared chord, and its slope, x beyond the near end."""
             away = segment.near(begin + sense * x) - point
             after = segment.near(begin + sense * (x + step)) - point
             value = 0.5 * (abs(away)**2 - length * length)
@@ -193,7 +193,7 @@ class Track:
         return self._loosened(k, u, max(outside, default=0.0))
 
     def curvatures(self, one: Place, two: Place) -> arb:
-        """Return all curvatures from one place to another; on a spiral it is monotone."""
+        """Return a ball of the curvatures between two places; on a spiral curvature is monotone."""
         first, last = (one, two) if one.segment < two.segment else (two, one)
         out = self.segments[first.segment].curvature(one.u if first.segment == last.segment else first.u)
         loose_m = max(one.loose, two.loose)
@@ -220,7 +220,7 @@ class Track:
 
 
 def track_of(scene: reading.Scene) -> Track:
-    """Return the track that a scene describes, on which its dragon is led."""
+    """Return the track of a scene."""
     kind = scene.track
     if isinstance(kind, reading.Spiral):
         return _single(kind, scene.tail_leads)
@@ -228,7 +228,7 @@ def track_of(scene: reading.Scene) -> Track:
 
 
 def _single(spiral: reading.Spiral, tail_leads: bool) -> Track:
-    """Return the classic track: to its centre, or to where the head starts where the tail leads."""
+    """Return the classic track: to its centre or, if the tail leads, to the start of the head."""
     start = TWO * half_turn() * exact(spiral.start_turns)
     last = start if tail_leads else ZERO
     segment = SpiralSegment(exact(spiral.pitch_m) / (TWO * half_turn()), acb(0), acb(1), 1, -1, start, None, last)
@@ -252,7 +252,7 @@ def _turn(turn: reading.Turn) -> Track:
 
 
 class _Heading:
-    """A heading: a rational share of half a turn, exactly, and the rest in radians. Turning it never widens it much."""
+    """A heading: an exact rational share of half a turn, and the rest in radians, so that turning hardly widens it."""
 
     def __init__(self, degrees: float) -> None:
         self._halves, self._rest = Fraction(degrees) / 180, ZERO
@@ -274,7 +274,7 @@ class _Heading:
 
 
 def _joined(track: reading.Pieces) -> Track:
-    """Return pieces, each from where the one before ends; the first is continued backwards where it can be."""
+    """Return pieces, each from the end of the one before; the first is continued backwards if possible."""
     pose = track.poses[0]
     heading = _Heading(pose.heading_deg or 0.0)
     point = acb(*map(exact, pose.at_m or (0.0, 0.0)))
@@ -292,7 +292,7 @@ def _joined(track: reading.Pieces) -> Track:
 
 
 def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool) -> AnySegment:
-    """Return a piece that leaves a point in a direction, which is turned by it."""
+    """Return a piece that leaves a point in a direction, and turn the heading by it."""
     first = None if is_open else ZERO
     leaves = heading.direction
     if isinstance(piece, reading.Line):
@@ -315,7 +315,7 @@ def _segment(piece: reading.Piece, point: acb, heading: _Heading, is_open: bool)
 
 
 def _check_joint(name: str, said: reading.Pose, point: acb, heading: _Heading) -> None:
-    """Refuse a piece that says that it begins elsewhere than the one before ends, or that it heads elsewhere."""
+    """Raise Refused if a piece is stated to begin, or to head, elsewhere than the one before ends."""
     if said.at_m is not None:
         away = abs(acb(*map(exact, said.at_m)) - point)
         certainly(away < 2 * _NEAR_M, f'{name}.at_m: the piece before ends {float(away):.3g} m from there')
