@@ -194,8 +194,7 @@ class Interval:
         one, two = self._turning(0), self._turning(n)
         turning, rate = size(two.w - one.w), size(two.rate - one.rate)
         bend = self._middles(n, other) + arm_m * hypot_above(rate, up(turning * turning))
-        sag = up(bend * up(self._length * self._length) / 8)
-        return sag if sag == sag else inf
+        return up(bend * up(self._length * self._length) / 8)
 
     def _middles(self, n: int, other: bool) -> float:
         """Return a bound of the relative acceleration of the middles of two benches, in the frame of one.

@@ -67,6 +67,8 @@ SCENES = {
                              'the head leaves the track'),
     'the beginning of the track': (Scene(dragon=Dragon(3), head=Head(-1.0), track=Composite((
         SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
+    'a tail that leaves the track': (Scene(dragon=Dragon(3), head=Head(1.0, 'tail'), track=Composite((
+        SpiralArc(3.0, 0.6, 3.0, 'left'), Line(9.0)), 12.0)), 'the tail leaves the track'),
     'arcs as tight as may be': (Scene(
         dragon=Dragon(11, 0.966718771980368, 1.1818753216942577, 0.02, 0.2), head=Head(-1.0), run=Run(0, 13.3),
         track=Composite((Arc(0.3952814126343191, 60.0), Arc(0.39838471924996127, 60.0), Arc(0.3952814126343191, -60.0),

@@ -37,7 +37,7 @@ from dragon_ros.verify.interval import Interval
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.motion import spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
-from dragon_ros.verify.ranges import _image, ranges
+from dragon_ros.verify.ranges import _image, _ratio, ranges
 from dragon_ros.verify.roots import certified
 from dragon_ros.verify.run import Limit, _passage, _up_to, _within, never_reaches
 from dragon_ros.verify.segments import Link, Locked, SpiralSegment, rises
@@ -193,6 +193,14 @@ def test_an_edge_parts_benches_if_it_does_at_both_ends(places):
     assert not Interval._parted(ends, front, 0.0, 2.2)
 
 
+@pytest.mark.parametrize(('moved', 'is_clear'), [((2.0, 2.05), True), ((2.05, 2.0), True), ((2.0, 2.15), False),
+                                                 ((2.15, 2.0), False), ((0.0, 8.0), False)])
+def test_gaps_at_both_ends_together_exceed_what_two_benches_move_in_between(moved, is_clear):
+    lead = posed((0.0, 0.0), 0.0, 1.0, 1.0)
+    ends = [SimpleNamespace(pose=[lead, posed((place, 0.0), 0.0, 1.0, 1.0)].__getitem__) for place in (4.0, 4.1)]
+    assert Interval._by_going(SimpleNamespace(_ends=ends, _moved_m=moved.__getitem__), 1) == is_clear
+
+
 @pytest.mark.parametrize(('moved', 'is_far'), [((2.0, 2.9), True), ((2.1, 2.95), False), ((2.9, 2.0), True),
                                                ((3.0, 2.1), False), ((0.0, 5.1), False), ((5.1, 0.0), False)])
 def test_benches_are_far_apart_if_they_are_though_both_come_as_near_as_they_go(moved, is_far):
@@ -214,6 +222,28 @@ def test_the_range_of_a_handle_holds_where_it_turns_back_and_hardly_more(share):
     assert all(begin <= place.upper() and place.lower() <= end for place in places)
     assert min(float(place - begin) for place in places) < 3e-9
     assert min(float(end - place) for place in places) < 3e-9
+
+
+@pytest.mark.parametrize('ends', [(14.76, 14.84), (14.9, 15.5)])
+def test_the_range_of_a_handle_that_moves_one_way_is_that_between_its_places_at_the_ends(ends):
+    """Nearer to the lock than where it turns back it moves against the one in front, further out with it."""
+    segment, link = first_link()
+    low, high = map(arb, ends)
+    begin, end = _image(segment, low, high, link)
+    places = sorted((low + segment.span(low, link), high + segment.span(high, link)), key=float)
+    assert begin <= places[0].upper() < places[1].lower() <= end
+    assert float(end - begin) == pytest.approx(float(places[1] - places[0]), abs=1e-9)
+
+
+def test_the_chain_stands_only_if_the_chord_rises_up_to_the_longest_span():
+    segment = centred(THIN, 2 * pi, 16.0)[0].segments[0]
+    link = Link(exact(6.0), 6.0)
+    left, right = arb(1.99), arb(2.0)
+
+    def stands(longest):
+        return _ratio(segment, left, right, left + arb(longest), right + arb(pi + 0.1), link)[1]
+    assert stands(peak(2.0) - 0.05)
+    assert not stands(peak(2.0) + 0.05)
 
 
 @pytest.mark.parametrize('ends', [(14.8, 15.5), (14.8, 15.0), (14.8, 16.0)])
