@@ -37,6 +37,7 @@ from dragon_ros.verify.interval import Interval
 from dragon_ros.verify.law import Law
 from dragon_ros.verify.motion import spiral_slopes
 from dragon_ros.verify.posture import AXES, Bench, Pose, about, overlap, separation
+from dragon_ros.verify.proof import _Proof
 from dragon_ros.verify.ranges import _image, _ratio, ranges
 from dragon_ros.verify.roots import certified
 from dragon_ros.verify.run import Limit, _passage, _up_to, _within, never_reaches
@@ -207,6 +208,18 @@ def test_benches_are_far_apart_if_they_are_though_both_come_as_near_as_they_go(m
     poses = [posed((0.0, 0.0), 0.3, 1.2, 1.6), posed((10.0, 0.0), 0.3, 1.8, 2.4)]      # arms of 2 m and 3 m
     end = SimpleNamespace(pose=poses.__getitem__)
     assert Interval._far(SimpleNamespace(_ends=(end, end), _moved_m=moved.__getitem__), 1) == is_far
+
+
+# The slack
+
+
+@pytest.mark.parametrize(('slope', 'slack_m'), [(1.0, 1e-9), (0.01, 1e-9), (1e-4, 8e-8), (1e-6, 1e-6), (0.0, 1e-9)])
+def test_the_slack_of_a_slow_contact_is_what_position_errors_are_of_the_way_and_a_micrometre_at_most(slope, slack_m):
+    lead = posed((0.0, 0.0), 0.0, 1.0, 1.0)
+    law = SimpleNamespace(speed_m_s=lambda t_s: Fraction(1))
+    proof = SimpleNamespace(_unit=1.0, _coarse=1.0, _scene=SimpleNamespace(law=law), _poses=lambda contact, gone: (
+        lead, posed((2.0 - slope * float(gone), 0.0), 0.0, 1.0, 1.0)))
+    assert _Proof._slack_m(proof, SimpleNamespace(t_s=5.0), arb(0)) == pytest.approx(slack_m, rel=1e-3)
 
 
 # Ranges
