@@ -139,7 +139,7 @@ def _drawn(scene: Scene, t_s: float, pair: tuple[int, int], point_m: tuple[float
     with style():
         seen = witness_at(moment(source, t_s), pair)
         picture = contact_picture(source, Touch(t_s, pair, point_m, seen, decimals_of(step_s)))
-        return save(picture, folder / 'contact')
+        return save(picture, folder / 'contact', f'{SCENE}, {t_s:.6f} s')
 
 
 def say(line: str) -> None:

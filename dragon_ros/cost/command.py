@@ -72,5 +72,5 @@ def _run(arguments: Namespace) -> int:
     command_line.write_output(None, text)
     from dragon_ros.cost.picture import picture
     with figures.style():
-        figures.write(picture(costs), output)
+        figures.write(picture(costs), output, caption=f'{figures.short(str(arguments.scene))}, on this machine')
     return command_line.OK
