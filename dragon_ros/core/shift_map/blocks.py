@@ -1,4 +1,4 @@
-"""Placing a chain block of equal links by block: from shift maps where they serve, link by link where not."""
+"""Place a chain block of equal links by block: by a shift map if one covers the block, otherwise link by link."""
 from collections.abc import Callable
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,13 +17,13 @@ from dragon_ros.core.tracks.segments import BEHIND
 
 FEWEST = 8              # links, below which marching is faster than a table
 _MOST_MAPS = 4          # shift maps of one dragon: of the lengths of its longest blocks
-_SHORTEST_LEAD = 0.05   # of a block's link: the direction of a shorter one has too few digits for a series
-_FARTHEST = 1e300       # a coordinate that no place has: none was found
+_SHORTEST_LEAD = 0.05   # of a block's link: a shorter one has a direction with too few digits for a series
+_FARTHEST = 1e300       # stands for no place: no coordinate is as large
 _TRIES = 8              # links of a block that are marched in search of its table
 
 
 class _NextPlace(NamedTuple):
-    """What finds the next place on a segment, between which coordinates it is on that one, and what gives points."""
+    """The solver for the next place on a segment, the coordinates between which that place is on it, and its points."""
 
     next: Callable[[DoubleDouble, float, int], tuple[DoubleDouble, int]]
     low: float
@@ -32,14 +32,14 @@ class _NextPlace(NamedTuple):
 
 
 class TabulatedLinks(NamedTuple):
-    """The handles of some ``links`` behind handle ``start`` from the leader, from a tile, at one instant.
+    """The handles of ``links`` links behind handle ``start`` from the leader, from a tile, at one instant.
 
-    With ``leader``, the first link is the one from there to the first handle of the table.
+    With ``leader``, the first link joins it to the first handle of the table.
     """
 
     start: int
     links: int
-    at: int                 # where they begin in the numbers of the chain
+    at: int                 # index of their first coordinate in the chain
     spot: Spot
     products: list[Product]
     direction: int
@@ -68,7 +68,7 @@ class TabulatedLinks(NamedTuple):
         return speed
 
     def _motions(self, flat: Floats) -> Floats:
-        """Fill in the velocities for unit speed in row 0, and return them, in a row."""
+        """Fill in the velocities for unit speed in row 0, and return them as one flat array."""
         at, basis = self.at, self.spot.basis
         for times, terms, _, motions, start, stop in self.products:
             times(basis[:terms], motions, flat[at + start:at + stop])
@@ -93,7 +93,7 @@ class TabulatedLinks(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class TabulatedStates:
-    """As ``TabulatedLinks``, of many instants: ``spots`` by tile, with the instants (S,) that each tile has."""
+    """``TabulatedLinks`` for many instants: ``spots`` by tile, each with the instants (S,) in that tile."""
 
     start: int
     links: int
@@ -105,11 +105,11 @@ class TabulatedStates:
         return spots.row if self.direction == BEHIND else spots.row - self.links
 
     def fill(self, out: Floats, motions: bool = False, scales: Floats | None = None) -> None:
-        """Fill in coordinates, or motions times a scale for each instant, (S, links + 1, 2)."""
+        """Fill in coordinates, or motions times a scale per instant, (S, links + 1, 2)."""
         for rows, spots in self.spots:
             one = spots if scales is None else spots._replace(basis=spots.basis * scales[rows][:, None])
             first, last = rows[[0, -1]].tolist()
-            if last - first + 1 == rows.size:       # instants in a row, as those of a run are
+            if last - first + 1 == rows.size:       # consecutive instants, as in a run
                 spots.tile.fill_many(one, self._first(spots), out[first:last + 1], motions)
                 continue
             some = np.empty((rows.size, *out.shape[1:]))
@@ -117,7 +117,7 @@ class TabulatedStates:
             out[rows] = some
 
     def _each(self, value: Any) -> Floats:
-        """Return a number for each instant."""
+        """Return one number per instant."""
         out: Floats = np.empty(sum(rows.size for rows, _ in self.spots))
         for rows, spots in self.spots:
             out[rows] = value(spots)
@@ -158,7 +158,7 @@ class TabulatedStates:
 class Placement:
     """Places the handles of links (N,) on a track, behind a head (``direction`` BEHIND) or ahead of a tail.
 
-    ``maps`` has the shift map of each length that has one. Without, all links are marched.
+    ``maps`` has a shift map for some link lengths; blocks of other links are marched.
     """
 
     track: Track
@@ -178,12 +178,12 @@ class Placement:
 
     @cached_property
     def _plan(self) -> tuple[tuple[int, int, float, ShiftMap | None, list[_NextPlace]], ...]:
-        """The blocks as ``place`` reads them: from which handle to which, the link, its shift map, steps by segment."""
+        """The blocks as ``place`` reads them: first and last handle, link, shift map, and the steps by segment."""
         return tuple((*block, shift, [self._step(k, block.link_m) for k in range(len(self.track.segments))])
                      for block, shift in self.blocks)
 
     def _step(self, k: int, link_m: float) -> _NextPlace:
-        """Return what finds the next place on a segment, and between which coordinates it is on it."""
+        """Return the step on a segment: its solver, and the coordinates between which the next place is on it."""
         segment = self.track.segments[k]
         edge = self.track.edge(k, link_m, self.direction)
         outwards = edge > (segment.last if self.direction == BEHIND else segment.first)
@@ -192,7 +192,7 @@ class Placement:
 
     @cached_property
     def _lead(self) -> tuple[float, int, ShiftMap] | None:
-        """The leader's own link, where one link goes before a block with a shift map: its length, and the block's."""
+        """The leader's own link, if it alone precedes a block with a shift map: its length, last handle, and map."""
         if len(self.blocks) < 2:
             return None
         (first, own), (second, shift) = self.blocks[:2]
@@ -202,7 +202,7 @@ class Placement:
     def place(self, leader: Place) -> Chain:
         """Return the chain of a leader.
 
-        Raises TrackEndError where there is no track, ChainLockError where a link finds no place.
+        Raises TrackEndError if there is no track, ChainLockError if a link cannot be placed.
         """
         count, led, spent = len(self.links_m), None, 0
         flat = np.empty(2 * count + 2)
@@ -220,9 +220,9 @@ class Placement:
         return Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
 
     def _place_rest(self, flat: Floats, leader: Place, led: TabulatedLinks | None, parts: list[PlacedLinks]) -> int:
-        """Add the parts that follow, block by block, and return evaluations.
+        """Add the remaining parts, block by block, and return the number of evaluations.
 
-        Each part fills in its handles from its first on; a table those of a whole block, its last handle included.
+        Each part fills in its handles from its first one; a table fills in a whole block, including its last handle.
         """
         count, direction, spent, filled, begin, here = len(self.links_m), self.direction, 0, False, 0, leader
         if led:
@@ -256,10 +256,10 @@ class Placement:
         return spent
 
     def _next(self, step: _NextPlace, here: Place, i: int, link_m: float) -> tuple[Place, int]:
-        """Return the place of the next handle, and evaluations.
+        """Return the place of the next handle, and the number of evaluations.
 
-        It exists beside ``forward``, whose bits it has, since live ticks march single links: what ``forward`` looks up
-        for each block is kept in ``step``, and there are no lists.
+        Its bits are those of ``forward``. It exists because live ticks march single links: ``step`` holds what
+        ``forward`` would look up for each block, and no lists are made.
         """
         following, spent = step.next(here[1], link_m, self.direction)
         if step.low <= following[0] <= step.high:
@@ -271,7 +271,7 @@ class Placement:
 
     def _tabulated(self, flat: Floats, i: int, stop: int, spot: Spot,
                    leader: Place | None = None) -> TabulatedLinks | None:
-        """Fill in all that the table of a spot has of links ``i`` to ``stop``; None if that is nothing."""
+        """Fill in as many of links ``i`` to ``stop`` as the table of a spot has; None if it has none."""
         (tile, cell, _), direction = spot, self.direction
         links = (tile.rows - 1 - cell.row if direction < 0 else cell.row) + (leader is not None)
         if links > stop - i:
@@ -287,9 +287,9 @@ class Placement:
         return part
 
     def place_many(self, leaders: Places, out: Floats | None = None) -> Chain:
-        """Return the chains of many leaders (S,) in one; a block is marched where its tables do not serve them all.
+        """Return the chains of many leaders (S,) as one; a block is marched if its tables do not cover all leaders.
 
-        ``out`` (S, N+1, 2) takes the handles, if it is given.
+        ``out`` (S, N+1, 2), if given, receives the handles.
         """
         parts: list[PlacedLinks] = []
         places, spent = leaders, 0
@@ -314,7 +314,7 @@ class Placement:
         return bool(np.all((last >= 0) & (last < spots.tile.table.rows)))
 
     def _chains(self, parts: list[PlacedLinks], spent: int, out: Floats) -> Chain:
-        p = out.view()      # read-only below, and ``out`` is not
+        p = out.view()      # read-only below; ``out`` stays writable
         chain = Chain(p, self.links_m, spent, self.track, self.direction, tuple(parts))
         for part in parts:
             some = p[:, chain.slice_of(part)]
@@ -334,9 +334,9 @@ def _last(places: Places) -> Places:
 
 
 def lengths_with_maps(links_m: Floats) -> dict[float, int]:
-    """Return the lengths of the longest blocks that shift maps serve, with the links of the longest block of each.
+    """Return the link lengths of the longest blocks that get a shift map, with the size of the longest block of each.
 
-    Not those of links so short that the tile of a spiral is shorter than the dragon: it would serve few states.
+    Links so short that a tile of a spiral is shorter than the dragon get none: the map would cover few states.
     """
     length_m, out = float(np.sum(links_m)), dict[float, int]()
     longest = sorted(((block.stop - block.start, block.link_m) for block in blocks_of(links_m, BEHIND)

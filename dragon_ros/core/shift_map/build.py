@@ -1,4 +1,4 @@
-"""Building the table of a tile: where to cut the span, its images, row after row, and the series of what they met."""
+"""Build the table of a tile: cut the span, push it back row by row, and fit series to its images."""
 from dataclasses import dataclass, field
 from itertools import groupby, pairwise
 from math import ceil, floor, inf
@@ -18,14 +18,14 @@ from dragon_ros.core.tracks.segments import AHEAD, BEHIND, Segment, reach_m
 from dragon_ros.core.tracks.spiral import SpiralSegment
 
 NODES = 24                 # terms of a series before it is cut; parts whose series do not end in them are cut in three
-_MOST_STEPS = 40_000        # from joints to their places in the span
-_MOST_BYTES = 256_000_000   # of the series of one table
-_ROUNDS = 5                 # of cutting parts in three
+_MOST_STEPS = 40_000        # links from the joints to the span, in all
+_MOST_BYTES = 256_000_000   # for the series of one table
+_ROUNDS = 5                 # of splitting parts in three
 NOISE = 4                  # what rounding may add to the last terms, in units of the error
-_SPAN_NODES = 16            # of a whole span on a spiral, which is as smooth as a line
-_SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in its last terms
-_HAIR = 1e-12               # of a distance along the track: places that far apart are one
-_FREE = 12_000              # multiplications of a tick's product: 0.3 of the time that the calls around it take
+_SPAN_NODES = 16            # for a whole span on a spiral, which is as smooth as a line
+_SPAN_ENDS = 2.0**-46       # of its half: rounding of hundreds of rows may leave a quarter of that in the last terms
+_HAIR = 1e-12               # relative to a distance along the track: closer places are one
+_FREE = 12_000              # multiplications per tick; they take 0.3 of the time of the calls around the product
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,10 +33,10 @@ class Table:
     """R rows of S parts of a span of places, for links of one length; leaders are in L rows from ``first`` on.
 
     Part s of row r lies on the segment ``segment[r, s]``; ``middle[r, s]`` is the segment's coordinate in the middle as
-    (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. ``slack`` (L, S) is how far |x| may be
-    beyond 1 by rounding, ``inverse`` (L, S, K) the coefficients of u(x), the highest power first. Series by part:
-    ``coordinates`` (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit
-    speed in row 0. From row r on ``terms[s, r]`` terms are enough, to ``error_m`` (R,); the tier allows ``allowed_m``.
+    (hi, lo), and a scale, with x = (coordinate - middle) * scale in [-1, 1]. Rounding may put |x| beyond 1 by ``slack``
+    (L, S). ``inverse`` (L, S, K) are the coefficients of u(x), the highest power first. Series by part: ``coordinates``
+    (S, K, R) of x, ``places`` and ``motions`` (S, K, 2 R) of x and y in m and of velocities for unit speed in row 0.
+    From row r on ``terms[s, r]`` terms are exact to ``error_m`` (R,); the tier allows errors of ``allowed_m`` (R,).
     """
 
     segment: Ints
@@ -68,13 +68,13 @@ class Table:
 
     @property
     def memory_bytes(self) -> int:
-        """What the arrays of the table take."""
+        """The size of its arrays."""
         return sum(value.nbytes for value in vars(self).values() if isinstance(value, np.ndarray))
 
 
 @dataclass(frozen=True)
 class Stretch:
-    """Where a tile's leaders are: between two distances along the track; ``links`` handles follow in ``direction``."""
+    """The range of a tile's leaders: two distances along the track; ``links`` handles follow in ``direction``."""
 
     low_m: float
     high_m: float
@@ -84,7 +84,7 @@ class Stretch:
 
 @dataclass(frozen=True)
 class _SpanPart:
-    """A part of the span: its segment, and its ends there, the foremost first."""
+    """A part of the span: its segment, and its two ends there, the foremost first."""
 
     segment: int
     fore: Floats
@@ -101,7 +101,7 @@ class _SpanPart:
 class _Pushed:
     """Series of R rows of one part: of coordinates less ``origin`` (K, R), places and motions (K, R, 2).
 
-    ``along_m`` (R, 2) is where its rear and its front are along the track, ``far_m`` (R,) how far out it is at most.
+    ``along_m`` (R, 2) are the distances along the track of its rear and front, ``far_m`` (R,) bounds from the origin.
     """
 
     segment: Ints           # (R,)
@@ -120,9 +120,9 @@ class _RowSeries:
 
     segment: Ints                     # (R, S)
     origin: tuple[Floats, Floats]     # (R, S)
-    leading: slice                    # rows in which leaders can be
-    error_m: Floats                   # (R,): where series are cut
-    allowed_m: Floats                 # (R,): where the tier allows to cut them
+    leading: slice                    # rows that can hold leaders
+    error_m: Floats                   # (R,): the error at which series are cut
+    allowed_m: Floats                 # (R,): the error that the tier allows
     coordinates: Floats
     places: Floats
     motions: Floats
@@ -131,8 +131,8 @@ class _RowSeries:
 def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | None:
     """Return the table for blocks of links of ``link_m`` whose leaders are on a stretch.
 
-    The series of a coarser tier are those of ``exact`` too, unless they do not end, or a tick would take more than 1.3
-    times as long. None where no table serves: the links have no length, it would be too large, or series do not end.
+    A coarser tier gets the series of ``exact`` too, unless these do not converge or a tick would take more than 1.3
+    times as long. None if there is no table: the links have no length, it would be too large, or no series converge.
     """
     if not link_m:
         return None
@@ -155,7 +155,7 @@ def build(track: Track, link_m: float, stretch: Stretch, tier: Tier) -> Table | 
 
 
 def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
-    """Return the foremost place: before the leaders of a tail, that of the head."""
+    """Return the foremost place: that of the leader, or if the tail leads, that of the head before it."""
     high_m = stretch.high_m
     if stretch.direction == AHEAD:
         high_m += stretch.links * reach_m(track.bend, link_m)
@@ -166,14 +166,14 @@ def _front(track: Track, link_m: float, stretch: Stretch) -> Place:
 
 
 def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_SpanPart]:
-    """Return the parts of the span behind ``front``: it is cut at every place that a joint is whole links behind of."""
+    """Return the parts of the span behind ``front``, cut at every place that is whole links ahead of a joint."""
     rear = track.next(front, link_m, BEHIND)[0]
     here_m, back_m = track.distance_of(front)[0], track.distance_of(rear)[0]
     inside = [k for k, metres in enumerate(track.joints_m, 1) if low_m < metres < here_m]
     if sum(here_m - track.joints_m[k - 1] for k in inside) / link_m > _MOST_STEPS:
         return []
     hair_m, ends = _HAIR * (link_m + abs(here_m)), (*track.joints_m, track.end_m)
-    if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # its two joints would be one
+    if any(ends[k] - ends[k - 1] <= hair_m for k in inside):    # its two joints would coincide
         return []
     cuts = sorted((_pulled(track, link_m, Place.of(k, track.segments[k].first, 0.0), back_m) for k in inside),
                   key=track.distance_of, reverse=True)
@@ -187,7 +187,7 @@ def _parts(track: Track, link_m: float, front: Place, low_m: float) -> list[_Spa
 def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
     """Return a place moved ahead, link by link, into the span that ends at ``back_m``."""
     sure = floor((back_m - track.distance_of(place)[0]) / reach_m(min(track.bend, 1 / link_m), link_m))
-    if sure > 0:        # links, each on an arc that is no longer than that
+    if sure > 0:        # links, each on an arc of at most this length
         place = forward(track, (Block(0, sure, link_m),), place, AHEAD).place(-1)
     while track.distance_of(place)[0] <= back_m:
         place = track.next(place, link_m, AHEAD)[0]
@@ -195,7 +195,7 @@ def _pulled(track: Track, link_m: float, place: Place, back_m: float) -> Place:
 
 
 def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
-    """Return the part between two places, with the one segment that it is on."""
+    """Return the part between two places, which lies on one segment."""
     middle = 0.5 * (track.distance_of(fore)[0] + track.distance_of(rear)[0])
     k = fore.segment if fore.segment == rear.segment else track.place_at(middle).segment
     segment = track.segments[k]
@@ -204,7 +204,7 @@ def _part(track: Track, fore: Place, rear: Place) -> _SpanPart:
 
 
 def _thirds(part: _SpanPart) -> list[_SpanPart]:
-    """Return three parts for one: halves need another round more often, which costs more than a third part."""
+    """Return the thirds of a part: halves would need another round more often, which costs more than a third part."""
     third = (part.rear[0] - part.fore[0]) / 3
     cuts = [np.array(plus(part.fore[0], part.fore[1], n * third)) for n in (1, 2)]
     return [_SpanPart(part.segment, *ends) for ends in pairwise((part.fore, *cuts, part.rear))]
@@ -212,11 +212,11 @@ def _thirds(part: _SpanPart) -> list[_SpanPart]:
 
 def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], count: int, stretch: Stretch,
            tiers: tuple[Tier, Tier]) -> Table | None:
-    """Return the table, once all series end; parts whose do not are cut in three.
+    """Return the table once all series converge; parts whose series do not are split in three.
 
-    Series are cut at the digits of the first of ``tiers``; the second is the scene's.
+    The first of ``tiers`` says where series are cut; the second is that of the scene.
     """
-    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]    # and what is left
+    pieces: list[tuple[_SpanPart, _Pushed | None, float]] = [(*piece, inf) for piece in first]    # with its remainder
     for _ in range(_ROUNDS):
         if 8 * 5 * NODES * len(pieces) * count > _MOST_BYTES:
             return None
@@ -226,7 +226,7 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
         rows = _together_in_rows(pushed, link_m, stretch, tiers)
         if rows.leading.start == rows.leading.stop:
             return None
-        with np.errstate(all='ignore'):     # a part that is no longer than its rounding has no scale and no inverse
+        with np.errstate(all='ignore'):     # a part no longer than its rounding has no scale and no inverse
             x, middle, scale = scaled(rows.coordinates)
             inverse = _inverses(pushed, x, rows.leading)
             left = _left(rows, x, inverse, link_m)
@@ -234,14 +234,14 @@ def _built(track: Track, link_m: float, first: list[tuple[_SpanPart, _Pushed]], 
             return _table(rows, (x, middle, scale), inverse, link_m)
         before, pieces = pieces, []
         for (part, _, whole), one, over in zip(before, pushed, left.tolist(), strict=True):
-            if over > NOISE and over >= 0.5 * whole:        # it is rounding, which thirds have as well
+            if over > NOISE and over >= 0.5 * whole:        # rounding, which thirds have as well
                 return None
             pieces += [(part, one, inf)] if over <= NOISE else [(third, None, over) for third in _thirds(part)]
     return None
 
 
 def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
-    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in some rows; each part keeps its own."""
+    """Return the inverses (S, K, L) of scaled coordinates (S, K, R) in some rows; each part caches its own."""
     key = rows.start, rows.stop
     new = [n for n, one in enumerate(pushed) if key not in one.inverses]
     some = x[new, :, rows].transpose(1, 0, 2)
@@ -252,7 +252,7 @@ def _inverses(pushed: list[_Pushed], x: Floats, rows: slice) -> Floats:
 
 
 def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> list[_Pushed]:
-    """Push the nodes of parts back through ``count`` rows, as far as there is track, and return their series."""
+    """Push the nodes of parts back through ``count`` rows, or to the end of the track, and return their series."""
     segment, u, lo = _pushed(track, link_m, parts, count)
     rows = segment.shape[0]
     p, heading = track.poses(segment, u, lo)
@@ -272,13 +272,13 @@ def _series(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 def _together_in_rows(pushed: list[_Pushed], link_m: float, stretch: Stretch,
                       tiers: tuple[Tier, Tier]) -> _RowSeries:
-    """Return the rows that all parts have."""
+    """Return the rows that all parts share."""
     rows = min(one.segment.size for one in pushed)
     low_m, high_m = stretch.low_m - link_m, stretch.high_m + link_m
     along = np.stack([one.along_m[:rows] for one in pushed], axis=1)
     reached = np.flatnonzero(np.any((along[..., 1] > low_m) & (along[..., 0] < high_m), axis=1))
     leading = slice(int(reached[0]), int(reached[-1]) + 1) if reached.size else slice(0, 0)
-    # A row near the origin is as exact as the dragon is large: about as a spiral of its length, one turn a link apart.
+    # A row near the origin is as exact as a spiral as long as the dragon, with turns one link apart.
     far_m = np.max([one.far_m[:rows] for one in pushed], axis=0)
     size_m = np.maximum(far_m, link_m * np.sqrt(stretch.links))
     error_m, allowed_m = (tier.series_m(size_m) for tier in tiers)
@@ -298,7 +298,7 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
     def settle(places: Places) -> Places:
         return _together(track, places) if len(track.segments) > 1 else places
 
-    rows = [tuple(values[None] for values in first)]        # count of them, where the track does not end before
+    rows = [tuple(values[None] for values in first)]        # ``count`` rows, or fewer if the track ends before
     for k, many in _spans(track, link_m, first, count):
         segment, u, lo = (values[-1] for values in rows[-1])
         found = None if k is None else _along(track.segments[k], link_m, (segment, u, lo), many)
@@ -315,19 +315,19 @@ def _pushed(track: Track, link_m: float, parts: list[_SpanPart], count: int) -> 
 
 
 def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple[int | None, int]]:
-    """Return how to go through the rows behind a row of nodes: so many on one segment, its number, or None, row by row.
+    """Return the steps through the rows behind a first row of nodes: a count on one segment, with its number or None.
 
-    Where both the foremost node and the rearmost are on a segment, so are all.
+    None means row by row. If the foremost and the rearmost node are on a segment, so are all others.
     """
     if len(track.segments) == 1:
         return [(0, count - 1)]
     front = Place.of(*(values[NODES - 1].item() for values in first))
     links = count
-    if track.begin_m == -inf:       # what is once on the first segment stays there
+    if track.begin_m == -inf:       # nodes on the first segment stay there
         links = min(count, max(1, ceil((track.distance_of(front)[0] - track.joints_m[0]) / link_m) + 2))
     try:
         fore = forward(track, (Block(0, links, link_m),), front, BEHIND).segment
-    except (TrackEndError, ChainLockError):     # before the last row
+    except (TrackEndError, ChainLockError):     # the track ends before the last row
         return [(None, count - 1)]
     on = [a if a == b else None for a, b in pairwise(fore)] + [0] * (count - links)     # the rearmost is a link behind
     out, row = list[tuple[int | None, int]](), 0
@@ -341,9 +341,9 @@ def _spans(track: Track, link_m: float, first: Places, count: int) -> list[tuple
 
 
 def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places | None:
-    """Return the rows (count, S K) of nodes that follow a row (S K,) where all of them stay on one segment.
+    """Return the rows (count, S K) of nodes that follow a row (S K,), all on one segment.
 
-    None where they are not found all at once.
+    None if they cannot be solved all at once.
     """
     number, begin, begin_lo = first
     numbers = np.broadcast_to(number, (count, number.size))
@@ -353,7 +353,7 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
         if rows is None and (found := placed(segment, (begin, begin_lo), chords)):
             rows = found[:2]
         return (numbers, rows[0][1:], rows[1][1:]) if rows else None
-    step, _ = segment.shifts(begin[:1], link_m, BEHIND, None)        # on a line or an arc all are alike
+    step, _ = segment.shifts(begin[:1], link_m, BEHIND, None)        # on a line or an arc all shifts are equal
     u, lo = begin, begin_lo
     for part in product(np.arange(1.0, count + 1)[:, None], step[0]):
         u, lo = plus(u, lo, part)
@@ -361,9 +361,9 @@ def _along(segment: Segment, link_m: float, first: Places, count: int) -> Places
 
 
 def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: Floats) -> tuple[Floats, Floats] | None:
-    """Return ``placed`` of the nodes of several parts by series: on a spiral a span is smooth, whatever it is cut into.
+    """Return ``placed`` for the nodes of several parts by series: a spiral's span is smooth, wherever it is cut.
 
-    So no more nodes are placed than one part has. None where the series do not end in them.
+    So only the nodes of one part are placed. None if the series do not converge.
     """
     nodes = transform(_SPAN_NODES)[0]
     low, high = np.argmin(begin), np.argmax(begin)
@@ -381,7 +381,7 @@ def _by_series(spiral: SpiralSegment, begin: Floats, begin_lo: Floats, chords: F
 
 
 def _together(track: Track, places: Places) -> Places:
-    """Return places of parts, each part on one segment: a node beyond a joint by rounding is put on the joint."""
+    """Return places of parts, each part on one segment: a node that rounding put beyond a joint moves to the joint."""
     shape = -1, NODES
     segment, u, lo = places[0].reshape(shape), places[1].reshape(shape), places[2].reshape(shape)
     if np.all(segment == segment[:, :1]):
@@ -395,7 +395,7 @@ def _together(track: Track, places: Places) -> Places:
 
 
 def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
-    """Return series (S, K, R) scaled to x in [-1, 1], with the middle that was taken off and the scale, (S, R) each."""
+    """Return series (S, K, R) scaled to x in [-1, 1], with the subtracted middle and the scale, (S, R) each."""
     sign = np.where(np.arange(NODES) % 2, -1.0, 1.0)[:, None]
     fore, rear = np.sum(sign * coordinates, axis=1), np.sum(coordinates, axis=1)
     middle, scale = 0.5 * (fore + rear), 2 / (rear - fore)
@@ -405,7 +405,7 @@ def scaled(coordinates: Floats) -> tuple[Floats, Floats, Floats]:
 
 
 def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats:
-    """Return about what the series of each part (S,) leave out, in units of the rows' errors: their last terms."""
+    """Return an estimate of each part's truncation error (S,) from its last terms, in units of the rows' errors."""
     half, twice = _half_widths_m(rows) / rows.error_m, np.repeat(rows.error_m, 2)
     last = (rows.places[:, -2:] / twice, link_m * rows.motions[:, -2:] / twice, half * x[:, -2:],
             half[:, :, rows.leading] * inverse[:, -2:])
@@ -415,17 +415,17 @@ def _left(rows: _RowSeries, x: Floats, inverse: Floats, link_m: float) -> Floats
 
 
 def _half_widths_m(rows: _RowSeries) -> Floats:
-    """Return about half the length of each part in each row in metres, (S, 1, R)."""
+    """Return approximately half the length in metres of each part in each row, (S, 1, R)."""
     out: Floats = np.hypot(rows.places[:, 1:2, ::2], rows.places[:, 1:2, 1::2])
     return out
 
 
 def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Floats, link_m: float) -> Table:
-    """Return the table with as many terms as any series needs."""
+    """Return the table with as many terms as its longest series needs."""
     (x, middle, scale), half, leading = scaled, _half_widths_m(rows) / rows.error_m, rows.leading
     parts, twice = rows.segment.shape[1], np.repeat(rows.error_m, 2)
     places, motions = np.abs(rows.places) / twice, np.abs(link_m * rows.motions) / twice
-    # A velocity is a product of many ratios: its rounding may lie above where its series is cut.
+    # A velocity is a product of many ratios: its rounding may exceed the error at which its series is cut.
     noise = max(1.0, 2 * float(np.max(motions[:, -2:])))
     size = np.maximum(places, np.where(motions > noise, motions, 0.0))
     terms = _enough(np.maximum(size[..., ::2], size[..., 1::2]))
@@ -440,6 +440,6 @@ def _table(rows: _RowSeries, scaled: tuple[Floats, Floats, Floats], inverse: Flo
 
 
 def _enough(size: Floats) -> Ints:
-    """Return how many terms of sizes (S, K, R), in units of the error, are enough from each row on, (S, R)."""
+    """Return how many terms of sizes (S, K, R), in units of the error, suffice from each row on, (S, R)."""
     needed = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return np.maximum.accumulate(needed[:, ::-1], axis=1)[:, ::-1]

@@ -1,9 +1,9 @@
-"""One link before a block: where the leader is when the first handle of a block is in a cell of the block's table.
+"""One link before a block: the place of the leader if the first handle of the block is in a cell of the table.
 
-A dragon's head link is longer than its others, so its leader lies one link before the first block, and in none of its
-rows. But while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
-coordinate, place and motion have series in u as all rows have, and the coordinate's inverse gives u without a look for
-the first handle: one product then fills the whole chain, its leader included.
+A dragon's head link is longer than its others, so its leader lies one link before the first block, outside all rows.
+But while the first handle is in one cell, at u in [-1, 1], the leader is a smooth function of that same u. So its
+coordinate, place and motion have series in u as all rows have, and the inverse of the coordinate gives u without
+solving for the first handle: one product then fills the whole chain, including the leader.
 """
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -27,9 +27,9 @@ _NOWHERE = -1           # segment of a cell without a chart
 class Chart(NamedTuple):
     """Cells (C,) by the coordinates of the places in them, in the order of rows, from ``first`` on, and parts.
 
-    ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with
-    x = (coordinate - middle) * scale in [-1, 1]; ``slack`` (C,) is how far |x| may be beyond 1 by rounding, ``inverse``
-    (C, K) the coefficients of u(x), the highest power first.
+    ``middle`` (C, 3) is the segment's coordinate in the middle as (hi, lo), and a scale, with x = (coordinate - middle)
+    * scale in [-1, 1]; rounding may put |x| beyond 1 by ``slack`` (C,); ``inverse`` (C, K) are the coefficients of
+    u(x), the highest power first.
     """
 
     first: int
@@ -40,7 +40,7 @@ class Chart(NamedTuple):
 
 
 def chart_of(table: Table) -> Chart:
-    """Return the chart of the rows in which leaders of blocks can be."""
+    """Return the chart of the rows that can hold leaders of blocks."""
     rows, cells = slice(table.first, table.first + len(table.slack)), table.slack.size
     return Chart(table.first, table.segment[rows].reshape(-1), table.middle[rows].reshape(cells, 3),
                  table.slack.reshape(-1), table.inverse.reshape(cells, -1))
@@ -50,7 +50,7 @@ def chart_of(table: Table) -> Chart:
 class LeadIn:
     """The chart of leaders one link before each cell of a table, and their own series.
 
-    ``places`` and ``motions`` (C, K, 2) as in the table; the first ``terms`` (C,) of them are enough.
+    ``places`` and ``motions`` (C, K, 2) are as in the table; their first ``terms`` (C,) suffice.
     """
 
     chart: Chart
@@ -70,12 +70,12 @@ class LeadIn:
 
     @property
     def memory_bytes(self) -> int:
-        """What the arrays take."""
+        """The size of the arrays."""
         return sum(values.nbytes for values in (*self.chart[1:], self.places, self.motions, self.terms))
 
 
 def towards_leader(track: Track, place: Place, link_m: float, direction: int) -> Place | None:
-    """Return the place of a leader whose follower at a link in ``direction`` is at ``place``; None where none is."""
+    """Return the place of a leader whose follower at a link in ``direction`` is at ``place``; None if there is none."""
     tame = track.without_locks(link_m)
     if tame is None or not _has_leader(tame, track.distance_of(place)[0], link_m, direction):
         return None
@@ -86,7 +86,7 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
             stretch_m: tuple[float, float]) -> LeadIn | None:
     """Return the leaders one link before the cells of a table that are on a stretch of the track.
 
-    ``links_m`` are the leader's link and those of the table. None where none of the cells has a leader.
+    ``links_m`` are the leader's link and that of the table. None if no cell has a leader.
     """
     link_m = links_m[0]
     tame, rows = track.without_locks(link_m), _rows_on(track, table, stretch_m)
@@ -106,13 +106,13 @@ def lead_in(track: Track, table: Table, links_m: tuple[float, float], direction:
 
 
 def _has_leader(track: Track, along_m: Floats | float, link_m: float, direction: int) -> Array:
-    """Return whether a place has a leader at a link, whatever the track between them."""
+    """Return whether a place surely has a leader one link away, whatever the track between them."""
     reach = reach_m(track.bend, link_m)
     return np.asarray(along_m + reach <= track.end_m if direction == BEHIND else along_m - reach >= track.begin_m)
 
 
 def _rows_on(track: Track, table: Table, stretch_m: tuple[float, float]) -> Ints:
-    """Return the rows in which leaders of blocks can be that have a part on a stretch."""
+    """Return the rows that can hold leaders of blocks and have a part on a stretch."""
     rows = np.arange(table.first, table.first + len(table.slack))
     half = 1 / table.middle[rows, :, 2]
     low, high = (track.distances(table.segment[rows], table.middle[rows, :, 0] + end) for end in (half, -half))
@@ -136,9 +136,9 @@ def _followers(track: Track, table: Table, rows: Ints) -> tuple[Places, Floats, 
 
 def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places, followers: tuple[Floats, Floats],
             longest_m: float) -> LeadIn | None:
-    """Return the series of leaders at the nodes of some cells; a cell whose leaders' series do not end has no chart.
+    """Return the series of leaders at the nodes of some cells; a cell whose series do not converge gets no chart.
 
-    Series that do not end at the table's digits may end at those of its tier.
+    Series that do not converge to the digits of the table may do so to those of its tier.
     """
     segment = leaders[0].reshape(-1, NODES)
     u, lo = (values.reshape(-1, NODES) for values in leaders[1:])
@@ -151,9 +151,9 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
     places, motions = map(series_of, (p, pace[..., None] * heading))
     half = np.hypot(places[:, 1, 0], places[:, 1, 1])
     one = np.all(segment == segment[:, :1], axis=1)
-    # The leader's motion is what all speeds are relative to: a short link may not make it less exact than theirs.
+    # All speeds are relative to the leader's motion: a short link must not make it less exact than the others.
     size = np.maximum(np.abs(places), longest_m * np.abs(motions)).max(axis=2)
-    with np.errstate(all='ignore'):     # a cell that is no longer than its rounding has no scale and no inverse
+    with np.errstate(all='ignore'):     # a cell no longer than its rounding has no scale and no inverse
         (x,), (middle,), (scale,) = scaled(series_of(from_origin.T)[None])
         inverse = np.zeros_like(x)
         inverse[:, one] = inverse_series(x[:, one])
@@ -181,6 +181,6 @@ def _fitted(track: Track, table: Table, rows: Ints, cells: Ints, leaders: Places
 
 
 def _enough(size: Floats) -> Ints:
-    """Return how many terms of sizes (C, K), in units of the error, are enough."""
+    """Return how many terms of sizes (C, K), in units of the error, suffice."""
     out: Ints = size.shape[1] - np.argmax(size[:, ::-1] > 1, axis=1)
     return out

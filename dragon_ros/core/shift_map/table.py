@@ -1,16 +1,15 @@
-"""The shift map in tiles: where a place is in the table of its tile, and the handles behind it as one matrix product.
+"""The shift map in tiles: find a place in the table of its tile; one matrix product then gives the handles behind it.
 
-All links of a block have one length. So one map F on the track, from a handle to the next one behind, serves all of
+All links of a block have one length. So one map F on the track, from a handle to the next one behind, holds for all of
 them at all times. Let u in [-1, 1] run over one span of track, from a place a back to F(a). Row r of a table is the
 r-th image of that span, G_r(u) = F^r(a + (1 + u) / 2 (F(a) - a)), as Chebyshev series in u of its coordinates and of
-its velocity. Where a handle is at G_m(u), the i-th behind it is at G_(m + i)(u), and ahead of a tail the i-th is at
-G_(m - i)(u): one u serves them all. F is smooth as long as both handles stay on their segments, so the span is cut into
-parts where any of its images passes a joint, and each part has series of its own: near a joint there is nothing to
-decide.
+its velocity. If a handle is at G_m(u), the i-th behind it is at G_(m + i)(u), and ahead of a tail the i-th is at G_(m -
+i)(u): one u gives them all. F is smooth as long as both handles stay on their segments. So the span is cut into parts
+wherever one of its images passes a joint, and each part has its own series: near a joint no case needs to be decided.
 
-A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built when
-a place on them is first asked for, each from the track alone: a place has the same bits in any run and any process, in
-whatever order tiles are built.
+A tile holds the table for the leaders of blocks on one stretch of track. Tiles are aligned to the track and built on
+first use, each from the track alone: positions are bit-identical across runs and processes, whatever the order in which
+tiles are built.
 """
 from bisect import bisect_right
 from collections import OrderedDict, deque
@@ -32,22 +31,22 @@ from dragon_ros.core.tiers import Tier
 from dragon_ros.core.tracks.composite import Place, Places, Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_TERMS = 9000               # of one product: BLAS shares larger ones among threads, which could change the last bits
-_BOUNDARIES = 1024          # between stretches, whose places are kept
-_MOST_CELLS = 64            # that a shift map keeps for single states, at most 144 kB each; the oldest go first
-_MOST_BYTES = 512_000_000   # of the tiles of one shift map; the least recently used go first
-_MOST_TILES = 4096          # of one shift map, those where no table serves among them
-_FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, no less than its blocks
-_FEWEST_JOINED = 64         # that of a tile of a joined track, whose table has several parts, and half its blocks
-_STRETCH_LINKS = 64         # length of its stretches; when leaders get to one, the series of their own link are fitted
-_STRETCH_JOINED = 32        # that of a joined track
-_SHORTEST = 1e-12           # of the coordinates: floats cannot tell the directions of shorter links
-_NEAR = 1e-9                # of a stretch, and of the way there: which of two a place is on takes more than a float
-_BEFORE_LINKS = 64          # so far before the track's origin a tile begins: runs begin near the origin
+_TERMS = 9000               # per product: BLAS splits larger ones among threads, which could change the last bits
+_BOUNDARIES = 1024          # between stretches, whose places are cached
+_MOST_CELLS = 64            # cached by a shift map for single states, at most 144 kB each; the oldest are dropped first
+_MOST_BYTES = 512_000_000   # for the tiles of one shift map; the least recently used are dropped first
+_MOST_TILES = 4096          # per shift map, including stretches without a table
+_FEWEST_LINKS = 512         # length of a tile; a longer one is a power of two, at least as long as its blocks
+_FEWEST_JOINED = 64         # on a joined track, whose table has several parts: at least half as long as its blocks
+_STRETCH_LINKS = 64         # length of its stretches; series of the leaders' own link are fitted when leaders reach one
+_STRETCH_JOINED = 32        # the same for a joined track
+_SHORTEST = 1e-12           # relative to coordinates: floats cannot resolve the directions of shorter links
+_NEAR = 1e-9                # of a stretch and its distance: a float cannot tell on which side of a boundary a place is
+_BEFORE_LINKS = 64          # links from the beginning of a tile to the track's origin: runs begin near the origin
 
 
 class Product(NamedTuple):
-    """One product of a fill: what multiplies, how many terms, series of places and of motions, and what it fills."""
+    """One product of a fill: the function, the number of terms, series of places and motions, and the filled range."""
 
     times: Callable[[Floats, Floats, Floats], Floats]
     terms: int
@@ -58,9 +57,9 @@ class Product(NamedTuple):
 
 
 class Cell(NamedTuple):
-    """A row of a part in which places can be, as a single state reads it fastest: floats, and series by their links.
+    """A row of a part that can hold places, in the form that a single state reads fastest: floats, and series by links.
 
-    ``before`` are the series of the leader's place and motion, (K, 2) each, where it is one link before that row.
+    ``before`` are the series of the leader's place and motion, (K, 2) each, if it is one link before that row.
     """
 
     row: int
@@ -75,7 +74,7 @@ class Cell(NamedTuple):
 
 
 class Spot(NamedTuple):
-    """Where a handle is in a tile: its cell, and the Chebyshev polynomials (K,) of its u."""
+    """The location of a handle in a tile: its cell, and the Chebyshev polynomials (K,) of its u."""
 
     tile: 'Tile'
     cell: Cell
@@ -83,7 +82,7 @@ class Spot(NamedTuple):
 
 
 class Spots(NamedTuple):
-    """Where many handles are in one tile: rows and parts (S,), and polynomials (S, K)."""
+    """The locations of many handles in one tile: rows and parts (S,), and polynomials (S, K)."""
 
     tile: 'Tile'
     row: Ints
@@ -92,7 +91,7 @@ class Spots(NamedTuple):
 
 
 class Elsewhere(Enum):
-    """Said of a place that is not on a stretch."""
+    """Says that a place is not on a stretch."""
 
     ELSEWHERE = auto()
 
@@ -101,7 +100,7 @@ _ELSEWHERE = Elsewhere.ELSEWHERE
 
 
 class _SegmentCells(NamedTuple):
-    """The cells on one segment, in the order of ``sense`` times the coordinate, which grows backwards."""
+    """The cells on one segment, in the order of ``sense`` times the coordinate, which increases backwards."""
 
     sense: float
     front: float        # of the stretch
@@ -114,8 +113,8 @@ class _SegmentCells(NamedTuple):
 class Entrance:
     """The cells of a tile by the coordinates of its leaders on a stretch between two places.
 
-    The leaders of blocks are in the rows themselves; one link before a block they are in none, and ``lead_in`` has
-    their own series. ``chart`` has the cells in the order of rows and parts.
+    Leaders of blocks are in the rows themselves. Leaders one link before a block are in none; ``lead_in`` has series
+    for them. ``chart`` has the cells in the order of rows and parts.
     """
 
     tile: 'Tile'
@@ -149,7 +148,7 @@ class Entrance:
         return {}
 
     def _cell(self, number: int) -> Cell:
-        """Return a cell, as floats."""
+        """Return a cell in floats."""
         first, _, middle, slack, inverse = self.chart
         row, part = divmod(number, self.tile.table.parts)
         before = self.lead_in.leader(number) if self.lead_in else None
@@ -165,9 +164,9 @@ class Entrance:
         return cell
 
     def spot(self, place: Place) -> Spot | Elsewhere | None:
-        """Return where a place is on the stretch, if it is on it; None if the table has no track for it.
+        """Return the location of a place; None if the table does not cover it, ELSEWHERE if it is not on the stretch.
 
-        The stretch is half open: it holds its rear end.
+        The stretch is half open: it includes its rear end.
         """
         side = self.sides[place[0]]
         if side is None:
@@ -177,7 +176,7 @@ class Entrance:
         along = sense * high
         if not front < along <= rear:
             return _ELSEWHERE
-        number = cells[bisect_right(begins, along, 1) - 1]      # what is before the first begins is in it or in none
+        number = cells[bisect_right(begins, along, 1) - 1]      # a place before the first one is in it or in none
         cell = self._cells.get(number) or self._cell(number)
         _, _, slack, middle, middle_lo, scale, inverse, _, _ = cell
         x = ((high - middle) + (low - middle_lo)) * scale
@@ -198,12 +197,12 @@ class Tile:
     table: Table
     fore: Place
     rear: Place
-    entrances: dict[tuple[float, int], Entrance | None]     # of leaders before its blocks, by the link and stretch
-    kept: deque[tuple[Entrance, int]]       # all cells of the shift map that are kept for single states
+    entrances: dict[tuple[float, int], Entrance | None]     # for leaders before its blocks, by link and stretch
+    kept: deque[tuple[Entrance, int]]       # all cells that the shift map caches for single states
 
     @property
     def memory_bytes(self) -> int:
-        """What its arrays take."""
+        """The size of its arrays."""
         return self.table.memory_bytes + sum(one.lead_in.memory_bytes for one in self.entrances.values()
                                              if one and one.lead_in)
 
@@ -218,11 +217,11 @@ class Tile:
 
     @cached_property
     def entrance(self) -> Entrance:
-        """Where the leaders of blocks are."""
+        """The entrance for the leaders of blocks."""
         return Entrance(self, chart_of(self.table), self.fore, self.rear)
 
     def spots(self, places: Places) -> tuple[Spots, Array]:
-        """Return where many places on the stretch are, and which of them are in the table."""
+        """Return the locations of many places on the stretch, and whether the table covers each."""
         (segment, u, lo), table = places, self.table
         cell, known = np.zeros_like(segment), np.zeros(segment.shape, dtype=bool)
         for k in self.track.present(segment):
@@ -249,7 +248,7 @@ class Tile:
         return Place(int(self.table.segment[row, part]), DoubleDouble(*plus(middle, middle_lo, x / scale)))
 
     def places_at(self, spots: Spots, row: Ints) -> Places:
-        """Return ``place_at`` of many."""
+        """Return ``place_at`` for many."""
         middle = self.table.middle[row, spots.part]
         x = np.einsum('sk,sk->s', spots.basis, self.table.coordinates[spots.part, :, row])
         return self.table.segment[row, spots.part], *plus(middle[:, 0], middle[:, 1], x / middle[:, 2])
@@ -257,7 +256,7 @@ class Tile:
     def products(self, cell: Cell, links: int, direction: int) -> list[Product]:
         """Return the products that give ``links`` links, from head to tail: those beyond a cell, and the one before.
 
-        A single product reads series of its own, which lie in a row, by ``dot``, the fastest; several read views.
+        A single product reads its own contiguous series by ``dot``, the fastest way; several products read views.
         """
         table, before, size = self.table, cell.before, 2 * links + 2
         behind = links - 1 if before else links
@@ -278,7 +277,7 @@ class Tile:
         return out
 
     def fill_many(self, spots: Spots, first: Ints, out: Floats, motions: bool = False) -> None:
-        """Fill ``out`` (S, n, 2) as ``fill`` does; states of one row and part share a product."""
+        """Fill ``out`` (S, n, 2) as ``fill`` does; states in the same row and part share a product."""
         flat, table, basis = out.reshape(out.shape[0], 2 * out.shape[1]), self.table, spots.basis
         series, width = table.motions if motions else table.places, flat.shape[1]
         cell = first * table.parts + spots.part
@@ -301,7 +300,7 @@ class Tile:
 
 
 def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
-    """Return series of a leader and of the handles of a block as one, from head to tail, with zeros where one ends."""
+    """Return series of a leader and of the handles of a block as one, from head to tail; the shorter ends in zeros."""
     out = np.zeros((max(len(leader), len(block)), block.shape[1] + 2))
     head = direction == BEHIND
     out[:len(leader), :2 if head else None][:, None if head else -2:] = leader
@@ -310,15 +309,15 @@ def _joined(leader: Floats, block: Floats, direction: int) -> Floats:
 
 
 def links_of_tile(links: int, segments: int = 1) -> int:
-    """Return how many links long the tiles for blocks of up to ``links`` links are, on a track of so many segments."""
+    """Return the length in links of tiles for blocks of up to ``links`` links on a track of ``segments`` segments."""
     whole: int = 1 << (links - 1).bit_length()
     return max(_FEWEST_LINKS, whole) if segments == 1 else max(_FEWEST_JOINED, whole // 2)
 
 
 class ShiftMap:
-    """The map from a handle to those that follow it, for blocks of up to ``links`` links of one length on a track.
+    """The map from a handle to its followers, for blocks of up to ``links`` links of one length on a track.
 
-    Its tables keep the digits of ``tier``.
+    Its tables are as exact as ``tier`` requires.
     """
 
     def __init__(self, track: Track, link_m: float, links: int, direction: int, tier: Tier) -> None:
@@ -341,11 +340,11 @@ class ShiftMap:
 
     @property
     def memory_bytes(self) -> int:
-        """What the arrays of the tiles take."""
+        """The size of the arrays of the tiles."""
         return sum(tile.memory_bytes for tile in self.tiles)
 
     def spot(self, place: Place) -> Spot | None:
-        """Return where a place is; None where no table serves it."""
+        """Return the location of a place; None if no table covers it."""
         found = self._last.spot(place) if self._last is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             tile = self._tile(self._number(place) // self._stretches)
@@ -353,10 +352,10 @@ class ShiftMap:
                 return None
             self._last = tile.entrance
             found = self._last.spot(place)
-        return None if found is _ELSEWHERE else found       # on a segment too short for a part
+        return None if found is _ELSEWHERE else found       # a segment too short for a part
 
     def spot_behind(self, leader: Place, link_m: float) -> Spot | None:
-        """Return where the handle is that follows a leader at a link of another length; None where no series tell."""
+        """Return the location of the follower of a leader at a link of another length; None if no series covers it."""
         found = self._last_before.spot(leader) if self._last_before is not None else _ELSEWHERE
         if found is _ELSEWHERE:
             entrance = self._entrance_before(self._number(leader, link_m), link_m)
@@ -364,10 +363,10 @@ class ShiftMap:
                 return None
             self._last_before = entrance
             found = entrance.spot(leader)
-        return None if found is _ELSEWHERE else found       # on a segment where no leader's series end
+        return None if found is _ELSEWHERE else found       # a segment on which no series of leaders converges
 
     def _entrance_before(self, number: int, link_m: float) -> Entrance | None:
-        """Return where the leaders one link before blocks on a stretch are; None where none is."""
+        """Return the entrance for leaders one link before blocks on a stretch; None if there is none."""
         tile = self._tile(number // self._stretches)
         if tile and (link_m, number) not in tile.entrances:
             found = lead_in(self.track, tile.table, (link_m, self.link_m), self.direction, self._stretch_of(number, 1))
@@ -377,7 +376,7 @@ class ShiftMap:
         return tile.entrances[link_m, number] if tile else None
 
     def spots(self, places: Places) -> list[tuple[Ints, Spots]] | None:
-        """Return the tiles of many places: which places each has, and where; None where any is in no table."""
+        """Return the tiles of many places, the places' indices and locations; None if a place is in no table."""
         segment, u, lo = places
         numbers = self._numbers(places)
         if numbers is None:
@@ -397,7 +396,7 @@ class ShiftMap:
         return out
 
     def _numbers(self, places: Places) -> Ints | None:
-        """Return the numbers of the stretches of many places; None so far out that floats cannot tell links."""
+        """Return the numbers of the stretches of many places; None so far out that floats cannot resolve links."""
         share = (self.track.distances(*places[:2]) + self._before_m) / self.stretch_m
         if np.max(np.abs(share), initial=0.0) > 1 / _SHORTEST:
             return None
@@ -407,7 +406,7 @@ class ShiftMap:
         return number
 
     def _number(self, place: Place, link_m: float = 0.0) -> int:
-        """Return the number of the stretch of a place, or of its follower at a link: the boundaries decide."""
+        """Return the number of the stretch of a place, or of its follower at a link; the boundaries decide."""
         along_m = self.track.about_m(place) + self.direction * link_m
         number = floor((along_m + self._before_m) / self.stretch_m)
         while self._is_behind(place, number, link_m):
@@ -430,7 +429,7 @@ class ShiftMap:
         return bool((place.u.hi - begin.u.hi) * self.track.segments[place.segment].rate(place.u.hi) < 0)
 
     def _leader_at(self, number: int, link_m: float) -> Place | None:
-        """Return the place of a leader whose follower is where a stretch begins; None where none is. It is kept."""
+        """Return the place, cached, of the leader whose follower is where a stretch begins; None if there is none."""
         key = number, link_m
         if key not in self._edges:
             if len(self._edges) >= _BOUNDARIES:
@@ -440,7 +439,7 @@ class ShiftMap:
         return self._edges[key]
 
     def _boundary(self, number: int) -> Place | None:
-        """Return the place at which a stretch begins; None beyond the track."""
+        """Return the place where a stretch begins; None beyond the track."""
         return self._leader_at(number, 0.0)
 
     def _begin(self, number: int) -> Place | None:
@@ -448,11 +447,11 @@ class ShiftMap:
         return self.track.place_at(metres) if self.track.begin_m < metres < self.track.end_m else None
 
     def _stretch_of(self, number: int, stretches: int) -> tuple[float, float]:
-        """Return from where to where along the track some stretches are, in metres."""
+        """Return the first and last distance along the track of some stretches, in metres."""
         return number * self.stretch_m - self._before_m, (number + stretches) * self.stretch_m - self._before_m
 
     def _tile(self, number: int) -> Tile | None:
-        """Return a tile, built when it is first asked for; None where no table serves."""
+        """Return a tile, built on first use; None if it has no table."""
         if number in self._tiles:
             self._tiles.move_to_end(number)
             return self._tiles[number]
@@ -476,7 +475,7 @@ class ShiftMap:
         return Tile(track, table, fore, rear, {}, self._kept) if table else None
 
     def _end(self, side: int) -> Place:
-        """Return the track's own end, ahead (1) or behind; infinitely far where it is open."""
+        """Return the track's own end, ahead (1) or behind; infinitely far if it is open."""
         last = len(self.track.segments) - 1
         segment = self.track.segments[last if side > 0 else 0]
         u = segment.last if side > 0 else segment.first
@@ -485,6 +484,6 @@ class ShiftMap:
 
     @staticmethod
     def _beyond(segment: object, u: float, side: int) -> float:
-        """Return a change of coordinate that leaves out nothing at a closed end."""
+        """Return a change of coordinate that excludes nothing at a closed end."""
         rate = segment.rate(u)      # type: ignore[attr-defined]
         return float(side * (1.0 if rate > 0 else -1.0) * (1 + abs(u)))
