@@ -1,1 +1,1 @@
-"""Enclosures: what positions, speeds and gaps stay within while the leader goes from one place to another."""
+"""Enclosures: bounds of positions, speeds and gaps while the leader moves from one place to another."""

@@ -1,13 +1,13 @@
-"""Numbers that are known to within a radius, by the array: whatever is computed from them holds for all they may be.
+"""Arrays of numbers known to within a radius: results hold for all values that the numbers may have.
 
-Ball arithmetic (van der Hoeven 2010): a product errs by |m| s + |n| r + r s, and so on. It is rounded outwards by one
-factor an operation. No ball that is made here has a radius below LEAST = 2^-36 of its number: ``between`` begins so,
-sums and products of such balls are such again, and what takes exact numbers or functions in adds as much of them.
-Rounding moves the middle of a sum by at most u (|m| + |n|), u = 2^-53, of a product by u |m n|, and so on: by no more
-than 4 u / LEAST = 2^-15 of the radius, which is at least LEAST times the same. Radii are sums and products of positive
-numbers (and of one difference, in ``inverse``, of two floats), so eight roundings at most take 2^-50 of them away.
-Each radius is therefore multiplied by 1 + 2^-14; that of a sum of K numbers, whose middle is off by u K sum |m|, by K
-u / LEAST more. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
+Ball arithmetic (van der Hoeven 2010): a product errs by |m| s + |n| r + r s, and so on. Results are rounded outwards by
+one factor per operation. No ball made here has a radius below LEAST = 2^-36 of its number: ``between`` starts with
+that, sums and products of such balls keep it, and functions and operations with exact numbers add as much. Rounding
+moves the middle of a sum by at most u (|m| + |n|), u = 2^-53, that of a product by u |m n|, and so on: by no more than
+4 u / LEAST = 2^-15 of the radius, which is at least LEAST times the same. Radii are sums and products of positive
+numbers (and of one difference of two floats, in ``inverse``), so their eight roundings take at most 2^-50 of them away.
+Each radius is therefore multiplied by 1 + 2^-14; that of a sum of K numbers, whose middle is off by u K sum |m|, by K u
+/ LEAST more. Numbers below 1e-150, where floats lose digits, do not occur; 0 is exact.
 """
 from dataclasses import dataclass
 from typing import Any, Union
@@ -18,8 +18,8 @@ from dragon_ros.core.numerics.types import Floats
 
 Number = Union['Ball', float, Floats]
 LEAST = 2.0**-36        # of a number: no radius is smaller
-OUTWARDS = 1 + 2.0**-14     # a radius, for what rounding moves the middle by and takes from the radius itself
-_EACH = 2.0**-17        # u / LEAST, for each of the numbers that are summed
+OUTWARDS = 1 + 2.0**-14     # covers how far rounding moves the middle and how much it takes from the radius
+_EACH = 2.0**-17        # u / LEAST, per number in a sum
 
 
 @dataclass(frozen=True)
@@ -28,7 +28,7 @@ class Ball:
 
     mid: Floats
     rad: Floats
-    __array_ufunc__ = None      # an array times a ball is the ball's business
+    __array_ufunc__ = None      # an array times a ball uses the ball's operator
 
     def __add__(self, other: Number) -> 'Ball':
         """Return the sum."""
@@ -59,12 +59,12 @@ class Ball:
 
     @property
     def most(self) -> Floats:
-        """The largest absolute value, to within rounding: the last operation's factor has room for it."""
+        """The largest absolute value, up to rounding, which the factor of the last operation covers."""
         out: Floats = np.abs(self.mid) + self.rad
         return out
 
     def inverse(self) -> 'Ball':
-        """Return the reciprocal; its radius is infinite where zero may be among the numbers."""
+        """Return the reciprocal; its radius is infinite if the ball may contain zero."""
         size = np.abs(self.mid)
         rad: Floats = np.where(size > self.rad, OUTWARDS * self.rad / (size * np.abs(size - self.rad)), np.inf)
         return Ball(1 / self.mid, rad)
@@ -101,12 +101,12 @@ class Ball:
 
 
 def between(a: Floats, b: Floats, error: float | Floats = 0.0) -> Ball:
-    """Return the ball of all numbers between two, either of which may err by so much."""
+    """Return the ball of all numbers between two, each of which may err by ``error``."""
     mid = 0.5 * (a + b)
     return Ball(mid, OUTWARDS * (0.5 * np.abs(a - b) + error + LEAST * np.abs(mid)))
 
 
 def side_by_side(balls: list[Ball]) -> Ball:
-    """Return balls joined along the last axis."""
+    """Return balls concatenated along the last axis."""
     return Ball(np.concatenate([ball.mid for ball in balls], axis=-1),
                 np.concatenate([ball.rad for ball in balls], axis=-1))

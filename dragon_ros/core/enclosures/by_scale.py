@@ -1,4 +1,4 @@
-"""How far corners of benches can leave straight lines while a spiral's pitch changes and the head's radius does not.
+"""How far corners of benches leave straight lines while a spiral's pitch changes and the head's radius is constant.
 
 In units of b (see ``min_pitch``) the chain then grows: it is ``scale`` times as large, with handle 0 at
 theta = scale r. A prime is scale times the derivative by the scale, two are scale^2 times the second: c' = c, c'' = 0,
@@ -10,18 +10,19 @@ F = c^2 / 2 gives
     delta'' = d1 a + (delta^2 + 2 (1 - cos delta) (theta delta + m (2 theta - m)) - 2 F_td p delta' - F_dd delta'^2)
               / F_delta,
 
-where nothing large cancels: c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
+where nothing large cancels because c^2 was replaced by 2 F. The link's direction is theta + psi, and as in
 ``on_spiral``
 
     psi' = delta' / 2 + N / c^2,     N = sin delta (delta p - theta delta') + (theta + delta / 2) delta delta',
     psi'' = delta'' / 2 + (N' - 2 N) / c^2.
 
-Handles turn by p = theta_0 + the sum of delta' before them: theta_0 is common to all and left out of differences.
+Handles turn by p = theta_0 + the sum of delta' before them; theta_0 is common to all and cancels in differences.
 
-What theta and delta lie between. Let all curvature times each link be below 2, so that 1 + d1 > 0 and delta < pi. Each
-theta grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows
-with the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is least at
-the lowest of both and greatest at the highest; delta is least at the largest r and lowest scale, greatest opposite.
+Ranges of theta and delta: let all curvature times each link be below 2, so that 1 + d1 > 0 and delta < pi. Each theta
+grows with r and with the scale (p_next = (1 + d1) p + c^2 / F_delta). m >= 0 by the formula above, so delta grows with
+the scale; it falls as r grows (docs/contact.md, lemma 1). So over a rectangle of r and scale, theta is least at the
+lowest of both and greatest at the highest; delta is least at the largest r and lowest scale, and greatest at the
+opposite corner.
 """
 from dataclasses import dataclass
 
@@ -33,14 +34,14 @@ from dragon_ros.core.numerics.types import Floats
 
 
 def bend_by_scale(theta: Ball, delta: Ball, chord: Ball, arm: Floats) -> Floats:
-    """Return bounds (M, K-2, 2) as ``bend`` does, in units of b, of scale^2 times second derivatives by the scale."""
+    """Return bounds (M, K-2, 2), as ``bend`` does, of scale^2 times second derivatives by the scale, in units of b."""
     with np.errstate(all='ignore'):
         return corners(_motion(theta, delta, chord), arm, growth=1.0)
 
 
 @dataclass(frozen=True)
 class _Growth:
-    """Of handles (M, K+1): m, and a. Of links (M, K): delta' and delta''."""
+    """For handles (M, K+1): m and a. For links (M, K): delta' and delta''."""
 
     m: Ball
     a: Ball

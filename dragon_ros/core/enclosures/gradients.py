@@ -1,8 +1,8 @@
-"""Numbers with their first derivatives in balls, for all values that some variables can have in a box.
+"""Numbers and their first derivatives in balls, for all values that some variables can have in a box.
 
-A number is an array (n,) of balls, one for each box; its slopes (V, n) are the derivatives by the V variables. Where a
-function is smooth on a box it is nowhere less than its value in the middle minus the sum of half widths times the
-largest sizes of its slopes (the mean value theorem), which is exact to first order.
+A number is an array (n,) of balls, one per box; its slopes (V, n) are its derivatives by the V variables. A function
+that is smooth on a box is nowhere below its value in the middle minus the sum of half widths times the largest absolute
+slopes (the mean value theorem); this is exact to first order.
 """
 from dataclasses import dataclass
 
@@ -40,7 +40,7 @@ class Graded:
         return Graded(self.value * factor, self.slope * factor)
 
     def inverse(self) -> 'Graded':
-        """Return the reciprocal; its radius is infinite where zero may be among the numbers."""
+        """Return the reciprocal; its radius is infinite if the ball may contain zero."""
         inverse = self.value.inverse()
         return Graded(inverse, -(self.slope * inverse.squared()))
 
@@ -65,21 +65,21 @@ class Vector:
         return Vector(self.x * factor, self.y * factor)
 
     def left(self) -> 'Vector':
-        """Return it turned by a quarter turn to the left."""
+        """Return the vector turned left by a quarter turn."""
         return Vector(-self.y, self.x)
 
     def seen_along(self, axis: 'Vector') -> 'Vector':
-        """Return its components along a unit vector and to the left of it."""
+        """Return the components along a unit vector and to the left of it."""
         return Vector(axis.x * self.x + axis.y * self.y, axis.x * self.y - axis.y * self.x)
 
 
 def variables(low: Floats, high: Floats) -> list[Graded]:
-    """Return the V variables of boxes between ``low`` and ``high`` (V, n)."""
+    """Return the V variables of boxes from ``low`` to ``high`` (V, n)."""
     unit = np.eye(low.shape[0])[:, :, None] * np.ones(low.shape[1])
     return [Graded(between(one, other), between(each, each)) for one, other, each in zip(low, high, unit, strict=True)]
 
 
 def polar(radius: Graded, angle: Graded) -> Vector:
-    """Return the point at a radius and an angle."""
+    """Return the point at a polar radius and angle."""
     sin, cos = angle.value.sin_cos()
     return Vector(radius * Graded(cos, -(angle.slope * sin)), radius * Graded(sin, angle.slope * cos))

@@ -1,41 +1,41 @@
-"""How near a bench and those behind it can come between two places of its front handle on a spiral segment.
+"""How near a bench and its followers can come while its front handle moves between two places on a spiral segment.
 
 On an interval of length h (in the polar angle of the leading handle) the corners of a bench, seen in the frame of
-another, leave the straight lines between their places at its ends by at most B h^2 / 8, B a bound on their second
+another, leave the straight lines between their places at its ends by at most B h^2 / 8, if B bounds their second
 derivative there. Along straight lines the separation from a fixed edge is concave, so it is nowhere less than the
 smaller of its values at the two ends. Hence a pair is apart on the whole interval if, for one edge and one side of it,
 that smaller value exceeds B h^2 / 8.
 
-Close to a lock, where no such B exists, what counts is how far the handles of both benches go at all. Benches further
-out are cleared by the circle about the centre that parts them. All this takes handles that move one way on an interval:
-it must not contain the place where one turns back.
+Close to a lock, where there is no such B, the bound is how far the handles of both benches move at all. Benches further
+out are cleared by a circle about the centre that separates them. All this assumes that handles move in one direction on
+an interval: it must not contain a place where one turns back.
 
-B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs.
-A prime is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at
-theta spans delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
+B follows from the polar angles of the handles at the two ends of the interval; docs/contact.md has the proofs. A prime
+is a derivative by the polar angle of the leading handle. A link of chord c (in units of b) from a handle at theta spans
+delta, the smallest root of F = delta^2 / 2 + theta (theta + delta) (1 - cos delta) = c^2 / 2, so
 
     d1 = d delta / d theta = -F_theta / F_delta <= 0,    d2 = -(F_tt + 2 F_td d1 + F_dd d1^2) / F_delta,
 
-and handles follow each other by p_next = p (1 + d1), a_next = a (1 + d1) + p^2 d2 (p and a: first and second
-derivative of theta). The link's direction is theta + psi with
+and the next handle has p_next = p (1 + d1), a_next = a (1 + d1) + p^2 d2 (p and a: first and second derivative of
+theta). The link's direction is theta + psi with
 
     psi1 = d1 / 2 + (sin delta (delta - theta d1) + (theta + delta / 2) delta d1) / c^2.
 
-In the frame of a bench that turns by w, the handle b theta exp(i theta) has the acceleration, with v = p - w,
+In the frame of a bench that turns at w, the handle b theta exp(i theta) has the acceleration, with v = p - w,
 
     b (a - theta v^2)  outwards,     b (2 p v + theta v')  across.
 
-Benches of adjacent layers turn almost alike, so v is small and nothing large cancels. delta and, on either side of the
-place where the follower turns back, theta lie between their values at the ends: every formula is evaluated once, for
-all that they may be, and by as much more as positions may err.
+Benches of adjacent layers turn at almost the same rate, so v is small and nothing large cancels. delta and, on either
+side of the place where the follower turns back, theta lie between their values at the ends. So every formula is
+evaluated once, for all values in these ranges, widened by the position error.
 
-All is rounded outwards: balls by themselves (``ball_arithmetic``), separations by ``signed_distance.rounding_m``, and
-the formulas that put bounds together, sums and products of a few dozen positive numbers, by the factor ABOVE.
+Everything is rounded outwards: balls by themselves (``ball_arithmetic``), separations by
+``signed_distance.rounding_m``, and formulas that combine bounds, sums and products of a few dozen positive numbers, by
+the factor ABOVE.
 
-What follows a bench with its front handle at polar angle theta of a spiral that winds in from afar is the same whenever
-it is there. So the places at which intervals end are those angles, and benches are sampled there. Leading benches with
-different benches behind are sampled together: handle after handle is placed behind all of them at once, each with its
-own link.
+On a spiral that winds in from afar the chain behind a bench depends only on the polar angle theta of its front handle.
+So intervals end at such angles, and benches are sampled there. Leading benches with different followers are sampled
+together: the next handles behind all of them are placed at once, each with its own link.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, fields, replace
@@ -53,23 +53,23 @@ from dragon_ros.core.numerics.types import Array, Complexes, Floats, Ints
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-ABOVE = 1 + 2.0**-40    # of bounds: more than eight thousand roundings of positive numbers take away
-_SETTLED = 0.5      # of a gap: a first-order bound that is as near to it will do
+ABOVE = 1 + 2.0**-40    # for bounds: more than eight thousand roundings of positive numbers take away
+_SETTLED = 0.5      # relative to a gap: a first-order bound this close to it suffices
 _SURE = 8           # times the position error: more than any tolerance
-_STILL = 1e-9       # of a turn of the follower: nearer to it nothing moves by more than positions may err
+_STILL = 1e-9       # of a turn of the follower: closer to it nothing moves by more than the position error
 _COMPLEX = np.array([1, 1j])
-_AT_ONCE = 512  # places, so that what is between fits the cache
+_AT_ONCE = 512  # places, so that intermediate results fit the cache
 _FEW = 64       # followers tried first: more than two layers of the classic dragon near the centre
 
 
 @dataclass(frozen=True)
 class BenchSamples:
-    """Samples at M places of leading benches, of the K - 2 benches from the second behind each on.
+    """Samples at M places of leading benches, each with its K - 2 followers from the second on.
 
-    ``lead`` (M,) are the numbers of the leading benches among those of the sampler.
-    ``theta`` (M, K+1) are polar angles of all handles from the leading one on, ``delta`` (M, K) what the links span,
-    ``centre`` and ``axis`` (M, K) the benches' middles and axes as complex numbers. ``apart`` (M, K-2) is the largest
-    separation along the axes of both benches: positive where the pair is apart.
+    ``lead`` (M,) are the sampler's numbers of the leading benches. ``theta`` (M, K+1) are polar angles of all handles
+    from the leading one on, ``delta`` (M, K) the spans of the links, ``centre`` and ``axis`` (M, K) the middles and
+    axes of the benches as complex numbers. ``apart`` (M, K-2) is the largest separation along the axes of both benches:
+    positive if the pair is apart.
     """
 
     lead: Ints
@@ -99,14 +99,14 @@ def joined(samples: list[BenchSamples]) -> BenchSamples:
 
 def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floats], theta: Floats,
                lead: Ints) -> BenchSamples:
-    """Return the samples of leading benches at places (M,), of links for all (K,) or for each (M, K).
+    """Return the samples of leading benches at places (M,), with common links (K,) or links for each (M, K).
 
-    ``half_m`` are half lengths (M or 1, K) and half widths (M, 1), or one for all.
+    ``half_m`` are half lengths (M or 1, K) and half widths (M, 1), or one value for all.
     """
     leaders = np.zeros(theta.size, dtype=np.int64), theta, np.zeros_like(theta)
     chain = marched_many(track, links_m, leaders, BEHIND)
     z, axis = chain.p @ _COMPLEX, axes_of(chain) @ _COMPLEX
-    # Far out an angle has too few digits for what a link spans: with its low part it has.
+    # Far out an angle has too few digits for a link's span; with its low part it has enough.
     delta, centre = np.diff(chain.u) + np.diff(chain.u_lo), 0.5 * (z[:, :-1] + z[:, 1:])
     half_length_m, half_width_m = half_m
     pairs = seen_from((centre[:, :1], centre[:, 2:]), (axis[:, :1], axis[:, 2:]),
@@ -116,10 +116,11 @@ def samples_of(track: Track, links_m: Floats, half_m: tuple[Floats, float | Floa
 
 @dataclass(frozen=True)
 class Sizes:
-    """The sampled benches: links, half lengths (L, K) and half width in metres; ``error_m`` is what handles may err by.
+    """The sampled benches: links, half lengths (L, K) and half width in metres; ``error_m`` bounds position errors.
 
-    There is a row for each leading bench, or after ``of`` for each sample. ``longest_m`` (L, 1) is the longest link of
-    these or behind; 0 where all behind the first are equal. Fewer than K benches are followed by more like the last.
+    There is a row per leading bench, or after ``of`` per sample. ``longest_m`` (L, 1) is the longest link among these
+    and those behind; 0 if all links behind the first are equal. Fewer than K benches are padded with copies of the
+    last.
     """
 
     b_m: float
@@ -130,7 +131,7 @@ class Sizes:
     longest_m: Floats
 
     def of(self, lead: Ints) -> 'Sizes':
-        """Return the rows of samples; one row stands for all where there is no other."""
+        """Return the rows of samples; a single row applies to all."""
         if self.longest_m.size == 1:
             return self
         rows = (each[lead] for each in (self.links_m, self.half_length_m, self.longest_m))
@@ -138,15 +139,15 @@ class Sizes:
         return replace(self, links_m=links_m, half_length_m=half_length_m, longest_m=longest_m)
 
     def angle_errors(self, theta: Floats) -> Floats:
-        """Return what polar angles (...) may err by: a handle at theta goes b sqrt(1 + theta^2) a radian.
+        """Return the error of polar angles (...): a handle at theta moves b sqrt(1 + theta^2) per radian.
 
-        Twice what positions may, which leaves as much for how positions follow from angles.
+        It is twice the position error, which leaves as much for computing positions from angles.
         """
         out: Floats = (2 * self.error_m / self.b_m) / np.maximum(theta, 1.0)
         return out
 
     def rounding_m(self, theta: Floats) -> Floats:
-        """Return what separations are off by for rounding, with the last handle at angles (M,)."""
+        """Return the rounding errors of separations, with the last handle at angles (M,)."""
         out = rounding_m(self.b_m * theta, float(np.max(self.half_length_m)) + self.half_width_m)
         assert isinstance(out, np.ndarray)
         return out
@@ -154,9 +155,9 @@ class Sizes:
 
 @dataclass(frozen=True)
 class BenchSampler:
-    """Samples benches ``leads`` (0 is the head), each with the ``follow`` benches from it on, on a first spiral.
+    """Samples benches ``leads`` (0 is the head), each with ``follow`` benches from it on, on a first spiral.
 
-    ``error_m`` is what positions may err by. Of several leads, no link may be of no length, or nearly so.
+    ``error_m`` bounds position errors. With several leads, no link may have a length of zero or nearly so.
     """
 
     track: Track
@@ -167,7 +168,7 @@ class BenchSampler:
     error_m: float
 
     def sample(self, theta: Floats, lead: Ints | None = None) -> BenchSamples:
-        """Return the samples at places (M,) of leading benches (M,), given as numbers; the first where none are."""
+        """Return the samples at places (M,) of leading benches (M,), given by number; by default of the first."""
         lead = np.zeros(theta.size, dtype=np.int64) if lead is None else lead
         return joined([self._sample(theta[at:at + _AT_ONCE], lead[at:at + _AT_ONCE])
                        for at in range(0, theta.size, _AT_ONCE)])
@@ -180,13 +181,13 @@ class BenchSampler:
 
     @property
     def b_m(self) -> float:
-        """Radius that the spiral gains for each radian."""
+        """Radial gain of the spiral per radian."""
         assert self.track.from_afar
         return self.track.from_afar.curve.b_m
 
     @cached_property
     def sizes(self) -> Sizes:
-        """Of the sampled benches."""
+        """The sizes of the sampled benches."""
         d = self.dragon
         sampled = np.minimum(np.array(self.leads)[:, None] + np.arange(self.follow), d.benches - 1)
         rest = [d.link_lengths_m[lead:] for lead in self.leads]
@@ -195,7 +196,7 @@ class BenchSampler:
                      0.5 * d.width_m, np.array(longest_m))
 
     def reaching(self, theta: Floats, lead: Ints | None = None) -> 'BenchSampler':
-        """Return a sampler with no more followers than can come within reach at any of some places, if it is so few."""
+        """Return a sampler of only the followers that can come within reach at some place, if these are few."""
         follow, most = _FEW, self.dragon.benches - np.array(self.leads)
         while follow < self.follow:
             fewer = replace(self, follow=follow)
@@ -212,14 +213,14 @@ class BenchSampler:
 def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
     """Return how far benches (M, K-2) stay outside the leading one's circle about the centre, between two places.
 
-    The leading bench goes no further out than its rear handle and a corner's distance from that. A link's line is
-    H = b (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
+    The leading bench reaches at most as far out as a corner's distance beyond its rear handle. A link's line is H = b
+    (c^2 - delta^2) cot(delta / 2) / 2c from the centre, which falls as delta grows and so rises with theta.
     """
     span, outer = np.maximum(a.delta, b.delta)[:, 2:], np.maximum(a.theta[:, 1], b.theta[:, 1])
     inner, chord = np.minimum(a.theta, b.theta)[:, 2:-1], sizes.links_m[:, 2:] / sizes.b_m
     linked = chord > 0
     across = line_distance(np.where(linked, chord, 1), np.where(linked, span, 1), 2 * sizes.angle_errors(inner))
-    along = inner * inner / np.sqrt(1 + inner * inner)      # of a link of no length: a tangent
+    along = inner * inner / np.sqrt(1 + inner * inner)      # for a link of no length: a tangent
     overhang = sizes.half_length_m[:, 0] - 0.5 * sizes.links_m[:, 0]
     reach = sizes.b_m * outer + 2 * sizes.error_m + np.hypot(overhang, sizes.half_width_m)
     off = sizes.rounding_m(np.maximum(a.theta[:, -1], b.theta[:, -1]))
@@ -228,11 +229,11 @@ def beyond(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
-    """Return no more than how far the lines of links are from the centre, in units of b.
+    """Return lower bounds of the distances of the lines of links from the centre, in units of b.
 
-    Links are ``chord`` long and span ``delta`` to within an error e. For delta < pi the distance
-    (c^2 - delta^2) cot(delta / 2) / 2c changes by no more than e (2 / c + 2.5 c / delta^2), since delta cot(delta / 2)
-    <= 2 and sin(delta / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
+    Links are ``chord`` long and span ``delta`` to within an error e. For delta < pi the distance (c^2 - delta^2)
+    cot(delta / 2) / 2c changes by no more than e (2 / c + 2.5 c / delta^2), since delta cot(delta / 2) <= 2 and
+    sin(delta / 2) >= delta / pi; from pi on it is not positive. Rounding adds 2^-49 of c / delta.
     """
     distance = (chord - delta) * (chord + delta) / (2 * chord * np.tan(0.5 * delta))
     out: Floats = distance - error * (2 / chord + 2.5 * chord / (delta * delta)) - 2.0**-49 * chord / delta
@@ -242,10 +243,10 @@ def line_distance(chord: Floats, delta: Floats, error: Floats) -> Floats:
 def further(a: BenchSamples, b: BenchSamples, sizes: Sizes, circle: Floats) -> Floats:
     """Return how far each bench (M, K-2) and all behind it stay outside that circle; ``circle`` is from ``beyond``.
 
-    Where links are equal that is each bench's own, which grows from bench to bench. Else a link of length l comes no
-    nearer to the centre than sqrt(r^2 - l^2 / 4), r the distance of its front handle, which grows from bench to bench:
-    no nearer handle is more than half of it from the foot of the perpendicular. No point of a bench is further from its
-    link than the overhang at the hole and half the width.
+    If links are equal, this is the distance of each bench itself, which grows from bench to bench. Otherwise a link of
+    length l comes no nearer to the centre than sqrt(r^2 - l^2 / 4), where r is the distance of its front handle and
+    grows from bench to bench: its nearer handle is at most half of it from the foot of the perpendicular. No point of a
+    bench is further from its link than the overhang at the hole and half the width.
     """
     if not np.any(sizes.longest_m):
         return circle
@@ -262,9 +263,9 @@ At = tuple[Any, Any]    # rows and columns
 
 
 class _Pairs(NamedTuple):
-    """Where leading benches' front and rear handles stand among handles (M, K+1), and those of others.
+    """Indices of the front and rear handles of leading benches among handles (M, K+1), and of other benches.
 
-    A bench's link has the number of its front handle.
+    A bench's link has the index of its front handle.
     """
 
     lead: At
@@ -297,7 +298,7 @@ class _Slopes:
 
 @dataclass(frozen=True)
 class Spans:
-    """Links (M, K): handles at theta and outer, what is between them, F_delta's inverse, and ratio = 1 + d1."""
+    """Links (M, K): handles at theta and outer, quantities between them, F_delta's inverse, and ratio = 1 + d1."""
 
     theta: Ball
     delta: Ball
@@ -319,15 +320,15 @@ class Spans:
 
     @property
     def delta_1(self) -> Ball:
-        """d1, of a chord that does not change."""
+        """d1 for a constant chord."""
         return -(self.both * self.less * self.inverse)
 
 
 @dataclass(frozen=True)
 class SpiralMotion:
-    """Handles (M, K+1): angle, p, a, and ``turned``: p less what is common to all; links (M, K): turning and its rate.
+    """Handles (M, K+1): angle, p, a, and ``turned``: p without the common part; links (M, K): turning and its rate.
 
-    What is common to all is left out of the links' turning too: only differences count there.
+    The common part is left out of the links' turning too: only differences matter there.
     """
 
     theta: Ball
@@ -348,19 +349,19 @@ def spans(theta: Ball, delta: Ball) -> Spans:
 def bend(theta: Ball, delta: Ball, chord: Ball, arm: Floats, pairs: _Pairs | None = None) -> Floats:
     """Return bounds (M, K-2, 2) of second derivatives on M intervals, in units of b per square radian.
 
-    ``theta`` (M, K+1) are all angles that handles have on an interval, ``delta`` (M, K) all that links span, ``chord``
-    and ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of
-    the corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; of some pairs
-    alone they are (P, 2). Infinite where nothing is known: close to a lock.
+    ``theta`` (M, K+1) are all angles of handles on an interval, ``delta`` (M, K) all spans of links, ``chord`` and
+    ``arm`` (M or 1, K) their lengths and the half diagonals of the benches in units of b. The bounds are those of the
+    corners of benches 2 and on in the frame of bench 0, and of the corners of bench 0 in theirs; for selected pairs
+    they are (P, 2). Infinite if there is no bound, close to a lock.
     """
     with np.errstate(all='ignore'):
         return corners(_motion(theta, _slopes(theta, delta, chord)), arm, pairs=pairs)
 
 
 def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pairs | None = None) -> Floats:
-    """Return bounds as ``bend`` does, or (P, 2) of some pairs; arms grow by ``growth`` of their length a unit.
+    """Return bounds as ``bend`` does, or (P, 2) for selected pairs; arms grow by ``growth`` of their length per unit.
 
-    An arm of a bench that turns by W against the other one accelerates by i (W' + 2 growth W) - W^2 times itself.
+    An arm of a bench that turns at W relative to the other one accelerates by i (W' + 2 growth W) - W^2 times itself.
     """
     pairs, arm = pairs or _all_pairs(moving.w.mid.shape[1]), np.broadcast_to(arm, moving.w.mid.shape)
     with np.errstate(all='ignore'):
@@ -375,7 +376,7 @@ def corners(moving: SpiralMotion, arm: Floats, growth: float = 0.0, pairs: _Pair
 
 
 def _middles(moving: SpiralMotion, pairs: _Pairs, w: Ball, w_rate: Ball) -> Floats:
-    """Return bounds of how middles of benches accelerate as seen from those of leading ones, in frames that turn."""
+    """Return bounds of the accelerations of middles of benches, seen in the turning frames of leading benches."""
     one, two, three, four = (_acceleration(moving, at, w, w_rate) for at in pairs)
     return 0.5 * (one + two + three + four)
 
@@ -409,7 +410,7 @@ def _slopes(theta: Ball, delta: Ball, chord: Ball) -> _Slopes:
 
 
 def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
-    """Return the slopes with those of links of no length, which lie along the track."""
+    """Return the slopes, with those of links of no length, which lie along the track."""
     none = Ball(np.zeros_like(theta.mid), np.zeros_like(theta.mid))
     flat = (1 + theta.squared()).inverse()
     along = none, none, flat, -2 * theta * flat.squared()
@@ -419,9 +420,9 @@ def _with_joined(slopes: _Slopes, theta: Ball, joined: Array) -> _Slopes:
 
 
 def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
-    """Return p and a of all handles: those behind the third first by its angle, a / p being a sum along the chain.
+    """Return p and a of all handles: behind the third by its angle, where a / p is a sum along the chain.
 
-    The second and third handle may turn back, where such a quotient says nothing.
+    The second and third handle may turn back, where this quotient has no bound.
     """
     ratio, rate = 1 + slopes.delta_1, slopes.delta_2
     none = Ball(np.zeros_like(ratio.mid[:, :1]), np.zeros_like(ratio.mid[:, :1]))
@@ -436,10 +437,11 @@ def _handles(slopes: _Slopes) -> tuple[Ball, Ball]:
 
 
 def bounds(a: BenchSamples, b: BenchSamples, sizes: Sizes, behind: Ints) -> tuple[Floats, Floats]:
-    """Return lower bounds (M,) of the gaps on intervals between samples a and b, and room; not positive: not cleared.
+    """Return lower bounds (M,) of the gaps on intervals between samples a and b, and room.
 
-    Room is how many times as long an interval might have been, no more than once. Only the next ``behind`` (M,) benches
-    count. Pairs that the ways of benches, or the circle, show to keep most of their gap are not looked at more closely.
+    An interval is cleared if its bound is positive. Room is the factor, at most 1, by which its length should shrink.
+    Only the next ``behind`` (M,) benches count. Pairs for which the moves of benches, or the circle, leave most of
+    their gap are not examined further.
     """
     sizes = sizes.of(a.lead)
     circle, one, two = beyond(a, b, sizes), a.apart, b.apart
@@ -471,9 +473,9 @@ def _bent(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, other: Ints
 
 
 def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints) -> Floats:
-    """Return how far corners leave straight lines, (P, 2) in metres: in leading benches' frames, and in others'.
+    """Return how far corners leave straight lines, (P, 2) in metres: in frames of leading benches, and of others.
 
-    Chains are followed as far as the last of these benches, in the rows in which there is one.
+    Chains are followed up to the last of these benches, in the rows that have one.
     """
     used, row = np.unique(row, return_inverse=True)
     count = int(np.max(bench)) + 1
@@ -488,15 +490,15 @@ def _sag(a: BenchSamples, b: BenchSamples, sizes: Sizes, row: Ints, bench: Ints)
     length = (a.places - b.places)[used][row, None]
     with np.errstate(invalid='ignore', over='ignore'):
         out: Floats = most * (sizes.b_m * length * length / 8)
-    return np.where(np.isnan(out), np.inf, out)     # infinity times an interval of no length: nothing is known
+    return np.where(np.isnan(out), np.inf, out)     # infinity times an interval of no length: there is no bound
 
 
 def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far corners of pairs (M, K-2) go at most in metres, both together: the smaller of two bounds.
+    """Return how far corners of pairs (M, K-2) move at most in metres, both together: the smaller of two bounds.
 
-    A corner goes as far as a handle, times the bench's lever. Handles go along their track; or, seen from a frame that
-    turns about the centre as the leading one does, inwards by b times what their angle changes, and around by as much
-    as all spans from the leading one on change. Each of these changes one way.
+    A corner moves at most as far as a handle, times the bench's lever. Handles move along their track. Seen from a
+    frame that turns about the centre with the leading handle, they move inwards by b times the change of their angle,
+    and around by as much as all spans from the leading one on change. Each of these changes is monotone.
     """
     outer = np.maximum(a.theta, b.theta)
     inwards = sizes.b_m * np.abs(a.theta - b.theta)
@@ -512,7 +514,7 @@ def _way(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def levers(sizes: Sizes) -> Floats:
-    """Return how many times as far as the farther of a bench's handles its corners go at most, (M, K).
+    """Return the ratio of how far a bench's corners move at most to the move of its farther handle, (M, K).
 
     A move that turns the bench about the middle of its link, its handles in opposite directions, comes close to it.
     """
@@ -522,12 +524,12 @@ def levers(sizes: Sizes) -> Floats:
 
 
 def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
-    """Return how far benches (M, K-2) stay behind the leading one along its axis, where the chain is nearly straight.
+    """Return how far benches (M, K-2) stay behind the leading one along its axis, if the chain is nearly straight.
 
-    The track turns by less than 2 radians for each radian of the polar angle, so no two links between a bench's front
-    handle and another's rear one differ in direction by more than twice what they span together: the turn. The links in
-    between lead away from the leading bench by no less than their lengths times its cosine. Minus infinity where the
-    turn is more than a radian.
+    The track turns by less than 2 radians per radian of the polar angle, so no two links between a bench's front handle
+    and another's rear one differ in direction by more than twice their common span: the turn. The links in between lead
+    away from the leading bench by at least their lengths times its cosine. Minus infinity if the turn is more than a
+    radian.
     """
     off = sizes.angle_errors(np.minimum(a.theta, b.theta)[:, :-1])
     turn = 2 * np.cumsum(ABOVE * np.maximum(a.delta, b.delta) + 4 * off, axis=1)[:, 2:]
@@ -539,14 +541,14 @@ def _straight(a: BenchSamples, b: BenchSamples, sizes: Sizes) -> Floats:
 
 
 def _turns_back(a: BenchSamples, b: BenchSamples) -> Array:
-    """Return where the second or third handle comes in at one end of an interval and goes out at the other."""
+    """Return whether the second or third handle moves in at one end of an interval and out at the other."""
     one, two = (comes_in(each.theta[:, :3], each.delta[:, :2]) for each in (a, b))
     out: Array = np.any((np.minimum(one, two) < -_STILL) & (np.maximum(one, two) > _STILL), axis=1)
     return out
 
 
 def comes_in(theta: Floats, delta: Floats) -> Floats:
-    """Return numbers that are positive where a link's rear handle follows its front handle inwards."""
+    """Return numbers that are positive if a link's rear handle follows its front handle inwards."""
     inner, outer = theta[..., :-1], theta[..., 1:]
     out: Floats = delta * np.cos(delta) + inner * (outer * np.sin(delta) - 2 * np.sin(0.5 * delta) ** 2)
     return out

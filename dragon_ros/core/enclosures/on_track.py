@@ -1,42 +1,42 @@
-"""What handles, links and benches can do between two states of a chain, on any track: speeds, turning, and their rates.
+"""Bounds of handles, links and benches between two states of a chain on any track: speeds, turning, and their rates.
 
-One enclosure serves the first contact (corners seen from other benches), the fastest handle (ratios of speeds and how
-they change) and the bounding box (where one bench goes). Between the states the leader goes from one place to another,
-and every handle one way: that fails only where a follower turns back, near the centre of a single spiral, and
+One enclosure is used for the first contact (corners seen from other benches), the fastest handle (ratios of speeds and
+their changes) and the bounding box (the moves of one bench). Between the states the leader goes from one place to
+another and every handle moves one way. The exception is a follower that turns back, near the centre of a single spiral;
 ``Leader.turning_m`` tells where intervals must be cut for it.
 
-A prime is a derivative by the leader's way, a dot one by a handle's own. Of each link let A be the handle nearer to the
-leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the angles from e to the
-track at A and B. The length l does not change, so with speeds v and curvatures k
+A prime is a derivative by the leader's distance, a dot one by a handle's own. For each link let A be the handle nearer
+to the leader and B the other one, e its unit vector in the direction of the track, and alpha and beta the angles from e
+to the track at A and B. The length l is constant, so with speeds v and curvatures k
 
     v_B = r v_A,  r = cos alpha / cos beta,      omega = w v_A,  w = (sin alpha - r sin beta) / l,
     alpha. = k_A - w,      beta. = r k_B - w,      r. = r g,  g = tan beta beta. - tan alpha alpha.,
     w. = (cos alpha alpha. - r. sin beta - r cos beta beta.) / l,
     v_B' = r v_A' + r. v_A^2, that is (log |v_B|)' = (log |v_A|)' + v_A g,      omega' = w v_A' + w. v_A^2
 
-(behind a tail that leads e points away from A: w and w. have the other sign, and so has the prime).
+(behind a tail that leads, e points away from A: w and w. have the other sign, and so has the prime).
 
-Where angles are between two states. A quantity that goes by L at most in all lies within L / 2 of the mean of its
-values at both, or between these if that is more. What a link turns, and what the track turns under its handles, bounds
-what angles go by (``swing_rad``); where k l < 2 for the largest curvature k in between, a chord and the track at its
-ends differ by no more than asin(k l / 2) at all (Schur). From there each pass bounds the rates of angles, and with
-these the angles; where both handles stay on one line or arc angles do not change.
+Ranges of angles between two states: a quantity that changes by L at most in all lies within L / 2 of the mean of its
+two values, or between these if that is more. The turning of a link, and of the track under its handles, bounds the
+change of angles (``swing_rad``). If k l < 2 for the largest curvature k in between, a chord and the track at its ends
+differ by at most asin(k l / 2) in any case (Schur). Then each pass bounds the rates of angles, and with these the
+angles; if both handles stay on one line or arc, angles are constant.
 
-Of two benches let x be the middle of the second as the first sees it, from its middle and along its axis, and tau the
-angles of handles' tracks seen from it:
+For two benches let x be the middle of the second in the frame of the first, from its middle and along its axis, and tau
+the angles of the handles' tracks in that frame:
 
     x' = V_2 - V_1 - omega J x,      x'' = A_2 - A_1 - 2 omega J x' - omega' J x + omega^2 x,
 
-V and A the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both handles, J
-a quarter turn. Where all turns together nothing is left of x', and all terms of x'' cancel but for rounding. From the
-other bench, which turns by D more, it is no more than |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner at a distance
-from the middle adds that times |(D', D^2)|. Curvatures jump at joints, so first derivatives have kinks there; what
-follows needs no more than that they are bounded.
+V and A are the means of v (cos tau, sin tau) and of v' (cos tau, sin tau) + k v^2 (-sin tau, cos tau) over both
+handles, J a quarter turn. If everything turns together, x' vanishes and all terms of x'' cancel up to rounding. In the
+frame of the other bench, which turns by D more, the bound is |x''| + 2 |D| |x'| + (|D'| + D^2) |x|; a corner at a
+distance from the middle adds that distance times |(D', D^2)|. Curvatures jump at joints, so first derivatives have
+kinks there; the argument only needs them to be bounded.
 
-All is evaluated in ball arithmetic and rounded outwards: balls by themselves, what puts them together by the factor
-ABOVE (``on_spiral``). What is known at states is known as well as positions p are, to within an error e: the axis of a
-link of length l turns by no more than 2 e / l, one of a link of no length with the track, and the track by k e;
-curvatures of lines and arcs do not change, and those of spirals by no more than k^2 e.
+Everything is evaluated in ball arithmetic and rounded outwards: balls by themselves, their combinations by the factor
+ABOVE (``on_spiral``). States are known only as well as positions p are, to within an error e: the axis of a link of
+length l turns by at most 2 e / l, that of a link of no length with the track, and the track by k e; curvatures of lines
+and arcs are constant, and those of spirals change by at most k^2 e.
 """
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
@@ -48,9 +48,9 @@ from dragon_ros.core.enclosures.ball_arithmetic import Ball, between, side_by_si
 from dragon_ros.core.enclosures.on_spiral import ABOVE
 from dragon_ros.core.numerics.types import Array, Floats, Index, Ints
 
-_ROUNDED_RAD = 2.0**-46 # of an angle between unit vectors
-_PASSES = 8     # at most; each makes what is left beyond the ends smaller by about the way over twice the link's length
-_WORTH = 0.9    # of a radius: where a pass leaves more of nearly all of them, it is the last one
+_ROUNDED_RAD = 2.0**-46 # error of an angle between unit vectors
+_PASSES = 8     # at most; each shrinks the part beyond the ends by about the move over twice the link's length
+_WORTH = 0.9    # of a radius: a pass that leaves more of nearly all of them is the last one
 _FEW = 0.02     # of the radii may still shrink by more
 
 Range = tuple[Floats, Floats]
@@ -60,8 +60,8 @@ Range = tuple[Floats, Floats]
 class LinkStates:
     """Links of M chains at one state each, from the leader on: N + 1 handles, and N angles from links to the track.
 
-    ``along_m`` are distances along the track, ``segment`` and ``curvature`` (1/m, signed) are those there; ``near`` and
-    ``far`` are the angles at a link's handle nearer to the leader and at its other one.
+    ``along_m`` are distances along the track, ``segment`` and ``curvature`` (1/m, signed) the values there; ``near``
+    and ``far`` are the angles at a link's handle nearer to the leader and at its other one.
     """
 
     along_m: Floats
@@ -93,10 +93,10 @@ def _angle(axis: Floats, headings: Floats) -> Floats:
 
 
 def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence[Floats]) -> Range:
-    """Return the least and greatest curvature in 1/m on the track between places, of their segments and curvatures.
+    """Return the least and greatest curvature in 1/m on the track between places with these segments and curvatures.
 
-    ``bends`` are those from one segment to another, (P, P). Curvature is monotone on a segment, so on one it lies
-    between those at the places; else all segments count whole.
+    ``bends`` are the bounds from one segment to another, (P, P). Curvature is monotone on a segment, so on one segment
+    it lies between the values at the places; otherwise all segments between count in full.
     """
     first, last = reduce(np.minimum, segments), reduce(np.maximum, segments)
     one = first == last
@@ -105,11 +105,11 @@ def curvature_range(bends: Range, segments: Sequence[Ints], curvatures: Sequence
 
 
 def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
-    """Return how far a link turns at most, in all, while its two handles move by ``moved_m`` together.
+    """Return the largest angle by which a link turns, in all, while its two handles move by ``moved_m`` together.
 
     ``most`` is the largest curvature in 1/m between the rear handle's first place and the front handle's last. A link
-    turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1, nor, where most * link < 2, half of that
-    (Schur's comparison with a circle).
+    turns at (v_rear sin beta - v_front sin alpha) / link. No sine exceeds 1 or, if most * link < 2, half of that
+    product (Schur's comparison with a circle).
     """
     with np.errstate(divide='ignore'):
         out: Floats = np.minimum(0.5 * most, np.divide(1.0, link_m)) * moved_m
@@ -118,10 +118,10 @@ def swing_rad(most: Floats, link_m: float | Floats, moved_m: Floats) -> Floats:
 
 @dataclass(frozen=True)
 class LinkMotion:
-    """What links (M, N) and their handles (M, N+1), from the leader on, can do over M intervals.
+    """Enclosures of links (M, N) and their handles (M, N+1), from the leader on, over M intervals.
 
-    ``k`` are curvatures, ``near`` and ``far`` sines and cosines of the angles, ``inverse_l`` signed as e is. Links that
-    are ``rigid`` keep their angles, those that are ``joined`` have no length. All by the way of the nearer handle.
+    ``k`` are curvatures, ``near`` and ``far`` sines and cosines of the angles, ``inverse_l`` has the sign of e.
+    ``rigid`` links keep their angles, ``joined`` ones have no length. Rates are by the distance of the nearer handle.
     """
 
     k: Ball
@@ -142,7 +142,7 @@ class LinkMotion:
 
     @cached_property
     def w(self) -> Ball:
-        """How fast a link turns; one of no length turns with the track."""
+        """The rate at which a link turns; one of no length turns with the track."""
         return _where(self.joined, self.k[:, :-1], (self.near[0] - self.r * self.far[0]) * self.inverse_l)
 
     @cached_property
@@ -159,7 +159,7 @@ class LinkMotion:
 
     @cached_property
     def w_dot(self) -> Ball:
-        """The rate of turning; nothing is known of a link of no length across a jump of the track's curvature."""
+        """The rate of change of turning; unbounded for a link of no length across a jump of the track's curvature."""
         (sin_f, cos_f), (near, far) = self.far, self._dots
         rate = (self.near[1] * near - self.r * (self.g * sin_f + cos_f * far)) * self.inverse_l
         unknown = Ball(self._none.mid, np.where(self.k.rad[:, :-1] > 0, np.inf, 0.0))
@@ -167,12 +167,12 @@ class LinkMotion:
 
     @cached_property
     def v(self) -> Ball:
-        """Speeds of the handles over the leader's."""
+        """Speeds of the handles relative to the leader's."""
         return side_by_side([self._leader + 1.0, self.r.running_product()])
 
     @cached_property
     def v_rate(self) -> Ball:
-        """The rates of their logs by the leader's way: a sum along the chain."""
+        """The rates of the logs of speeds by the leader's distance: a sum along the chain."""
         return side_by_side([self._leader, (self.v[:, :-1] * self.g).running_sum()])
 
     @property
@@ -182,11 +182,11 @@ class LinkMotion:
 
 def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, sign: float = 1.0,
              error_m: float = 0.0, passes: int = _PASSES) -> LinkMotion:
-    """Return what links (N,), from the leader on, can do between states of M chains.
+    """Return the enclosures of links (N,), from the leader on, between states of M chains.
 
     ``bends`` are the least and greatest curvatures from one segment to another, (P, P), ``sign`` is 1.0 behind a head
-    and -1.0 ahead of a tail, and ``error_m`` is what positions may err by. So many ``passes`` narrow the angles, at
-    most: without any they are as wide as what links and the track turn.
+    and -1.0 ahead of a tail, and ``error_m`` bounds position errors. At most ``passes`` narrow the angles; without any
+    they are as wide as the turning of links and the track.
     """
     with np.errstate(all='ignore'):
         low, high = curvature_range(bends, (one.segment, two.segment), (one.curvature, two.curvature))
@@ -204,14 +204,14 @@ def enclosed(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, si
 
 
 def direction_errors(links_m: Floats, bends: Range, error_m: float) -> tuple[Floats, float]:
-    """Return what directions of links (N,) and of the track may err by, in rad, of positions that err by so much."""
+    """Return the errors in rad of directions of links (N,) and of the track, given the position error."""
     track_error = float(np.max(np.abs(bends))) * error_m + _ROUNDED_RAD
     some, rounded_rad = links_m > 0, 2 * error_m / np.where(links_m > 0, links_m, 1.0) + _ROUNDED_RAD
     return np.where(some, rounded_rad, track_error), track_error
 
 
 def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
-    """Return the largest curvatures that links (M, N) can have between their handles."""
+    """Return bounds of the curvatures between the handles of links (M, N)."""
     places = [(state.segment[:, part], state.curvature[:, part]) for state in (one, two)
               for part in (slice(None, -1), slice(1, None))]
     low, high = curvature_range(bends, [segment for segment, _ in places], [curvature for _, curvature in places])
@@ -220,7 +220,7 @@ def _largest(one: LinkStates, two: LinkStates, bends: Range) -> Floats:
 
 
 def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m: Floats, off: Floats) -> list[Ball]:
-    """Return what both angles can be, from what links and the track turn at most, and from Schur's bound."""
+    """Return enclosures of both angles, from the largest turning of links and the track, and from Schur's bound."""
     half = ABOVE * 0.5 * most * links_m
     widest = np.where(half < 1, ABOVE * np.arcsin(np.minimum(half, 1.0)), np.inf)
     swing = swing_rad(most, links_m, way[:, :-1] + way[:, 1:])
@@ -232,7 +232,7 @@ def _first_angles(ends: list[Ball], k: Ball, most: Floats, way: Floats, links_m:
 
 def _narrowed(angles: list[Ball], ends: list[Ball], k: Ball, way: Floats, rigid: Array, inverse_l: Floats,
               off: Floats, passes: int) -> list[Ball]:
-    """Return what both angles can be once their rates have bounded them, pass by pass."""
+    """Return enclosures of both angles, narrowed by their rates, pass by pass."""
     ways = way[:, :-1], way[:, 1:]
     for _ in range(passes):
         (sin_n, cos_n), (sin_f, cos_f) = (angle.sin_cos() for angle in angles)
@@ -254,7 +254,7 @@ def _settled(before: Sequence[Ball], now: Sequence[Ball]) -> bool:
 
 
 def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
-    """Return one ball or another, number by number."""
+    """Return one ball or the other, element by element."""
     if not np.any(chosen):
         return other
     return Ball(np.where(chosen, one.mid, other.mid), np.where(chosen, one.rad, other.rad))
@@ -262,10 +262,10 @@ def _where(chosen: Array, one: Ball, other: Ball) -> Ball:
 
 @dataclass(frozen=True)
 class Kinematics:
-    """What handles (M, N+1) and links (M, N), from head to tail, can do over intervals, by the leader's way.
+    """Enclosures of handles (M, N+1) and links (M, N), from head to tail, over intervals, by the leader's distance.
 
-    Speeds and turning, and their rates. ``k`` are curvatures; ``axis_error`` (N,) and ``track_error`` what directions
-    of links and of the track may err by, and ``error_m`` what positions may.
+    Speeds and turning, and their rates. ``k`` are curvatures; ``axis_error`` (N,) and ``track_error`` bound the errors
+    of directions of links and of the track, and ``error_m`` those of positions.
     """
 
     v: Ball
@@ -280,7 +280,7 @@ class Kinematics:
 
 def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, leader: int,
                error_m: float) -> Kinematics:
-    """Return what handles and links can do between states of M chains, from head to tail again."""
+    """Return the enclosures of handles and links between states of M chains, in order from head to tail."""
     back = slice(None) if leader == 0 else slice(None, None, -1)
     moving = enclosed(one, two, links_m[back], bends, 1.0 if leader == 0 else -1.0, error_m)
     with np.errstate(all='ignore'):
@@ -292,7 +292,7 @@ def kinematics(one: LinkStates, two: LinkStates, links_m: Floats, bends: Range, 
 
 @dataclass(frozen=True)
 class Views:
-    """Pairs of benches (K,) at one state: the second's middle and axis as the first sees them, and its handles' tracks.
+    """Pairs of benches (K,) at one state: the second's middle and axis seen from the first, and the handles' tracks.
 
     ``track`` are the cosines and sines (K, 4, 2) of both handles' headings of the first bench and then of the second.
     """
@@ -302,7 +302,7 @@ class Views:
 
 
 def views(p: Floats, axis: Floats, headings: Floats, row: Ints, i: Ints, j: Ints) -> Views:
-    """Return pairs of benches i, j of the chains in rows, with handles (M, N+1, 2) at ``p``, and links' axes."""
+    """Return pairs of benches i, j of the chains in rows, given handles ``p`` (M, N+1, 2) and the axes of links."""
     u = axis[row, i]
     middle = 0.5 * (p[row, j] + p[row, j + 1] - p[row, i] - p[row, i + 1])
     x, y = _turned(u, middle)
@@ -319,8 +319,8 @@ def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i:
                        arm: Floats) -> tuple[Floats, Floats]:
     """Return bounds (K,) of corners' second derivatives: of the second bench's seen from the first, and the reverse.
 
-    ``gone_m`` (K,) are the leader's ways, ``arm`` (N,) corners' distances from middles. Infinite where nothing is
-    known.
+    ``gone_m`` (K,) are the leader's moves, ``arm`` (N,) the distances of corners from middles. Infinite if there is no
+    bound.
     """
     with np.errstate(all='ignore'):
         turn, turn_rate = _at(moving.w, row, i), _at(moving.w_rate, row, i)
@@ -344,19 +344,19 @@ def second_derivatives(moving: Kinematics, one: Views, two: Views, row: Ints, i:
 
 
 def _at(ball: Ball, row: Ints, column: Ints) -> Ball:
-    """Return numbers of a ball, one for each row and column."""
+    """Return the elements of a ball, one for each row and column."""
     return Ball(ball.mid[row, column], ball.rad[row, column])
 
 
 def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Floats], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[tuple[Ball, Ball], tuple[Ball, Ball]]:
-    """Return a handle's velocity and its change along and across the first bench, from where that does not turn."""
+    """Return a handle's velocity and its rate, along and across the first bench, from a frame that does not turn."""
     v, a, k = (_at(ball, row, handle) for ball in (moving.v, moving.a, moving.k))
     start, stop = (np.arctan2(each[:, 1], each[:, 0]) for each in track)
     stop = start + np.remainder(stop - start + np.pi, 2 * np.pi) - np.pi
     reach = ABOVE * (0.5 * (k * v - turn).most * gone_m + off)
     ends = between(start, stop, off)
-    # With less than half a turn on the way the angle went the short way from one end to the other.
+    # With less than half a turn in all, the angle took the short way from one end to the other.
     sin, cos = Ball(ends.mid, np.where(reach < 0.5 * np.pi, np.maximum(ends.rad, reach), np.inf)).sin_cos()
     bent = k * v.squared()
     return (v * cos, v * sin), (a * cos - bent * sin, a * sin + bent * cos)
@@ -364,10 +364,10 @@ def _handle(moving: Kinematics, row: Ints, handle: Ints, track: tuple[Floats, Fl
 
 def _middle(one: Views, two: Views, v: tuple[Ball, Ball], turn: Ball, gone_m: Floats,
             off: Floats) -> tuple[Ball, Ball, Ball, Ball]:
-    """Return what the second bench's middle, seen from the first, and its velocity can be.
+    """Return enclosures of the second bench's middle, seen from the first, and of its velocity.
 
-    Middles go no further from each other than their velocities say, however the first bench turns. What is known of
-    them at the states may be ``off`` (K,) in metres.
+    The distance of the middles changes at most as their velocities say, however the first bench turns. At the states
+    they may be ``off`` (K,) in metres.
     """
     far = np.minimum(np.hypot(*one.middle), np.hypot(*two.middle)) + off
     far = ABOVE * (far + gone_m * np.hypot(v[0].most, v[1].most))

@@ -1,7 +1,7 @@
-"""The gap of two benches on a spiral, each wherever it may be: bounds over boxes of all that decides about it.
+"""The gap of two benches at any two places of a spiral: bounds over boxes of all variables on which it depends.
 
-In units of b = pitch / 2 pi there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times as large. The gap of
-two benches depends on five variables, the rows of a box:
+In units of b = pitch / 2 pi there is one spiral, r = theta, and a dragon is ``scale`` = 1 / b times as large. The gap
+of two benches depends on five variables, the rows of a box:
 
     THETA   polar angle of the front handle of the bench that is further in
     AHEAD   polar angle from there to the front handle of the other bench
@@ -9,12 +9,12 @@ two benches depends on five variables, the rows of a box:
     LINK    distance in metres between the handles of the bench further in
     OTHER   the same of the other one
 
-How many benches lie between the two, and how long they are, only decides which angles AHEAD occur. A bench reaches
+The number and the lengths of the benches between the two only decide which angles AHEAD occur. A bench reaches
 ``overhang`` metres beyond its handles and half its width to either side.
 
 A link of chord c from theta spans delta, the root of F(theta, delta) = c^2 / 2 (docs/contact.md). Up to delta = pi
-F_delta > 0, so there is one root, it falls as theta grows (lemma 1), grows with c, and has the derivatives
--F_theta / F_delta and c / F_delta. A span lies between two floats at which F is proved to be too small and too large.
+F_delta > 0, so there is one root; it falls as theta grows (lemma 1), grows with c, and has the derivatives -F_theta /
+F_delta and c / F_delta. A span is enclosed by two floats at which F is proved too small and too large.
 """
 from typing import NamedTuple
 
@@ -27,16 +27,16 @@ from dragon_ros.core.numerics.types import Floats
 from dragon_ros.core.tracks.spiral import first_guesses, steps
 
 THETA, AHEAD, SCALE, LINK, OTHER = range(5)
-_WIDER = 2.0**-30       # of a span: Newton in floats is nearer, and balls (2^-36) can tell
-_ABOVE = 1 + 2.0**-40   # of a sum of positive numbers: more than its roundings take away
+_WIDER = 2.0**-30       # relative to a span: Newton in floats is closer, and balls (2^-36) can tell
+_ABOVE = 1 + 2.0**-40   # for a sum of positive numbers: more than its roundings take away
 
 
 class Separations(NamedTuple):
-    """Of boxes: a lower bound ``low`` of the gap (n,), in units of b; positive where the benches are apart.
+    """Lower bounds ``low`` (n,) of the gaps in boxes, in units of b; positive if the benches are apart.
 
-    In the middle of a box the edge from which they are furthest apart is ``middle`` (n,) away from the corner that is
-    nearest to it; ``slope`` (5, n) are the derivatives of this distance there, and ``spread`` (5, n) bounds of how much
-    it changes from the middle of a box to its ends, by each variable.
+    In the middle of a box, ``middle`` (n,) is the distance of the nearest corner from the edge that separates the
+    benches most; ``slope`` (5, n) are the derivatives of this distance there, and ``spread`` (5, n) bounds its change
+    from the middle of a box to its ends, per variable.
     """
 
     low: Floats
@@ -46,19 +46,19 @@ class Separations(NamedTuple):
 
 
 def least_span(theta: Floats, chord: Floats) -> Floats:
-    """Return angles that are no larger than what chords (in units of b) from polar angles span."""
+    """Return angles no larger than the spans of chords (in units of b) from polar angles."""
     return _proved_span(theta, chord, 1 - _WIDER, -1)
 
 
 def largest_span(theta: Floats, chord: Floats) -> Floats:
-    """Return angles that are no smaller than what chords (in units of b) from polar angles span."""
+    """Return angles no smaller than the spans of chords (in units of b) from polar angles."""
     return _proved_span(theta, chord, 1 + _WIDER, 1)
 
 
 def separations(low: Floats, high: Floats, half_width_m: float, overhang_m: float) -> Separations:
-    """Return what keeps two benches apart in boxes between ``low`` and ``high`` (5, n).
+    """Return the separation of two benches in boxes from ``low`` to ``high`` (5, n).
 
-    On a box one edge has to keep all corners of the other bench away: then the benches are apart.
+    The benches are apart on a box if one edge keeps all corners of the other bench away.
     """
     middle = 0.5 * (low + high)
     reach = _ABOVE * np.maximum(high - middle, middle - low)
@@ -109,8 +109,8 @@ def _nothing(like: Graded) -> Graded:
 
 def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, chord_low: Floats,
           chord_high: Floats) -> Graded:
-    """Return what links span that start between two polar angles and have lengths between two."""
-    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # for the sums and products of floats that came in
+    """Return enclosures of the spans of links that start between two polar angles and have lengths between two."""
+    out, off = 1 + 2.0**-50, 2.0**-50 * theta_high      # for the sums and products of the given floats
     delta = between(least_span(theta_high + off, chord_low / out), largest_span(theta_low - off, chord_high * out))
     sin, less = delta.sin_cos()[0], delta.versine()
     by_theta = (2 * theta.value + delta) * less
@@ -120,7 +120,7 @@ def _span(theta: Graded, chord: Graded, theta_low: Floats, theta_high: Floats, c
 
 def _beyond(front: Vector, rear: Vector, chord: Graded, other_front: Vector, other_rear: Vector, other_chord: Graded,
             overhang: Graded, half_width: Graded) -> list[list[Graded]]:
-    """Return how far the corners of the other bench are beyond the left, right, front and rear edge of one."""
+    """Return how far the corners of the other bench are beyond the left, right, front and rear edge of a bench."""
     axis = (front - rear) * chord.inverse()
     ahead, behind = ((handle - front).seen_along(axis) for handle in (other_front, other_rear))
     along = (ahead - behind) * other_chord.inverse()
