@@ -1,22 +1,22 @@
-"""How much room a run takes: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
+"""The room that a run needs: the largest x, -x, y and -y that any corner of any bench reaches, between bounds.
 
-Where a bench lies depends on its length and on where its front handle is, whoever leads, whichever bench it is and
-whenever. So a few intervals of the track are searched by branch and bound: those that the head's front handle passes,
-and those that the front handles of all other benches of one length pass together. Intervals whose bound exceeds the
-largest value met so far are cut.
+The pose of a bench depends on its length and on the place of its front handle, whoever leads, whichever bench it is,
+and at any time. So branch and bound searches only a few intervals of the track: one for the head's front handle, and
+those that the front handles of all other benches of one length pass together. Intervals whose bound exceeds the largest
+value found so far are cut.
 
-The bound of an interval. Let s and t be the ways of a bench's front and rear handle, q and r their places, h and l the
-ways that they go from one end to the other. A corner, at the complex lever a from the bench's middle (a real: along the
+The bound of an interval: let s and t be the distances of a bench's front and rear handle, q and r their places, h and l
+how far they move from one end to the other. A corner, at the complex lever a from the bench's middle (a real: along the
 link), is A q + B r with A = 1/2 + a / link, B = 1/2 - a / link: a coordinate of it has the derivative by s
 
     g' = (A q') + (B r') cos alpha / cos beta,
 
-alpha and beta the link's angles with the track's tangents. What goes from x0 to x1 and by X at most on its way is never
-further than X / 2 from their mean. With k the largest curvature at a handle its tangent turns by k h, or k l, at most,
-and ``enclosures.on_track`` bounds the ratio of the cosines. All factors of g' therefore lie in balls, and so does g':
-|g'| <= G. So the coordinate goes by V = min(G h, |A| h + |B| l) at most, and is nowhere above the mean of its values at
-the two ends plus V / 2. As intervals shrink that comes down with the square of their length, and where a handle passes
-a joint, so that a curvature jumps, with it. The rear handle must go one way.
+where alpha and beta are the link's angles with the track's tangents. A value that goes from x0 to x1 and changes by at
+most X in all is never further than X / 2 from their mean. With k the largest curvature at a handle, its tangent turns
+by at most k h, or k l, and ``enclosures.on_track`` bounds the ratio of the cosines. So all factors of g' lie in balls,
+and so does g': |g'| <= G. The coordinate changes by at most V = min(G h, |A| h + |B| l), and nowhere exceeds the mean
+of its values at the two ends plus V / 2. As intervals shrink, the excess falls with the square of their length, or with
+the length itself if a handle passes a joint, where the curvature jumps. The rear handle must move one way.
 
 A link of no length lies along the track: the corner is q + a q', and g' = q' + i a kappa q'.
 """
@@ -47,14 +47,14 @@ from dragon_ros.core.tracks.segments import BEHIND
 SIDES = ('x', '-x', 'y', '-y')
 _TOWARDS = np.array([1, -1, 1j, -1j])
 _AT_ONCE = 512      # intervals
-_FIRST, _PARTS = 32, 6      # into which the first intervals are cut, and later ones: fewer take more rounds
-_SAME = 1e-13       # of a distance along the track: nearer places are the same
-_MOST = 200_000     # benches that are placed
+_FIRST, _PARTS = 32, 6      # parts of the first intervals and of later ones: fewer parts take more rounds
+_SAME = 1e-13       # of a distance along the track: closer places are the same
+_MOST = 200_000     # benches placed
 
 
 @dataclass(frozen=True)
 class Reach:
-    """The farthest corner on one side: ``low_m`` at ``t_s``, and nowhere in the run above ``high_m``."""
+    """The farthest corner on one side: it reaches ``low_m`` at ``t_s``, and nowhere in the run exceeds ``high_m``."""
 
     side: str
     low_m: float
@@ -67,39 +67,39 @@ class Reach:
 
 @dataclass(frozen=True)
 class BoundingBox:
-    """The reaches on the four sides, in the order of SIDES; ``looks`` counts the benches that were placed."""
+    """The reaches on the four sides, in the order of SIDES; ``looks`` is the number of benches placed."""
 
     reaches: tuple[Reach, ...]
     looks: int
 
     @property
     def centred_m(self) -> tuple[float, float]:
-        """Bounds on the side of the smallest square about the origin, along the axes, that holds the run."""
+        """Bounds of the side of the smallest axis-aligned square about the origin that contains the run."""
         return 2 * max(reach.low_m for reach in self.reaches), 2 * max(reach.high_m for reach in self.reaches)
 
     @property
     def free_m(self) -> tuple[float, float]:
-        """Bounds on the side of the smallest square along the axes that holds the run, wherever its centre is."""
+        """Bounds of the side of the smallest axis-aligned square anywhere that contains the run."""
         low, high = ([getattr(reach, name) for reach in self.reaches] for name in ('low_m', 'high_m'))
         return max(low[0] + low[1], low[2] + low[3]), max(high[0] + high[1], high[2] + high[3])
 
     @property
     def touching(self) -> Reach:
-        """The reach that makes the centred square as large as it is."""
+        """The reach that determines the centred square."""
         return max(self.reaches, key=lambda reach: reach.low_m)
 
 
 def fits(bounds_m: tuple[float, float], side_m: float) -> bool | None:
-    """Return whether a square with a side between bounds is no larger than another; None where it cannot be told."""
+    """Return whether a square with a side between bounds fits into another; None if the bounds cannot tell."""
     return True if bounds_m[1] <= side_m else False if bounds_m[0] > side_m else None
 
 
 def bounding_box(scene: Scene, within_m: float = 1e-10,
                  progress: Callable[[int], object] = lambda looks: None) -> BoundingBox:
-    """Return the room that the scene's run takes; bounds differ by ``within_m`` and what positions may err.
+    """Return the room that the scene's run needs; its bounds differ by ``within_m`` plus the position error.
 
-    They differ by more where floats are too coarse for that, or where ``_MOST`` benches were not enough.
-    ``progress(looks)`` is called with every number of benches just placed.
+    They differ by more if floats are too coarse for that, or if ``_MOST`` benches were not enough. ``progress(looks)``
+    is called with the number of benches placed since the last call.
     """
     ranges = HandleRanges(scene)
     search = _Reaching(progress, within_m)
@@ -110,23 +110,22 @@ def bounding_box(scene: Scene, within_m: float = 1e-10,
 
 
 def by_length(lengths_m: Floats) -> list[Ints]:
-    """Return the numbers of the benches of one length, for each length: the head's alone, then those behind it."""
+    """Return the numbers of the benches, grouped by length: the head's alone, then those behind it."""
     behind = dict.fromkeys(lengths_m[1:].tolist())
     return [np.array([0]), *(1 + np.flatnonzero(lengths_m[1:] == length) for length in behind)]
 
 
 def bench_of(ranges: 'HandleRanges', number: int) -> 'SweptBench':
-    """Return the bench of a number as one that goes along the track."""
+    """Return the bench of a number as one that moves along the track."""
     dragon = ranges.scene.dragon
     return SweptBench(ranges.track, float(dragon.link_lengths_m[number]), 0.5 * float(dragon.bench_lengths_m[number]),
                       0.5 * dragon.width_m)
 
 
 def intervals_of(ranges: 'HandleRanges', benches: Ints) -> Floats:
-    """Return where the front handles of some benches go, (2, M) distances: joined where they overlap.
+    """Return the intervals (2, M) of distances that the front handles of some benches pass, merged if they overlap.
 
-    They are cut where the rear handle turns back. Of the laps of a circle that the track begins with, the last holds
-    all.
+    They are cut where the rear handle turns back. If the track begins with laps of a circle, the last lap covers all.
     """
     low, high = ranges.ranges_m[:, benches]
     order = np.argsort(low)
@@ -153,7 +152,7 @@ def turning_m(track: Track, link_m: float) -> list[float]:
 
 
 class _Reaching(InOrder):
-    """A search for what is farthest out on each side: the best so far, where it was met, and what was put aside."""
+    """A search for the farthest corner on each side: the best so far, where it was found, and bounds of the rest."""
 
     at_once = _AT_ONCE
 
@@ -166,12 +165,12 @@ class _Reaching(InOrder):
         self._bench: SweptBench | None = None
 
     def run(self, bench: 'SweptBench', intervals: Floats, kind: int) -> None:
-        """Search intervals (2, M) of the way of one kind of bench."""
+        """Search intervals (2, M) of the track for one kind of bench."""
         self._bench, self._kind = bench, kind
         run(self, Boxes(*intervals[:, None]).cut(_FIRST))
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Bound intervals, put aside those that hold nothing more, and cut the others."""
+        """Bound intervals, set aside those that cannot exceed the best, and cut the others."""
         assert self._bench
         ends = np.stack((boxes.low[0], boxes.high[0]))
         places, index = np.unique(ends, return_inverse=True)
@@ -193,7 +192,7 @@ class _Reaching(InOrder):
 
 
 def _reach(ranges: 'HandleRanges', kinds: list[Ints], search: _Reaching, side: int) -> Reach:
-    """Return what was found on a side, with a bench that is there, and when."""
+    """Return the result on a side, with a bench that is there, and when."""
     kind, along_m, corner = search.where[side]
     low, high = ranges.ranges_m[:, kinds[kind]]
     bench = int(kinds[kind][np.argmax(np.minimum(along_m - low, high - along_m))])
@@ -211,7 +210,7 @@ class BenchStates:
     """A bench at M places: its link as ``on_track`` sees it, behind its front handle, and its corners' values.
 
     ``value`` (M, 4, 4) are the coordinates of the corners towards SIDES, ``front`` and ``rear`` the two parts of their
-    derivative but for the ratio cos alpha / cos beta.
+    derivative, without the ratio cos alpha / cos beta.
     """
 
     link: LinkStates
@@ -226,7 +225,7 @@ class BenchStates:
 
 @dataclass(frozen=True)
 class SweptBench:
-    """A bench with a link that goes along a track: where its corners are, and bounds between two of its places."""
+    """A bench that moves along a track: its corners, and bounds of these between two of its places."""
 
     track: Track
     link_m: float
@@ -235,13 +234,13 @@ class SweptBench:
 
     @cached_property
     def _lever(self) -> Array:
-        """From the middle to the corners, in their order."""
+        """Vectors from the middle to the corners, in their order."""
         along, aside = self.half_length_m, 1j * self.half_width_m
         return np.array([along + aside, -along + aside, -along - aside, along - aside])
 
     @cached_property
     def _shares(self) -> tuple[Array, Array]:
-        """A and B of the corners; for a link of no length what the tangent counts is B."""
+        """A and B of the corners; for a link of no length B is the factor of the tangent."""
         if not self.link_m:
             return np.ones(4, dtype=np.complex128), self._lever
         return 0.5 + self._lever / self.link_m, 0.5 - self._lever / self.link_m
@@ -263,7 +262,7 @@ class SweptBench:
                            _sides(two * (to_rear if link else 1j * to)[:, None]))
 
     def _rears(self, fronts: Places) -> Places:
-        """Return the rear handles; at a lock itself one by one, where the chord is longest."""
+        """Return the rear handles; at a lock itself one by one, since only that solver takes the longest chord."""
         try:
             return next_places(self.track, fronts, self.link_m, BEHIND)[0]
         except ChainLockError:
@@ -272,7 +271,7 @@ class SweptBench:
             return np.array([place.segment for place in rears]), u[:, 0], u[:, 1]
 
     def bounds(self, a: BenchStates, b: BenchStates) -> Floats:
-        """Return bounds (M, 4, 4) of the corners' coordinates between states a and the next ones b, further along."""
+        """Return bounds (M, 4, 4) of the corners' coordinates between states a and b, where b is further along."""
         slope, crude = self.slopes(a, b)
         with np.errstate(all='ignore'):
             goes = np.fmin(crude, slope.most * _each(np.abs(b.link.along_m - a.link.along_m)[:, 0]))
@@ -280,7 +279,7 @@ class SweptBench:
         return out
 
     def slopes(self, a: BenchStates, b: BenchStates) -> tuple[Ball, Floats]:
-        """Return what the coordinates' derivatives by the front handle's way can be, and how far they go at most."""
+        """Return enclosures of the coordinates' derivatives by the front handle's distance, and largest changes."""
         with np.errstate(all='ignore'):
             moving = enclosed(a.link, b.link, np.array([self.link_m]), self.track.bends, passes=0)
             front_m, rear_m = np.abs(b.link.along_m - a.link.along_m).T
@@ -305,20 +304,20 @@ def _sides(z: Array) -> Floats:
 
 
 def _each(value: Floats) -> Floats:
-    """Return a value for each state, for all corners and sides."""
+    """Return one value per state, broadcast to all corners and sides."""
     return value[:, None, None]
 
 
 def _mean(a: Floats, b: Floats, gone: Floats) -> Ball:
-    """Return the ball of what is a, then b, and in between has gone so far at most."""
+    """Return the ball of a value that goes from a to b and changes by at most so much in all."""
     return Ball(0.5 * (a + b), 0.5 * gone)
 
 
 class HandleRanges:
-    """Where the front handles of a dragon go along the track during a run, and when one of them is at a place.
+    """The ranges of a dragon's front handles along the track during a run, and the time when a handle is at a place.
 
-    Each moves one way while the leader goes from one of ``_stops_m`` to the next: from its least distance over those at
-    which a handle turns back to its greatest. So its own least and greatest places are at these.
+    Each handle moves one way while the leader goes from one of ``_stops_m`` to the next: from the least distance
+    through those at which a handle turns back to the greatest. So its own least and greatest places are at these.
     """
 
     def __init__(self, scene: Scene) -> None:
@@ -355,7 +354,7 @@ class HandleRanges:
         return np.stack((np.min(self._at_stops_m, axis=0), np.max(self._at_stops_m, axis=0)))
 
     def chain(self, gone_m: tuple[float, float]) -> Chain:
-        """Return the chain when the leader has gone so far."""
+        """Return the chain at a distance travelled by the leader."""
         return self._model.march(gone_m)
 
     def when_s(self, handle: int, along_m: float) -> float:
@@ -369,7 +368,7 @@ class HandleRanges:
         return illinois(lambda t_s: float(self.scene.head.travelled_m(t_s)[0]) - gone, *times, low, high)
 
     def _leader_m(self, handle: int, along_m: float) -> float:
-        """Return how far the leader has gone where a handle is at a distance along the track."""
+        """Return the distance travelled by the leader when a handle is at a distance along the track."""
         stops = self._stops_m
         over, same = (self._at_stops_m[:, handle] - along_m).tolist(), _SAME * (1 + abs(along_m))
         nearest = min(range(len(stops)), key=lambda n: abs(over[n]))
@@ -386,7 +385,7 @@ class HandleRanges:
         return stops[nearest][0]
 
     def _handle_m(self, handle: int, gone_m: tuple[float, float]) -> float:
-        """Return the distance of a handle along the track when the leader has gone so far."""
+        """Return the distance of a handle along the track at a distance travelled by the leader."""
         leader = self._model.leader
         links, index = (leader.links_m[:handle], -1) if leader.direction == BEHIND else (leader.links_m[handle:], 0)
         chain = marched(leader.track, links, leader.place(gone_m), leader.direction)

@@ -1,17 +1,17 @@
-"""The one loop of every search: cells of a space are judged batch by batch, and cut until each is settled.
+"""The loop of all searches: cells of a space are judged in batches, and cut until each is settled.
 
-``run`` takes what is searched as a parameter. A ``Search`` tells which cells may still matter, in which order they
-come, and judges them: what is settled it keeps, of the others it returns the parts. The loop has the rest: what waits,
-how many cells are judged together, and that of too many those that come first go first, with all their parts. Four
-searches stand on it. ``clear`` goes through places in order, up to the first that is not clear; ``min_pitch`` does so
-in the plane of radius and pitch; ``bounding_box`` and ``max_speed`` look for largest values. Every search ends, since a
-cell is cut into parts that are at most half as long until it is as short as is asked for, or as floats are.
+``run`` takes the search as a parameter. A ``Search`` says which cells may still matter and in which order they come,
+and judges them: it keeps what is settled and returns the parts of other cells. The loop holds the waiting cells and
+decides how many are judged together; if there are too many, the first in order go first, with all their parts. Four
+searches use it. ``clear`` goes through places in order, up to the first that is not clear; ``min_pitch`` does so in the
+plane of radius and pitch; ``bounding_box`` and ``max_speed`` look for largest values. Every search ends: a cell is cut
+into parts at most half as long, until it is as short as requested or as floats allow.
 
 ``clear`` clears intervals of a search domain of contact. A domain is sampled at places. Between two of them a bound
 (``on_spiral`` for a bench on a spiral segment, ``conservative_advancement`` for the whole chain) says how near benches
-can come. An interval whose bound does not exceed what positions may err is cut into parts, at once into as many as the
-bound asks for, until each is cleared or is as short as is asked for. So an interval of length L takes no more than
-log2(L / finest) rounds. Its intervals carry the samples at their ends, which their parts share: a state is dear there.
+can come. An interval whose bound does not exceed the position error is cut, at once into as many parts as the bound
+suggests, until each part is cleared or as short as requested. So an interval of length L takes at most log2(L / finest)
+rounds. Intervals carry the samples at their ends, which their parts share, since states are expensive here.
 """
 from dataclasses import dataclass, replace
 from typing import Any, Protocol, TypeVar
@@ -21,19 +21,19 @@ from numpy.typing import NDArray
 
 from dragon_ros.core.numerics.types import Floats, Ints
 
-_SHARE = 0.9        # of the room for an interval: gaps shrink on the way
-_MOST_PARTS = 3     # that an interval is cut into at once: shorter ones have more room than that of a long one says
-_AT_ONCE = 4096     # intervals that are bounded together; later ones wait, so that a long search keeps to its memory
+_SHARE = 0.9        # of the room for an interval: gaps shrink in between
+_MOST_PARTS = 3     # into which an interval is cut at once: shorter ones have more room than a long one suggests
+_AT_ONCE = 4096     # intervals that are bounded together; later ones wait, which bounds the memory of a long search
 _FINEST = 1e-14     # of a time or a distance: intervals this short are not cut
 Bools = NDArray[np.bool_]
 
 
 class Cells(Protocol):
-    """Cells of a space, as a search keeps them."""
+    """Cells of a space, as a search holds them."""
 
     @property
     def size(self) -> int:
-        """How many."""
+        """The number of cells."""
         ...
 
     def some(self, which: Any) -> Any:
@@ -45,11 +45,11 @@ C = TypeVar('C', bound=Cells)
 
 
 class Search(Protocol[C]):
-    """What is searched: ``at_once`` cells at most are judged together."""
+    """A search; at most ``at_once`` cells are judged together."""
 
     @property
     def at_once(self) -> int:
-        """How many cells are judged together."""
+        """The number of cells that are judged together."""
         ...
 
     def ahead(self, cells: C) -> Bools:
@@ -57,7 +57,7 @@ class Search(Protocol[C]):
         ...
 
     def order(self, cells: C) -> Floats:
-        """Return numbers by which cells come, the smallest first."""
+        """Return the order of cells, the smallest number first."""
         ...
 
     def judge(self, cells: C) -> C:
@@ -66,10 +66,10 @@ class Search(Protocol[C]):
 
 
 class InOrder:
-    """A search for a largest or smallest value over cells along a track or in time: it goes through all, in order."""
+    """A search for an extreme value over cells along a track or in time: it judges all cells, in order."""
 
     def ahead(self, cells: Cells) -> Bools:
-        """Return all: their bounds are not known before they are judged."""
+        """Return True for all: their bounds are unknown before they are judged."""
         return np.ones(cells.size, dtype=bool)
 
     def order(self, cells: Any) -> Floats:
@@ -79,7 +79,7 @@ class InOrder:
 
 
 def run(search: Search[C], cells: C) -> None:
-    """Search cells until none waits."""
+    """Search cells until none is left."""
     waiting = [cells]
     while waiting:
         cells = waiting.pop()
@@ -95,14 +95,14 @@ def run(search: Search[C], cells: C) -> None:
 
 @dataclass(frozen=True)
 class Boxes:
-    """Boxes of a space of some dimensions, ``low`` to ``high`` (D, M): cells that carry no samples."""
+    """Boxes of a space of D dimensions, ``low`` to ``high`` (D, M): cells without samples."""
 
     low: Floats
     high: Floats
 
     @property
     def size(self) -> int:
-        """How many."""
+        """The number of boxes."""
         return int(self.low.shape[1])
 
     def some(self, which: Bools | Ints) -> 'Boxes':
@@ -110,7 +110,7 @@ class Boxes:
         return Boxes(self.low[:, which], self.high[:, which])
 
     def cut(self, parts: int, axis: Ints | int = 0) -> 'Boxes':
-        """Return equal parts of each along one axis, or along an axis of its own."""
+        """Return equal parts of each box along one axis, or along an axis per box."""
         axis, each = np.broadcast_to(axis, self.size), np.arange(self.size)
         ends = np.linspace(self.low[axis, each], self.high[axis, each], parts + 1, axis=1)
         low, high = (np.repeat(one, parts, axis=1) for one in (self.low, self.high))
@@ -134,9 +134,9 @@ class Samples(Protocol):
 
 @dataclass(frozen=True)
 class Judgement:
-    """Of M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and parts to cut into.
+    """For M intervals: lower bounds of the gaps, whether benches touch at either end (2, M), and the parts to cut into.
 
-    ``group`` (M,) is what the parts are judged with: a space may leave out of them what is settled for the whole.
+    ``group`` (M,) is what the parts are judged with: a space may omit from it pairs settled for the whole interval.
     """
 
     bound_m: Floats
@@ -146,15 +146,15 @@ class Judgement:
 
 
 class Space(Protocol):
-    """What is searched: it samples places, and bounds the gaps between two of them.
+    """The space of a search: it samples places, and bounds the gaps between two of them.
 
     The first intervals are the ``roots``, which are judged with their own numbers; all others are parts of them.
-    Windows are told by their numbers in the list that ``clear`` was given.
+    Windows are given by their numbers in the list passed to ``clear``.
     """
 
     @property
     def tolerance_m(self) -> float:
-        """What a bound must exceed for the positions that it was computed from."""
+        """The error of the positions, which a bound must exceed."""
         ...
 
     def sample(self, places: Floats, window: Ints) -> Any:
@@ -174,16 +174,16 @@ class Space(Protocol):
         ...
 
     def lengths_m(self, start: Floats, stop: Floats) -> Floats:
-        """Return the lengths of intervals in metres, or bounds on them."""
+        """Return the lengths of intervals in metres, or bounds of them."""
         ...
 
 
 @dataclass(frozen=True)
 class Cleared:
-    """What of a window is cleared, from its start on, as rows (start, stop, bound).
+    """The cleared part of a window, from its start on, as rows (start, stop, bound).
 
-    ``hit`` brackets the first place that is not, as (cleared end, other end, bound), None where all is; ``touching``
-    says that benches touch at its other end.
+    ``hit`` brackets the first place that is not clear, as (cleared end, other end, bound), or is None if all is clear;
+    ``touching`` says that benches touch at its other end.
     """
 
     rows: list[tuple[float, float, float]]
@@ -192,7 +192,7 @@ class Cleared:
 
 
 def parts_for(room: Floats) -> Ints:
-    """Return how many parts to cut intervals into that could be so many times as long, below 1, to be cleared."""
+    """Return the number of parts for intervals that a fraction ``room``, below 1, of their length would clear."""
     parts = np.ceil(1 / (_SHARE * np.maximum(room, 0.5 / _MOST_PARTS)))
     return np.clip(parts, 2, _MOST_PARTS).astype(np.int64)
 
@@ -200,8 +200,8 @@ def parts_for(room: Floats) -> Ints:
 def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> list[Cleared]:
     """Clear windows, given as places (monotone), each up to the first place that cannot be cleared.
 
-    Intervals are cut down to the first of ``finest_m``; where one is still neither cleared nor touching, the rest of
-    its window is cleared again from there on, down to the next.
+    Intervals are cut down to the first of ``finest_m``. If one is then neither cleared nor touching, the rest of its
+    window is cleared again from there on, down to the next.
     """
     out, left = [Cleared([], None, False) for _ in windows], dict(enumerate(windows))
     for finest in finest_m:
@@ -214,7 +214,7 @@ def clear(space: Space, windows: list[Floats], finest_m: tuple[float, ...]) -> l
 
 
 def _after(window: Floats, hit: tuple[float, float, float] | None) -> Floats:
-    """Return what is left of a window."""
+    """Return the rest of a window."""
     assert hit
     sign = 1.0 if window[-1] > window[0] else -1.0
     return np.concatenate(([hit[0]], window[sign * window > sign * hit[0]]))
@@ -228,7 +228,7 @@ def _cleared(space: Space, windows: dict[int, Floats], finest_m: float) -> dict[
 
 @dataclass(frozen=True)
 class _Intervals:
-    """Intervals: ``pairs`` (2, M) of rows of samples, their windows and what they are judged with (M,)."""
+    """Intervals: ``pairs`` (2, M) of rows of samples, their windows (M,) and groups (M,)."""
 
     samples: Any
     pairs: Ints
@@ -237,17 +237,17 @@ class _Intervals:
 
     @property
     def size(self) -> int:
-        """How many intervals."""
+        """The number of intervals."""
         return int(self.window.size)
 
     def some(self, keep: Bools | Ints) -> '_Intervals':
-        """Return some intervals with the samples that they need."""
+        """Return some intervals with their samples."""
         used, rows = np.unique(self.pairs[:, keep], return_inverse=True)
         return _Intervals(self.samples.rows(used), rows.reshape(2, -1), self.window[keep], self.group[keep])
 
 
 class _Clearing:
-    """Windows that are cleared in the order of their places, and what has been found of them."""
+    """A search that clears windows in the order of their places, and its results."""
 
     at_once = _AT_ONCE
 
@@ -276,7 +276,7 @@ class _Clearing:
         return out
 
     def judge(self, batch: _Intervals) -> _Intervals:
-        """Judge intervals, keep those that are clear, and cut the others."""
+        """Judge intervals, keep the clear ones, and cut the others."""
         places = batch.samples.places[batch.pairs]
         space, progress = self._space, self._sign[batch.window] * places
         first, second = (batch.samples.rows(rows) for rows in batch.pairs)
@@ -296,7 +296,7 @@ class _Clearing:
         return self._cut(left, judged.parts[rest]) if np.any(rest) else left
 
     def _cut(self, batch: _Intervals, parts: Ints) -> _Intervals:
-        """Cut intervals, each into so many equal parts."""
+        """Cut intervals, each into its number of equal parts."""
         count, (start, stop) = batch.window.size, batch.samples.places[batch.pairs]
         of, nth = np.repeat(np.arange(count), parts - 1), _counted(parts - 1) + 1
         share = nth / parts[of]
@@ -315,7 +315,7 @@ class _Clearing:
         return _Intervals(samples, np.stack((fronts, backs)), batch.window[owner], batch.group[owner])
 
     def result(self, number: int) -> Cleared:
-        """Return what of a window is cleared up to the first interval that is not."""
+        """Return the cleared part of a window, up to the first interval that is not clear."""
         sign, touch = self._sign[number], self._touch[number]
         stuck = [row for row in self._rows(self._stuck, number) if sign * row[0] < touch]
         end = sign * stuck[0][0] if stuck else touch
@@ -333,7 +333,7 @@ class _Clearing:
 
 
 def _between(start: Floats, stop: Floats) -> Bools:
-    """Return whether floats lie between two."""
+    """Return whether there are floats between two."""
     middle = 0.5 * (start + stop)
     out: Bools = (middle != start) & (middle != stop)
     return out
