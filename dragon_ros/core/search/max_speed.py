@@ -1,21 +1,21 @@
-"""How fast the fastest handle is over a whole run, and so how fast the leader may go under a limit.
+"""The speed of the fastest handle over a whole run, and the leader's largest speed under a limit.
 
-Speeds over the leader's depend on where the leader is and not on when, so the run is searched by branch and bound over
-intervals of time in which the leader goes one way: intervals whose bound exceeds the largest speed met so far are cut.
-Where handles are equally fast in many places, as on a circle, that would never end: the more intervals would be cut,
-the more their bounds may exceed it.
+Speeds relative to the leader's depend on the leader's place and not on time, so branch and bound searches intervals of
+time in which the leader moves one way; intervals whose bound exceeds the largest speed found so far are cut. If handles
+are equally fast in many places, as on a circle, that would never end. So the more intervals would be cut, the more
+their bounds may exceed it.
 
-The bound of an interval. ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
+The bound of an interval: ``enclosures.on_track`` bounds the slope of log |v| of each handle by the leader's distance
 between two states. With slopes between a lowest and a highest, log |v| lies below the two lines from its ends, and its
-bound is where they meet. To it comes log of the leader's own speed, whose slope is its acceleration over its speed
-squared. Where a slope is unbounded, as where a handle turns back or the leader comes to rest, the product of the
-largest ratios bounds the speed. As intervals shrink the bound comes down with the square of their length, and where a
-handle passes a joint, so that a curvature jumps, with the length.
+bound is where they meet. The log of the leader's own speed is added; its slope is its acceleration over its speed
+squared. If a slope is unbounded, because a handle turns back or the leader comes to rest, the product of the largest
+ratios bounds the speed. As intervals shrink, the excess of the bound falls with the square of their length, or with the
+length itself if a handle passes a joint, where the curvature jumps.
 
-Where the first segment winds in behind a leading head, no handle on it is faster than the one before it: curvature
-grows to the front, and of a chord's two angles with an arc that turns by less than pi the one at the more curved end is
-the larger (Vogt 1914). So only handles beyond it are followed; on a single spiral, those beyond where a link's arc
-could turn by pi.
+If the first segment winds in behind a leading head, no handle on it is faster than the one before it: curvature
+increases to the front, and of a chord's two angles with an arc that turns by less than pi the one at the more curved
+end is the larger (Vogt 1914). So only handles beyond it are followed; on a single spiral, those beyond the place where
+a link's arc could turn by pi.
 """
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -40,27 +40,26 @@ from dragon_ros.core.tiers import best_m
 from dragon_ros.core.tracks.composite import Track
 from dragon_ros.core.tracks.segments import BEHIND
 
-_SPACING_M = 0.1        # of the leader's way, of the first intervals
-_PARTS = 4              # into which an interval is cut
+_SPACING_M = 0.1        # of the leader's distance, per first interval
+_PARTS = 4              # parts into which an interval is cut
 _AT_ONCE = 128          # intervals
-_SAME = 1e-12           # speeds within this, in parts, are the same
-_APART_M = 1e-9         # before the segment that winds in ends: to its end itself rounding could tell either way
-_MOST = 2_000_000       # intervals of the first cut
+_SAME = 1e-12           # relative: speeds closer than this are equal
+_APART_M = 1e-9         # before the end of the segment that winds in: at the end itself rounding could go either way
+_MOST = 2_000_000       # first intervals
 _BENT = 1.09            # no spiral's curvature exceeds 1.09 / r (see ``min_pitch``)
 _SURE = 1.98            # curvature times link below which a link spans an arc that turns by less than pi (2 would do)
 
 
 @dataclass(frozen=True)
 class MaxSpeed:
-    """The largest speed of any handle in a run over the leader's largest: of which handle (the first of equals), where.
+    """The largest speed of any handle in a run over the leader's largest: the handle (the first of equals), and where.
 
-    ``gone_m`` is what the leader has gone since t = 0 then, ``along_m`` its distance along the track (of a turn: from
-    the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run: proved, with what
-    rounding may put speeds off. ``looks`` counts the states that were computed.
+    ``gone_m`` is the leader's distance since t = 0 at that time, ``along_m`` its distance along the track (of a turn:
+    from the entry). No handle exceeds ``bound`` times the leader's largest speed anywhere in the run: proved, including
+    the rounding of speeds. ``looks`` is the number of states computed.
 
-    A profile is scaled as a whole: all its
-    speeds by one factor and all its times by the inverse, so that the leader passes the same places. Of a leader that
-    rests for the whole run the ratio is that of the place where it rests.
+    A profile is scaled as a whole: all its speeds by one factor and all its times by the inverse, so that the leader
+    passes the same places. If the leader rests for the whole run, the ratio is that of the place where it rests.
     """
 
     ratio: float
@@ -71,9 +70,9 @@ class MaxSpeed:
     looks: int
 
     def leader_m_s(self, limit_m_s: float) -> tuple[float, float]:
-        """Return the leader's largest speed at which no handle exceeds a limit, and by how much that may be too high.
+        """Return the leader's largest speed at which no handle exceeds a limit, and by how much it may be too high.
 
-        Raises FieldError for a limit that is not positive.
+        Raises FieldError if the limit is not positive.
         """
         limit = number('limit_m_s', limit_m_s, above=0.0, high=1e9)
         return limit / self.ratio, limit / self.ratio - limit / self.bound
@@ -82,8 +81,8 @@ class MaxSpeed:
 def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: None) -> MaxSpeed:
     """Return the fastest handle over the scene's run.
 
-    ``progress(looks)`` is called with every number of states just computed. Raises FieldError for a run that reaches a
-    lock, where speeds have no bound, or that ends so near to one that floats tell none.
+    ``progress(looks)`` is called with the number of states computed since the last call. Raises FieldError if the run
+    reaches a lock, where speeds have no bound, or ends so near to one that floats give none.
     """
     end = compile_scene(scene).end
     if end.reason == 'lock':
@@ -99,7 +98,7 @@ def max_speed(scene: Scene, progress: Callable[[int], object] = lambda looks: No
 class _Speeding(InOrder):
     """A search over times. The best so far: log of the largest speed met, when, and of which handle."""
 
-    at_once = _MOST     # all: a bound tells most where the best of all is known
+    at_once = _MOST     # all: a bound helps most once the best of all is known
 
     def __init__(self, scene: Scene, progress: Callable[[int], object]) -> None:
         self._scene, self._leader, self._law = scene, compile_scene(scene).model.leader, _law_of(scene)
@@ -121,7 +120,7 @@ class _Speeding(InOrder):
                         leader.track.distance_of(leader.place(gone))[0], bound, self._looks)
 
     def judge(self, boxes: Boxes) -> Boxes:
-        """Bound intervals, keep the bounds of those that hold nothing faster, and cut the others."""
+        """Bound intervals, record the bounds of those that hold nothing faster, and cut the others."""
         intervals = np.stack((boxes.low[0], boxes.high[0]))
         tops, sure, *ways = np.concatenate([self._bounds(part) for part in np.array_split(
             intervals, ceil(boxes.size / _AT_ONCE), axis=1)], axis=1)
@@ -163,23 +162,23 @@ class _Speeding(InOrder):
         return float(self._scene.head.travelled_m(t_s)[0])
 
     def _when_s(self, gone_m: float, low_s: float, high_s: float) -> float:
-        """Return when the leader has gone so far, between two times between which it goes one way."""
+        """Return when the leader has travelled a distance, between two times between which it moves one way."""
         return illinois(lambda t_s: self._gone_m(t_s) - gone_m, low_s, high_s, self._gone_m(low_s) - gone_m,
                         self._gone_m(high_s) - gone_m)
 
     def _links(self, gone_m: float) -> int:
-        """Return how many links from the leader on have rear handles that may be faster than all before them."""
+        """Return the number of links, from the leader on, whose rear handles may be faster than all before them."""
         if self._leader.direction != BEHIND:
             return self._leader.links_m.size
         beyond = self._leader.start_m + gone_m - self._sure_m
         return int(np.searchsorted(self._behind_m[:-1], beyond))
 
     def _bounds(self, intervals: Floats) -> Floats:
-        """Return bounds of log speed on intervals (2, M), and where the leader is at their ends; note speeds there.
+        """Return bounds of log speed on intervals (2, M), and the leader's distances at their ends; note speeds there.
 
-        In rows (4, M): bounds without and with rounding, then metres gone at the starts and at the stops. A speed is
-        promised relative to itself: what positions err, by the mean link, times the square of how much faster than the
-        leader it is (docs/model.md).
+        In rows (4, M): bounds without and with rounding, then metres travelled at the starts and at the stops. A speed
+        is promised relative to itself: the position error over the mean link, times the square of its ratio to the
+        leader's (docs/model.md).
         """
         times, index = np.unique(intervals, return_inverse=True)
         states = self._states(times)
@@ -192,13 +191,13 @@ class _Speeding(InOrder):
                       law.swapped(back))
         with np.errstate(over='ignore'):
             off = self._relative(states) * np.exp(2 * tops)
-        sure = np.where(off < 1, tops + off, np.inf)     # beyond that rounding may hide a speed without a bound
+        sure = np.where(off < 1, tops + off, np.inf)     # beyond that, rounding may hide an unbounded speed
         return np.stack((np.max(tops, axis=1), np.max(sure, axis=1), states.gone_m[starts], states.gone_m[stops]))
 
     def _relative(self, states: 'SpeedStates') -> Floats:
-        """Return what the positions of each handle (K+1,) and of those nearer to the leader err, by the mean link."""
+        """Return the position errors of each handle (K+1,) and of those nearer to the leader, over the mean link."""
         mean_m = compile_scene(self._scene).model.length_m / self._scene.dragon.benches
-        if not mean_m:      # all handles are one
+        if not mean_m:      # all handles coincide
             return np.zeros(1)
         return np.array([best_m(size) / mean_m for size in np.maximum.accumulate(states.size_m).tolist()])
 
@@ -221,7 +220,7 @@ def _sure_m(track: Track, links_m: Floats) -> float:
     """Return the distance along the track up to which no handle is faster than the one before it; -inf if none is."""
     if track.from_afar is None:
         return -inf
-    if not track.may_lock:       # all links turn by less than pi
+    if not track.may_lock:       # every link turns by less than pi
         return track.end_of_first_m
     b_m = track.from_afar.curve.b_m
     inner = _BENT * float(np.max(links_m)) / (_SURE * b_m)
@@ -243,7 +242,7 @@ class LawBetween:
 
 @dataclass(frozen=True)
 class _Steady:
-    """A speed that is always the same."""
+    """A constant speed."""
 
     def between(self, start_s: Floats, stop_s: Floats) -> LawBetween:
         """Return 0: the logarithm of 1."""
@@ -277,7 +276,7 @@ class _Varying:
 
 
 def _law_of(scene: Scene) -> _Steady | _Varying:
-    """Return the leader's speed over its largest in the run; steady where it rests all the time."""
+    """Return the leader's speed over its largest in the run; a constant if it rests all the time."""
     if isinstance(scene.head, Head):
         return _Steady()
     start_s, stop_s = scene.run.start_s, compile_scene(scene).end.t_s
@@ -292,9 +291,9 @@ def _law_of(scene: Scene) -> _Steady | _Varying:
 class SpeedStates:
     """M states of a chain, handles in order from the leader: K ``links_m``, their ``links``, and speeds.
 
-    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) how far from the origin each handle is
-    at most, ``bends`` the least and greatest curvatures from one segment of the track to another, ``way`` -1 behind a
-    head and 1 ahead of a tail.
+    ``log`` (M, K+1) are the logs of speeds over the leader's, ``size_m`` (K+1,) the largest distance of each handle
+    from the origin, ``bends`` the least and greatest curvatures from one segment of the track to another, ``way`` -1
+    behind a head and 1 ahead of a tail.
     """
 
     links_m: Floats
@@ -311,7 +310,7 @@ class SpeedStates:
 
 
 def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
-    """Return the states of chains (M) whose leaders have gone so far."""
+    """Return the states of chains (M) at distances travelled by the leader."""
     track, segment, u = chains.track, chains.segment, chains.u
     axis = RigidLinks(chains.p, chains.links_m, chains.headings, chains.leader).axis
     links = link_states(track.distances(segment, u), segment, track.curvatures(segment, u), chains.headings, axis,
@@ -324,7 +323,7 @@ def states_of(chains: Chain, gone_m: Floats, way: int) -> SpeedStates:
 
 
 def bounds(a: SpeedStates, b: SpeedStates, law: LawBetween) -> Floats:
-    """Return bounds (M, K+1) of the logs of speeds between states a and b, the leader further on in b."""
+    """Return bounds (M, K+1) of the logs of speeds between states a and b; the leader is further on in b."""
     with np.errstate(all='ignore'):
         moving = enclosed(a.links, b.links, a.links_m, a.bends, -a.way)
         slope = -a.way * moving.v_rate + Ball(law.slope.mid[:, None], law.slope.rad[:, None])

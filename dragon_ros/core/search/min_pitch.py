@@ -1,21 +1,21 @@
-"""The smallest pitch at which the head comes in to a circle without any contact on the way, between bounds.
+"""The smallest pitch at which the head comes in to a circle without contact on the way, between bounds.
 
-Contact need not be monotone in the pitch: benches also slip past each other. What is sought is the largest pitch that
-has a contact on the way, and the plane of (radius of the head, pitch) is searched by branch and bound, from the largest
-pitch down. A touching pair anywhere is a bound from below. A cell of the plane is clear, and with it every pitch and
-radius in it, where each pair has an edge from which it is apart at all four corners by more than what the benches'
-corners can sag in between, B1 h1^2 / 8 + B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and
-B2 bound second derivatives by radius and scale on the whole cell, which is proved (``on_spiral``, ``by_scale``).
+Contact need not be monotone in the pitch: benches also slip past each other. So the largest pitch with a contact on the
+way is sought: branch and bound searches the plane of (radius of the head, pitch) from the largest pitch down. A
+touching pair anywhere is a lower bound. A cell of the plane is clear, with every pitch and radius in it, if each pair
+has an edge from which it is apart at all four corners by more than the benches' corners can sag in between, B1 h1^2 / 8
++ B2 h2^2 / 8: no function differs more from its bilinear interpolation. B1 and B2 bound second derivatives by radius
+and scale on the whole cell, which is proved (``on_spiral``, ``by_scale``).
 
-All is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 / b times
-as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the leading
-handle; a *winding* is a little more than the turn of the chain behind it.
+Everything is computed in units of b = pitch / 2 pi, where there is one spiral, r = theta, and a dragon ``scale`` = 1 /
+b times as large: a smaller pitch is a larger dragon. A state is a scale and a place, the radius in metres of the
+leading handle; a *winding* is a little more than the turn of the chain behind it.
 
-All that takes benches that are equal behind the head. Of mixed benches a bracket of two given pitches is halved: that
-there is a contact at its lower end and none at its upper end is proved, that no larger pitch has one is not.
+All this requires that benches behind the head are equal. For mixed benches a bracket of two given pitches is halved. It
+is proved that there is a contact at its lower end and none at its upper end, but not that no larger pitch has one.
 
-Bounds are rounded outwards as those of the first contact are: balls by themselves, separations by what
-``signed_distance.rounding_m`` says, polar angles by what positions may err.
+Bounds are rounded outwards as those of the first contact are: balls by themselves, separations by
+``signed_distance.rounding_m``, polar angles by the position error.
 """
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -43,21 +43,21 @@ from dragon_ros.core.tracks.segments import BEHIND
 from dragon_ros.core.tracks.spec import Spiral
 from dragon_ros.core.tracks.spiral import SpiralCurve
 
-_WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's way about the centre, and part of the pitch
+_WAY_RAD, _STEP = 0.8, 0.1  # the largest cell: the leading handle's turn about the centre, and a fraction of the pitch
 _AT_ONCE, _MOST = 256, 100_000      # cells
-_OUTWARDS = 1 + 2.0**-50    # a pitch: it is the quotient of a rounded number and a scale
-_SAME = 1e-15               # of a pitch: it is the inverse of a scale, rounded twice
+_OUTWARDS = 1 + 2.0**-50    # for a pitch, which is the quotient of a rounded number and a scale
+_SAME = 1e-15               # relative to a pitch, which is the inverse of a scale, rounded twice
 _UNIT = track_of(Spiral(2 * pi, 1.0), BEHIND)   # in units of b
 _BENT = 1.09                # no spiral's curvature exceeds 1.09 / r: (u^3 + 4 u^2 + 4 u) / (1 + u)^3 <= 32 / 27
 
 
 @dataclass(frozen=True)
 class MinPitch:
-    """Between ``low_m``, a pitch with a contact, and ``high_m``: from there on to ``largest_m`` none has one.
+    """A pitch with a contact, ``low_m``, and ``high_m``, from which on no pitch up to ``largest_m`` has one.
 
-    At ``low_m`` ``benches`` touch with the head's front handle at ``radius_m``; ``states`` counts the windings that
-    were placed, or the states. Of mixed benches it is not ``proved`` that none between ``high_m`` and ``largest_m`` has
-    one: only that these two have none.
+    At ``low_m`` ``benches`` touch with the head's front handle at ``radius_m``; ``states`` is the number of windings
+    placed, or of states. For mixed benches it is not ``proved`` that no pitch between ``high_m`` and ``largest_m`` has
+    a contact: only that these two have none.
     """
 
     low_m: float
@@ -85,16 +85,16 @@ class _PitchTask:
         return self.radius_m / self.turns
 
     def widest_m(self, pitch_m: float, first: int) -> float:
-        """Return a bound of the radius at which the front handle of the head (0) or a body bench (1) can be.
+        """Return an upper bound of the radius of the front handle of the head (0) or of a body bench (1).
 
-        An arc of curvature at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b a metre.
+        An arc of curvature at most k is at most 2 asin(k chord / 2) / k long, and r^2 grows by at most 2 b per metre.
         """
         bend = 0.5 * _BENT / self.radius_m
         arc = sum(asin(bend * link) / bend for link in self.dragon.link_lengths_m.tolist()) if first else 0.0
         return sqrt((self.turns * pitch_m) ** 2 + pitch_m / pi * arc)
 
     def innermost_m(self, pitch_m: float, first: int) -> float:
-        """Return a bound of the radius, for this pitch and larger ones: an arc is at least as long as its chord."""
+        """Return a lower bound of the radius, for this pitch and larger ones: arcs are no shorter than their chords."""
         b_m, radius_m = pitch_m / (2 * pi), self.radius_m
         inward = 2 * b_m * float(self.dragon.link_lengths_m[0]) / sqrt(1 + (b_m / radius_m) ** 2)
         return sqrt(radius_m**2 + inward * first)
@@ -107,9 +107,9 @@ def min_pitch(dragon: AnyDragon | None = None, diameter_m: float = 9.0, start_tu
 
     The head starts at ``start_turns``; the circle of ``diameter_m`` is about the centre. ``low_m`` and ``high_m``
     differ by at most ``within_m``. Mixed benches need ``smallest_m``, a pitch at which benches touch; for others it is
-    not asked for. ``progress(states)`` is called with every number of states just computed. Raises FieldError where
-    there is no such pitch or benches touch at ``largest_m``, DragonError where none can be proved, ChainLockError where
-    a link is longer than the circle is wide.
+    ignored. ``progress(states)`` is called with the number of states computed since the last call. Raises FieldError if
+    there is no such pitch or benches touch at ``largest_m``, DragonError if none can be proved, ChainLockError if a
+    link is longer than the circle's diameter.
     """
     if dragon and not is_even(dragon.link_lengths_m):
         runs = _Runs(dragon, diameter_m, start_turns, progress)
@@ -152,7 +152,7 @@ def _task(dragon: AnyDragon, diameter_m: float, start_turns: float, largest_m: f
 
 
 class _Runs:
-    """Runs of a dragon that comes in to a circle, one for each pitch that is asked."""
+    """Runs of a dragon that comes in to a circle, one per pitch."""
 
     def __init__(self, dragon: AnyDragon, diameter_m: float, start_turns: float,
                  progress: Callable[[int], object]) -> None:
@@ -178,16 +178,16 @@ class _Runs:
         return found if isinstance(found, Contact) else None
 
     def head_touches(self, pitch_m: float) -> bool:
-        """Return whether the head touches a bench on the way in, or may do so."""
+        """Return whether the head touches a bench on the way in, or may touch one."""
         return not head_passes(self._scene(pitch_m), self._progress)
 
     def radius_m(self, pitch_m: float, t_s: float) -> float:
-        """Return how far from the centre the head's front handle is."""
+        """Return the distance of the head's front handle from the centre."""
         return hypot(*compile_scene(self._scene(pitch_m)).chain(t_s).p[0])
 
 
 def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m: float) -> Scene:
-    """Return the scene of a head that comes in from its start to a circle, a metre a second."""
+    """Return the scene of a head that comes in from its start to a circle at 1 m/s."""
     track, turns = Spiral(pitch_m, start_turns), 0.5 * diameter_m / pitch_m
     if turns >= start_turns:
         raise FieldError('start_turns', start_turns, f'at a pitch of {pitch_m:g} m the head starts inside the circle',
@@ -196,10 +196,10 @@ def coming_in(dragon: AnyDragon, pitch_m: float, start_turns: float, diameter_m:
 
 
 def _halved(runs: _Runs, smallest_m: float | None, largest_m: float, within_m: float) -> MinPitch:
-    """Halve the bracket of mixed benches. Raises FieldError where its ends are not a contact and none.
+    """Halve the bracket of mixed benches. Raises FieldError if its ends are not a contact and none.
 
-    Halving asks the head, which is the first to touch as a rule; what is left is asked of all benches. So the bracket
-    that was given is examined only where nothing of it is cut off.
+    Halving checks the head, which is usually the first to touch; the remaining bracket is checked for all benches. So
+    the given bracket is examined only if no part of it is cut off.
     """
     if smallest_m is None:
         raise FieldError('smallest_m', None, 'the pitch of mixed benches is halved between two bounds',
@@ -229,10 +229,10 @@ def _bisected(touching: Callable[[float], object], low_m: float, high_m: float, 
 
 
 class _Descending:
-    """A search of one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
+    """A search for one leading bench, from the largest pitch down to ``floor_m`` or to a contact.
 
     Boxes are of radius in m and of scale: a larger scale is a smaller pitch. ``touch`` is (radius in m, pitch in m,
-    bench) of the contact with the largest pitch that was met.
+    bench) of the contact with the largest pitch found.
     """
 
     at_once = _AT_ONCE
@@ -246,7 +246,7 @@ class _Descending:
         self._tolerance_m = 2 * EXACT.promise_for_m(size_m)     # both benches may be off
 
     def run(self) -> tuple[float, float]:
-        """Return (pitch with a contact or the floor, pitch from which on all is clear)."""
+        """Return (pitch with a contact or the floor, pitch from which on everything is clear)."""
         cells = self._grid()
         run(self, Boxes(cells[[0, 2]], cells[[1, 3]]))
         return 2 * pi / self._best, _OUTWARDS * 2 * pi / self._limit
@@ -257,7 +257,7 @@ class _Descending:
         return out
 
     def order(self, boxes: Boxes) -> Floats:
-        """Return the order of falling pitches."""
+        """Return the order by decreasing pitch."""
         out: Floats = boxes.low[1]
         return out
 
@@ -274,9 +274,9 @@ class _Descending:
         return boxes.some(left).cut(2, axis[left])
 
     def _grid(self) -> Floats:
-        """Return the first cells: strips of pitch, each as long as the way at its larger pitch.
+        """Return the first cells: strips of pitch, each as long as the distance at its larger pitch.
 
-        What corners sag goes with the square of the angle, and little with the radius; gaps do not shrink further out.
+        Corners sag with the square of the angle, and little with the radius; gaps do not shrink further out.
         """
         task, low = self.task, 2 * pi / self.task.largest_m
         scales = np.geomspace(low, self._best, max(1, ceil(log(self._best / low) / _STEP)) + 1)
@@ -291,7 +291,7 @@ class _Descending:
     def _unclear(self, cells: Floats) -> tuple[Array, Ints]:
         """Compute the corners of cells (4, n): radius and scale, each from, to; return which are not clear.
 
-        With it comes the axis to cut each along, on which it differs more.
+        The axis along which to cut each is returned too: the one on which it varies more.
         """
         corners = np.concatenate([cells[[i, j]] for i in (0, 1) for j in (2, 3)], axis=1)
         places, where = np.unique(corners, axis=1, return_inverse=True)
@@ -323,7 +323,7 @@ class _Descending:
         return windings(dragon, self.first, follow, radius_m, scale)
 
     def _sags(self, cells: Floats, placed: BenchSamples, ends: Ints) -> Floats:
-        """Return how far corners of benches can sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
+        """Return bounds of how far corners sag in cells, by radius and by scale, for eight edges, (n, K, 8, 2)."""
         benches = slice(self.first, self.first + placed.delta.shape[1])
         dragon, scale = self.task.dragon, cells[2:, :, None]
         arm = scale[1] * 0.5 * np.hypot(dragon.bench_lengths_m[benches], dragon.width_m)
@@ -338,16 +338,17 @@ class _Descending:
         return out
 
     def _angle_errors(self, theta: Floats, scale: Floats) -> Floats:
-        """Return what polar angles may err by: twice what positions may, over a handle's way a radian."""
+        """Return the error of polar angles: twice the position error, over a handle's move per radian."""
         out: Floats = self._tolerance_m * scale / np.maximum(theta, 1.0)
         return out
 
     def _check_rest(self, cells: Floats, placed: BenchSamples, ends: Ints) -> None:
-        """Refuse cells in which a bench further behind than those placed could come near.
+        """Reject cells in which a bench further behind than those placed could come near.
 
         In metres the leading bench is within its rear handle's radius, which is largest at the larger radius and pitch,
-        and its overhang. The last link's line is l^2 - (delta / scale)^2 over 2 l tan(delta / 2) from the centre: no
-        less than for the largest delta and smallest scale. Links further behind lie further out (docs/contact.md).
+        and its overhang. The last link's line is l^2 - (delta / scale)^2 over 2 l tan(delta / 2) from the centre, at
+        least the value for the largest delta and smallest scale. Links further behind lie further out
+        (docs/contact.md).
         """
         dragon, count = self.task.dragon, placed.delta.shape[1]
         if count == dragon.benches - self.first:
@@ -360,7 +361,7 @@ class _Descending:
             raise DragonError('min-pitch: the benches of one turn are not enough to tell; not covered for this dragon')
 
     def _note(self, places: Floats, separation: Floats) -> None:
-        """Keep the touching place with the largest pitch; the head is never further out than where it starts."""
+        """Record the touching place with the largest pitch; the head is never further out than at its start."""
         radius_m, scale = places
         outer = np.inf if self.first else 2 * pi * self.task.turns / scale
         gap = np.max(separation, axis=-1)
@@ -375,7 +376,7 @@ class _Descending:
 def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale: Floats) -> BenchSamples:
     """Place ``follow`` benches behind radii (M,) on spirals of the given scales, in units of b; the first is ``first``.
 
-    Raises ChainLockError where a link finds no place.
+    Raises ChainLockError if a link cannot be placed.
     """
     size, benches = scale[:, None], slice(first, first + follow)
     half = 0.5 * size * dragon.bench_lengths_m[benches], 0.5 * size * dragon.width_m
@@ -384,9 +385,9 @@ def windings(dragon: AnyDragon, first: int, follow: int, radius_m: Floats, scale
 
 
 def separations(dragon: AnyDragon, first: int, winding: BenchSamples, scale: Floats) -> Floats:
-    """Return how far the leading bench and those from the second behind it on are apart, (M, K, 8), in units of b.
+    """Return the separations of the leading bench and those from the second behind it on, (M, K, 8), in units of b.
 
-    From four edges of the leading bench and four of the other: apart where any is positive.
+    They are from four edges of the leading bench and four of the other: benches are apart if any is positive.
     """
     half = 0.5 * scale[:, None] * dragon.bench_lengths_m[first:first + winding.delta.shape[1]]
     side, (centre, axis) = 0.5 * scale[:, None] * dragon.width_m, (winding.centre, winding.axis)

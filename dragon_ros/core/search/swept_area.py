@@ -1,8 +1,8 @@
-"""The area that benches sweep in a run, from places close together: to draw, to measure, and not proved.
+"""The area that benches sweep in a run, from closely spaced places: for drawing and measuring, and not proved.
 
-The head sweeps it, and the benches of each other length, wherever their front handles go. It is made of benches a step
-apart, which are long and overlap themselves, and of what both their ends pass in between. Beside a track of radius R
-that leaves out about step^2 / 8 R.
+The head sweeps it, and so do the benches of each other length, wherever their front handles go. It is the union of
+overlapping benches one step apart, and of the areas between their ends. Beside a track of radius R it is too narrow by
+about step^2 / 8 R.
 """
 from dataclasses import dataclass
 from functools import cached_property
@@ -18,17 +18,17 @@ from dragon_ros.core.scene import Scene
 from dragon_ros.core.search.bounding_box import HandleRanges, bench_of, by_length, intervals_of
 from dragon_ros.core.tracks.composite import Track
 
-STEP_M = 0.1            # of the front handle's way
+STEP_M = 0.1            # of the front handle's distance
 _ENDS = ((0, 3), (1, 2))     # the corners at the front and at the rear
-_MOST_PLACES = 40_000   # then the step grows
+_MOST_PLACES = 40_000   # beyond which the step grows
 
 
 @dataclass(frozen=True, eq=False)
 class SweptArea:
     """The area that the head and the body sweep, in m, and the parts (n,) that it is made of.
 
-    ``at_m`` (n,) grows: the distances along the track that front handles have there. ``long_m`` is the
-    length of the longest bench.
+    ``at_m`` (n,) increases: the distances of the front handles along the track. ``long_m`` is the length of the longest
+    bench.
     """
 
     head_parts: Any
@@ -50,12 +50,12 @@ class SweptArea:
 
     @property
     def whole(self) -> Any:
-        """The polygon of both."""
+        """The union of both polygons."""
         return union_all([self.head, self.body])
 
 
 def swept_area(scene: Scene) -> SweptArea:
-    """Return the area that a scene's benches sweep during its run."""
+    """Return the area swept by a scene's benches during its run."""
     ranges = HandleRanges(scene)
     kinds = by_length(scene.dragon.bench_lengths_m)
     spans = [intervals_of(ranges, benches) for benches in kinds]
@@ -68,7 +68,7 @@ def swept_area(scene: Scene) -> SweptArea:
 
 
 def _placed(ranges: HandleRanges, bench: int, span: Floats, step_m: float) -> tuple[Floats, Any]:
-    """Return where front handles are, and a bench there, a step apart, with what its ends pass in between."""
+    """Return the distances of front handles, a step apart, and the bench at each, with the areas between ends."""
     at_m, placed = [], []
     for low, high in span.T.tolist():
         along = np.linspace(low, high, 2 + ceil((high - low) / step_m))
@@ -90,7 +90,7 @@ def room_every_metre(scene: Scene, swept: SweptArea) -> tuple[Floats, Floats]:
 def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
     """Return how far benches reach to the left and right of a track (n, 2) at distances (n,) along it.
 
-    Those are the benches that pass there; what passes elsewhere, on a track that comes back, is not counted.
+    Only benches that pass there count, and not those on another part of a track that comes back.
     """
     places = track.places_at(stations_m, np.zeros_like(stations_m))
     points, headings = (_complex(one) for one in track.poses(*places))
@@ -103,7 +103,7 @@ def room_needed_m(track: Track, swept: SweptArea, stations_m: Floats) -> Floats:
 
 
 def _reaches_m(benches: Any, at: complex, normal: complex) -> tuple[float, float]:
-    """Return how far polygons around a point go along a normal, to its left and right."""
+    """Return how far polygons around a point extend along a normal, to its left and right."""
     ends = np.array([[(at - normal).real, (at - normal).imag], [(at + normal).real, (at + normal).imag]])
     x, y = get_coordinates(intersection(benches, linestrings(ends))).T
     along = ((x + 1j * y - at) * normal.conjugate()).real / abs(normal)
